@@ -1,0 +1,43 @@
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+JOBS ?= 2
+
+.PHONY: demo test test-all test-fast bench lint format report clean
+
+# The environment is rebuilt whenever the pins or the project file change.
+$(VENV)/.ready: pyproject.toml constraints.txt
+	@$(PYTHON) -c "import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))" \
+	  || (echo "excite needs Python 3.11, 3.12 or 3.13; say which with make PYTHON=python3.12 …" >&2; exit 1)
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[test,lint]"
+	@touch $@
+
+demo: $(VENV)/.ready
+	$(BIN)/excite demo --out out/demo --jobs $(JOBS)
+
+test: $(VENV)/.ready
+	$(BIN)/python -m pytest -n $(JOBS)
+
+test-fast: $(VENV)/.ready
+	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+
+test-all: test
+	$(BIN)/python -m pytest tests/benchmarks
+
+bench: $(VENV)/.ready
+	$(BIN)/python -m tests.benchmarks
+
+lint: $(VENV)/.ready
+	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
+
+format: $(VENV)/.ready
+	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
+
+report: $(VENV)/.ready
+	$(BIN)/excite report out/demo
+
+clean:
+	rm -rf $(VENV) out build dist

@@ -1,0 +1,59 @@
+"""Every error that excite raises on purpose, with the data that explains it.
+
+The command line turns each of them into one line: which file, what is wrong, what to do.
+"""
+
+from __future__ import annotations
+
+
+class ExciteError(Exception):
+    """Base of all errors raised by excite; ``exit_code`` is what the command line ends with."""
+
+    exit_code = 4
+
+
+class InputError(ExciteError):
+    """Something that the caller handed over is wrong.
+
+    Args:
+        what: what is wrong, in a few words, with the offending value.
+        source: file (or object) in which it was found.
+        field: element or column inside the source.
+        remedy: what the caller can do about it.
+    """
+
+    def __init__(self, what: str, *, source: object = None, field: str | None = None, remedy: str | None = None):
+        self.what, self.source, self.field, self.remedy = what, source, field, remedy
+        place = ": ".join(str(part) for part in (source, field) if part is not None)
+        text = f"{place}: {what}" if place else what
+        super().__init__(f"{text}; {remedy}" if remedy else text)
+
+
+class RobotError(InputError):
+    """A robot's model or its ``robot.yaml`` is missing, malformed or physically absurd."""
+
+
+class MotionError(InputError):
+    """A motion file is malformed or does not fit the robot."""
+
+
+class LogError(InputError):
+    """A log folder is malformed or does not fit the robot."""
+
+
+class UnknownNameError(InputError):
+    """A name that a registry does not know; ``known`` lists the ones it does."""
+
+    def __init__(self, kind: str, name: str, known: list[str]):
+        self.kind, self.name, self.known = kind, name, known
+        super().__init__(f"unknown {kind} {name!r}", remedy="choose one of " + ", ".join(known))
+
+
+class NoSolutionError(ExciteError):
+    """A search or a solver ended without a solution; ``best`` is the best found, if there is one."""
+
+    exit_code = 3
+
+    def __init__(self, what: str, *, best: object = None, remedy: str | None = None):
+        self.what, self.best, self.remedy = what, best, remedy
+        super().__init__(f"{what}; {remedy}" if remedy else what)

@@ -1,0 +1,56 @@
+"""Where bundled robots and their files are found, from a checkout or from an installed wheel."""
+
+from __future__ import annotations
+
+import sysconfig
+from pathlib import Path
+
+import excite
+from excite.errors import RobotError, UnknownNameError
+
+_PACKAGE = Path(excite.__file__).resolve().parent
+
+
+def data_folder(kind: str) -> Path:
+    """Folder of bundled data: ``robots`` or ``motion_library``.
+
+    In an installed wheel it lies inside the package, in a checkout beside it.
+    """
+    inside = _PACKAGE / "data" / kind
+    return inside if inside.is_dir() else _PACKAGE.parent / kind
+
+
+def bundled_robots() -> list[str]:
+    """Names of the bundled robots, sorted."""
+    return sorted(path.parent.name for path in data_folder("robots").glob("*/robot.yaml"))
+
+
+def find_robot(name_or_path: str | Path) -> Path:
+    """Path of the ``robot.yaml`` for a bundled name, a folder or a file.
+
+    Raises:
+        UnknownNameError: neither a file nor a bundled robot.
+    """
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml", ".urdf", ".xml", ".mjcf"}:
+        return path
+    bundled = data_folder("robots") / str(name_or_path) / "robot.yaml"
+    if bundled.is_file():
+        return bundled
+    if (path / "robot.yaml").is_file():
+        return path / "robot.yaml"
+    raise UnknownNameError("robot", str(name_or_path), [*bundled_robots(), "a path to a robot.yaml"])
+
+
+def example_robot_data() -> Path:
+    """Folder of the robots in the ``example-robot-data`` wheel.
+
+    Raises:
+        RobotError: the wheel is not installed.
+    """
+    relative = Path("cmeel.prefix/share/example-robot-data/robots")
+    for scheme in ("purelib", "platlib"):
+        folder = Path(sysconfig.get_paths()[scheme]) / relative
+        if folder.is_dir():
+            return folder
+    raise RobotError("robot data not found", source=relative, remedy="pip install example-robot-data==6.0.0")

@@ -1,0 +1,200 @@
+"""The robot as every other room sees it: model, limits, contacts, sensors and segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.errors import UnknownNameError
+from excite.robot.description import RobotDescription
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits of the actuated joints, each of shape ``(n_joints,)``.
+
+    Attributes:
+        position_lower: [rad or m]
+        position_upper: [rad or m]
+        velocity: [rad/s or m/s]
+        acceleration: [rad/s² or m/s²]
+        jerk: [rad/s³ or m/s³]
+        torque: [N·m or N]
+    """
+
+    position_lower: Array
+    position_upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """A foot that carries the robot.
+
+    Attributes:
+        name: name used in ``contact.NAME`` columns.
+        link: link that the sole belongs to.
+        joint: index of the model joint that carries the link.
+        sole: corners of the sole in the frame of ``joint``, ``(n_corners, 3)`` [m], in order around it.
+        placement: pose of a frame on the sole in the frame of ``joint``: origin at the mean of the
+            corners, z along the sole's outward-from-ground normal, x along the link's x.
+        friction: Coulomb friction coefficient of the sole on the ground.
+    """
+
+    name: str
+    link: str
+    joint: int
+    sole: Array
+    placement: pin.SE3
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchSensor:
+    """A sensor of a contact wrench (force, then moment about its origin), in its own frame.
+
+    Attributes:
+        name: name used in ``wrench.NAME.*`` columns.
+        kind: ``foot_ft`` (in the ankle) or ``force_plate`` (in the ground).
+        link: link that carries it (``world`` for a plate).
+        joint: index of the model joint that carries it (0 for a plate).
+        placement: its pose in the frame of ``joint`` (in the world for a plate).
+        foot: name of the foot whose contact it measures.
+        excludes: indices of the segments beyond the sensor, whose weight it does not contain.
+        excludes_links: the same as link names.
+        noise_force: standard deviation of each force component [N].
+        noise_moment: standard deviation of each moment component [N·m].
+    """
+
+    name: str
+    kind: str
+    link: str
+    joint: int
+    placement: pin.SE3
+    foot: str
+    excludes: tuple[int, ...]
+    excludes_links: tuple[str, ...]
+    noise_force: float
+    noise_moment: float
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A rigid body with ten inertial parameters, expressed in the frame of its joint.
+
+    Attributes:
+        name: readable name.
+        link: URDF link that its joint carries (fixed links are part of it).
+        joint: index of the joint in the pinocchio model, from 1; columns ``10·(joint-1) …`` are its own.
+        pair: index of the mirror segment in ``Robot.segments``, or None.
+    """
+
+    name: str
+    link: str
+    joint: int
+    pair: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot: pinocchio model and everything that the model does not say.
+
+    Configurations follow pinocchio: ``q`` is ``[base x y z qx qy qz qw, joints…]`` for a floating base
+    and ``[joints…]`` for a fixed one; ``v`` and ``a`` start with the base's twist and its derivative
+    (linear, angular; in the base frame). The actuated joints stand in the order of ``joint_names``, one
+    coordinate each. Inertial parameters ``phi`` are ten per segment in pinocchio's order
+    ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``, about the joint frame's origin.
+
+    Attributes:
+        name: short name.
+        description: the validated ``robot.yaml``.
+        source: file that the description was read from.
+        urdf: text of the URDF as loaded, with mesh paths made absolute.
+        hash: SHA-256 of description and URDF, hexadecimal.
+        model: pinocchio model, locked joints removed.
+        joint_names: actuated joints, in model order.
+        limits: joint limits.
+        feet: feet, empty for a robot that does not stand.
+        sensors: wrench sensors, empty for an arm.
+        segments: one per model joint, in model order.
+        rest: configuration at which motions start and end, ``(nq,)``.
+    """
+
+    name: str
+    description: RobotDescription
+    source: Path
+    urdf: str
+    hash: str
+    model: pin.Model
+    joint_names: tuple[str, ...]
+    limits: Limits
+    feet: tuple[Foot, ...]
+    sensors: tuple[WrenchSensor, ...]
+    segments: tuple[Segment, ...]
+    rest: Array
+
+    @property
+    def floating(self) -> bool:
+        """Whether the base is free."""
+        return self.description.base == "floating"
+
+    @property
+    def n_joints(self) -> int:
+        """Number of actuated joints."""
+        return len(self.joint_names)
+
+    @property
+    def n_base_q(self) -> int:
+        """Number of base coordinates in ``q``: 7 or 0."""
+        return 7 if self.floating else 0
+
+    @property
+    def n_base_v(self) -> int:
+        """Number of base coordinates in ``v``: 6 or 0."""
+        return 6 if self.floating else 0
+
+    @property
+    def base_link(self) -> str:
+        """Link whose pose is the base's."""
+        return self.segments[0].link if self.floating else "world"
+
+    @cached_property
+    def nominal_parameters(self) -> Array:
+        """Inertial parameters of the model, ``(10·n_segments,)``, pinocchio's order, joint frames [SI]."""
+        return np.concatenate([inertia.toDynamicParameters() for inertia in list(self.model.inertias)[1:]])
+
+    @property
+    def mass(self) -> float:
+        """Total mass of the moving segments [kg]."""
+        return float(self.nominal_parameters[::10].sum())
+
+    def joint_index(self, name: str) -> int:
+        """Index of an actuated joint in ``joint_names``; raises UnknownNameError."""
+        if name not in self.joint_names:
+            raise UnknownNameError("joint", name, list(self.joint_names))
+        return self.joint_names.index(name)
+
+    def foot(self, name: str) -> Foot:
+        """The foot of that name; raises UnknownNameError."""
+        for foot in self.feet:
+            if foot.name == name:
+                return foot
+        raise UnknownNameError("foot", name, [foot.name for foot in self.feet])
+
+    def parameter_columns(self, segment: int) -> slice:
+        """Columns of a segment's ten parameters in ``phi``; ``segment`` indexes ``segments``."""
+        return slice(10 * segment, 10 * segment + 10)
+
+    def __repr__(self) -> str:
+        base = "floating" if self.floating else "fixed"
+        return f"Robot({self.name!r}, {base} base, {self.n_joints} joints, {self.mass:.1f} kg)"
