@@ -1,0 +1,116 @@
+"""A log: what a robot's sensors said while it ran motions (``excite.log/1``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from excite.robot.robot import Array
+
+Vector3 = tuple[float, float, float]
+
+
+class _Block(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class SensorHeader(_Block):
+    """One contact wrench sensor; its pose is given in the frame of the link ``parent``."""
+
+    name: str
+    kind: Literal["foot_ft", "force_plate"]
+    parent: str
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+    foot: str
+    excludes: tuple[str, ...] = ()
+    noise_force: float | None = None
+    noise_moment: float | None = None
+
+
+class TrialHeader(_Block):
+    """One trial: its file, relative to ``log.yaml``, and what it is for."""
+
+    file: str
+    role: Literal["identification", "validation"]
+    session: str | None = None
+    start_s: float | None = None
+    repeats: str | None = None
+
+
+class LogHeader(_Block):
+    """The whole of ``log.yaml``."""
+
+    schema_: Literal["excite.log/1"] = Field(alias="schema")
+    robot: str
+    base: Literal["fixed", "floating", "suspended"]
+    gravity: Vector3 = (0.0, 0.0, -9.81)
+    rate_hz: float = Field(gt=0.0)
+    joints: tuple[str, ...] = Field(min_length=1)
+    torque: Literal["motor_side", "link_side", "current", "none"] | None = None
+    controller: dict | None = None
+    base_link: str | None = None
+    wrench: Literal["on_robot_in_sensor_frame"] | None = None
+    sensors: tuple[SensorHeader, ...] = ()
+    modelled: tuple[str, ...] = ("rigid_body",)
+    trials: tuple[TrialHeader, ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """The channels of one trial; channels that were not logged are None (or absent from ``wrenches``).
+
+    Attributes:
+        name: stem of its file.
+        role: ``identification`` or ``validation``.
+        time: ``(n,)`` [s].
+        q: joint positions ``(n, n_joints)`` [rad or m], in the header's order of joints.
+        tau: joint torques ``(n, n_joints)`` [N·m or N].
+        current: motor currents ``(n, n_joints)`` [A].
+        q_cmd: commanded positions ``(n, n_joints)``.
+        v: measured velocities ``(n, n_joints)``.
+        a: measured accelerations ``(n, n_joints)``.
+        base: base pose ``(n, 7)``: x y z qx qy qz qw, world frame.
+        wrenches: by sensor name, ``(n, 6)``: force [N] then moment [N·m] on the robot, in the sensor's frame.
+        session: session name.
+        start_s: when the trial began within its session [s].
+        repeats: stem of the trial whose command this one repeats.
+    """
+
+    name: str
+    role: str
+    time: Array
+    q: Array
+    tau: Array | None = None
+    current: Array | None = None
+    q_cmd: Array | None = None
+    v: Array | None = None
+    a: Array | None = None
+    base: Array | None = None
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
+    session: str | None = None
+    start_s: float | None = None
+    repeats: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log folder in memory.
+
+    Attributes:
+        header: contents of ``log.yaml``.
+        trials: one per entry of ``header.trials``, in order.
+        folder: where it was read from, None for a log made in memory.
+    """
+
+    header: LogHeader
+    trials: tuple[Trial, ...]
+    folder: Path | None = None
+
+    def role(self, role: str) -> tuple[Trial, ...]:
+        """The trials of one role."""
+        return tuple(trial for trial in self.trials if trial.role == role)

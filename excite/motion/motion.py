@@ -1,0 +1,143 @@
+"""A motion: what every joint, the base and the contacts do over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.robot.robot import Array, Robot
+
+
+@dataclass(frozen=True)
+class MotionMetadata:
+    """Where a motion comes from.
+
+    Attributes:
+        generator: registry name of the generator that made it, or ``recorded``.
+        seed: seed of its random numbers, None where there are none.
+        targets: joints that it was aimed at.
+        robot_hash: hash of the robot that it was made for.
+        versions: versions of the packages that made it.
+    """
+
+    generator: str = "unknown"
+    seed: int | None = None
+    targets: tuple[str, ...] = ()
+    robot_hash: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Samples of a whole-body motion, in the conventions of :class:`~excite.robot.robot.Robot`.
+
+    Attributes:
+        name: name of the motion, its file's stem.
+        robot: name of the robot.
+        joint_names: actuated joints, in the order of the columns.
+        time: ``(n,)`` [s], strictly increasing.
+        q: ``(n, nq)`` configurations.
+        v: ``(n, nv)`` velocities.
+        a: ``(n, nv)`` accelerations.
+        contacts: by foot name, ``(n,)`` booleans: True while the foot carries load on the ground.
+        metadata: where it comes from.
+    """
+
+    name: str
+    robot: str
+    joint_names: tuple[str, ...]
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    metadata: MotionMetadata = field(default_factory=MotionMetadata)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return len(self.time)
+
+    @property
+    def floating(self) -> bool:
+        """Whether it moves a free base."""
+        return self.v.shape[1] > len(self.joint_names)
+
+    def joint_positions(self) -> Array:
+        """Positions of the actuated joints, ``(n, n_joints)`` [rad or m]."""
+        return self.q[:, self.q.shape[1] - len(self.joint_names) :]
+
+    def joint_velocities(self) -> Array:
+        """Velocities of the actuated joints, ``(n, n_joints)`` [rad/s or m/s]."""
+        return self.v[:, self.v.shape[1] - len(self.joint_names) :]
+
+    def joint_accelerations(self) -> Array:
+        """Accelerations of the actuated joints, ``(n, n_joints)`` [rad/s² or m/s²]."""
+        return self.a[:, self.a.shape[1] - len(self.joint_names) :]
+
+    def renamed(self, name: str) -> Motion:
+        """The same motion under another name."""
+        return replace(self, name=name)
+
+    def resampled(self, robot: Robot, rate_hz: float) -> Motion:
+        """The motion on a uniform grid of ``rate_hz``, by cubic Hermite interpolation of q, v.
+
+        Velocities and accelerations are the interpolant's own derivatives, so that the three belong together;
+        contacts take the value of the sample before.
+        """
+        n = max(2, round(self.duration * rate_hz) + 1)
+        time = self.time[0] + np.linspace(0.0, self.duration, n)
+        return interpolate(self, robot, time)
+
+
+def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
+    """Evaluate a motion at other times, inside its own span.
+
+    On each interval the configuration follows the quintic Hermite polynomial of the increment in the
+    tangent space at the interval's first sample, which matches q, v and a at both ends (exactly for joints,
+    to third order in the interval's rotation for a free base).
+
+    Args:
+        motion: the motion.
+        robot: its robot.
+        time: ``(m,)`` [s], increasing, inside ``motion.time``.
+
+    Returns:
+        The motion at ``time``.
+    """
+    index = np.clip(np.searchsorted(motion.time, time, side="right") - 1, 0, motion.n_samples - 2)
+    h = (motion.time[index + 1] - motion.time[index])[:, None]
+    s = np.clip((time - motion.time[index])[:, None] / h, 0.0, 1.0)
+    step = _increments(motion, robot)[index]
+    v0, v1, a0, a1 = motion.v[index], motion.v[index + 1], motion.a[index], motion.a[index + 1]
+    # Quintic in s: d(0)=0, d(1)=step, d'=h v, d''=h² a at both ends.
+    c1, c2 = h * v0, 0.5 * h**2 * a0
+    r0 = step - c1 - c2
+    r1 = h * v1 - c1 - 2 * c2
+    r2 = h**2 * a1 - 2 * c2
+    c3, c4, c5 = 10 * r0 - 4 * r1 + 0.5 * r2, -15 * r0 + 7 * r1 - r2, 6 * r0 - 3 * r1 + 0.5 * r2
+    d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+    v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
+    a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
+    if motion.floating:
+        q = np.array([pin.integrate(robot.model, motion.q[i], row) for i, row in zip(index, d, strict=True)])
+    else:
+        q = motion.q[index] + d
+    contacts = {name: flags[index] for name, flags in motion.contacts.items()}
+    return replace(motion, time=np.asarray(time, dtype=float), q=q, v=v, a=a, contacts=contacts)
+
+
+def _increments(motion: Motion, robot: Robot) -> Array:
+    """Tangent-space step of each interval, ``(n-1, nv)``."""
+    if not motion.floating:
+        return np.diff(motion.q, axis=0)
+    return np.array([pin.difference(robot.model, a, b) for a, b in zip(motion.q[:-1], motion.q[1:], strict=True)])
