@@ -1,0 +1,29 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Folder with public recordings of real robots: ``$EXCITE_DATA``, else ``../shared/data``."""
+    folder = Path(os.environ.get("EXCITE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+    if not folder.is_dir():
+        reason = f"recordings not found in {folder}; set EXCITE_DATA to the folder that holds them"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def g1() -> Robot:
+    """The bundled Unitree G1."""
+    return load_robot("g1")
