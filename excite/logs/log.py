@@ -60,6 +60,46 @@ class LogHeader(_Block):
     trials: tuple[TrialHeader, ...] = Field(min_length=1)
 
 
+@dataclass(frozen=True)
+class Cleaning:
+    """What was found wrong with a trial's samples when it was read, and what was done about it.
+
+    Attributes:
+        repeated_rows: rows whose time stamp repeats an earlier one; removed.
+        reordered_rows: rows that stood before their time; put in order.
+        missing_rows: rows that the median sampling interval lets one expect and that are not there.
+        longest_gap_s: longest interval between two samples [s].
+        rate_hz: one over the median sampling interval [Hz].
+        jitter: standard deviation of the sampling interval over its median, gaps left out.
+        clipped: by column, number of samples stuck at the column's largest or smallest value.
+        quantised: by column, the step between neighbouring values, where it shows.
+    """
+
+    repeated_rows: int = 0
+    reordered_rows: int = 0
+    missing_rows: int = 0
+    longest_gap_s: float = 0.0
+    rate_hz: float = 0.0
+    jitter: float = 0.0
+    clipped: Mapping[str, int] = field(default_factory=dict)
+    quantised: Mapping[str, float] = field(default_factory=dict)
+
+    def summary(self) -> str:
+        """One line; ``clean`` when there is nothing to say."""
+        found = [
+            f"{count} {what}"
+            for count, what in (
+                (self.repeated_rows, "repeated rows removed"),
+                (self.reordered_rows, "rows put in order"),
+                (self.missing_rows, f"rows missing (longest gap {self.longest_gap_s:.3f} s)"),
+                (len(self.clipped), "channels clipped: " + ", ".join(self.clipped)),
+                (len(self.quantised), "channels coarsely quantised: " + ", ".join(self.quantised)),
+            )
+            if count
+        ]
+        return "; ".join(found) or "clean"
+
+
 @dataclass(frozen=True, eq=False)
 class Trial:
     """The channels of one trial; channels that were not logged are None (or absent from ``wrenches``).
@@ -72,6 +112,7 @@ class Trial:
         tau: joint torques ``(n, n_joints)`` [N·m or N].
         current: motor currents ``(n, n_joints)`` [A].
         q_cmd: commanded positions ``(n, n_joints)``.
+        tau_cmd: commanded torques ``(n, n_joints)`` [N·m or N].
         v: measured velocities ``(n, n_joints)``.
         a: measured accelerations ``(n, n_joints)``.
         base: base pose ``(n, 7)``: x y z qx qy qz qw, world frame.
@@ -79,6 +120,7 @@ class Trial:
         session: session name.
         start_s: when the trial began within its session [s].
         repeats: stem of the trial whose command this one repeats.
+        cleaning: what was found and repaired when it was read.
     """
 
     name: str
@@ -88,6 +130,7 @@ class Trial:
     tau: Array | None = None
     current: Array | None = None
     q_cmd: Array | None = None
+    tau_cmd: Array | None = None
     v: Array | None = None
     a: Array | None = None
     base: Array | None = None
@@ -95,6 +138,12 @@ class Trial:
     session: str | None = None
     start_s: float | None = None
     repeats: str | None = None
+    cleaning: Cleaning = field(default_factory=Cleaning)
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return len(self.time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +154,14 @@ class Log:
         header: contents of ``log.yaml``.
         trials: one per entry of ``header.trials``, in order.
         folder: where it was read from, None for a log made in memory.
+        robot_text: contents of the file ``header.robot`` (URDF or ``robot.yaml``); a log made in memory
+            needs it to be saved.
     """
 
     header: LogHeader
     trials: tuple[Trial, ...]
     folder: Path | None = None
+    robot_text: str | None = None
 
     def role(self, role: str) -> tuple[Trial, ...]:
         """The trials of one role."""

@@ -1,0 +1,1 @@
+"""Signal processing: one concept a file."""
