@@ -1,0 +1,134 @@
+"""Meshes as convex hulls: reading their points, and hulls of few vertices that contain the mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from excite.errors import RobotError
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+_BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """A convex polyhedron.
+
+    Attributes:
+        vertices: corners, ``(n, 3)`` [m].
+        faces: triangles as rows of vertex indices, ``(m, 3)``, anticlockwise seen from outside.
+        inflation: factor by which the corners were moved away from the centre so that the polyhedron
+            contains every point that it was built from; 1 for the exact hull.
+    """
+
+    vertices: Array
+    faces: Faces
+    inflation: float
+
+
+def mesh_points(path: Path) -> Array:
+    """Distinct corners of a mesh file, ``(n, 3)``, in the file's own unit and frame.
+
+    STL is read here; any other format (Collada, OBJ) goes through coal's loader.
+
+    Raises:
+        RobotError: the file is missing, unreadable or holds no finite point.
+    """
+    try:
+        content = path.read_bytes() if path.suffix.lower() == ".stl" else b""
+        points = _stl_points(content) if content else _assimp_points(path)
+    except (OSError, ValueError) as error:
+        raise RobotError(
+            f"mesh cannot be read ({error})", source=path, remedy="check the mesh's path and format"
+        ) from error
+    if len(points) == 0 or not np.isfinite(points).all():
+        raise RobotError("mesh has no corners or one that is not finite", source=path, remedy="export it again")
+    return np.unique(points, axis=0)
+
+
+def _stl_points(content: bytes) -> Array:
+    n_triangles = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
+    if len(content) >= 84 + 50 * n_triangles > 0:
+        triangles = np.frombuffer(content, _BINARY_STL, n_triangles, offset=84)
+        return triangles["corners"].reshape(-1, 3).astype(np.float64)
+    rows = [line.split()[1:] for line in content.decode("ascii", "replace").splitlines() if "vertex" in line]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _assimp_points(path: Path) -> Array:
+    import coal
+
+    if not path.is_file():
+        raise OSError("no such file")
+    return np.array(coal.MeshLoader().load(str(path), np.ones(3)).vertices())
+
+
+def convex_hull(points: Array, max_vertices: int = 48, slack: float = 0.01) -> Hull:
+    """A convex polyhedron of few corners that contains all ``points``.
+
+    Corners of the exact hull are added where the polyhedron so far falls short of the points, measured
+    as the factor by which it would have to grow about its centre (affine-invariant, so a thin part is
+    treated like a thick one). It stops at ``max_vertices`` or when that factor is below ``1 + slack``;
+    then the polyhedron is grown by the factor that remains, so that it is never smaller than the mesh.
+
+    Args:
+        points: ``(n, 3)`` [m].
+        max_vertices: most corners that the result may have.
+        slack: growth below which no more corners are added.
+
+    Raises:
+        ValueError: the points lie in a plane.
+    """
+    try:
+        exact = ConvexHull(points)
+    except QhullError as error:
+        raise ValueError("the points lie in a plane and have no convex hull") from error
+    corners = points[exact.vertices]
+    centre = corners.mean(axis=0)
+    corners = corners - centre
+    if len(corners) <= max_vertices:
+        return _polyhedron(corners, centre, 1.0)
+    chosen = _extremes(corners)
+    while True:
+        planes = _planes(corners[chosen])
+        reach = (corners @ planes[:, :3].T) / -planes[:, 3]
+        factor = float(reach.max())
+        if factor <= 1.0 + slack or len(chosen) >= max_vertices:
+            return _polyhedron(corners[chosen], centre, max(1.0, factor) * (1.0 + 1e-9))
+        worst = np.argsort(-reach.max(axis=0), kind="stable")[:6]
+        new = np.unique(reach.argmax(axis=0)[worst])
+        chosen = np.union1d(chosen, new[: max_vertices - len(chosen)])
+
+
+def _extremes(corners: Array) -> Faces:
+    """Indices of the corners farthest along the axes and the space diagonals."""
+    directions = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z])
+    extents = np.ptp(corners, axis=0)
+    index = np.unique((corners / extents @ directions.T).argmax(axis=0))
+    planes = _planes(corners[index])
+    if (planes[:, 3] < 0.0).all():
+        return index
+    # The centre lies outside these few: start from all corners' own order instead.
+    return np.unique(np.linspace(0, len(corners) - 1, 40).astype(np.int64))
+
+
+def _planes(corners: Array) -> Array:
+    return ConvexHull(corners).equations
+
+
+def _polyhedron(corners: Array, centre: Array, inflation: float) -> Hull:
+    hull = ConvexHull(corners * inflation)
+    used = np.sort(hull.vertices)
+    faces = np.searchsorted(used, hull.simplices).astype(np.int64)
+    vertices = hull.points[used]
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    faces[inward] = faces[inward][:, [0, 2, 1]]
+    return Hull(vertices + centre, faces, inflation)
