@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,30 @@ def atomic_path(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Give a path for a folder (not yet there, same name); on success it replaces ``path`` whole.
+
+    The temporary one keeps the final name, inside a hidden parent, for writers that name files after
+    their folder. Nothing is left behind when the block raises, and an older ``path`` then stays as it was.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    hidden = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    hidden.mkdir()
+    try:
+        yield hidden / path.name
+        for file in sorted((hidden / path.name).rglob("*")):
+            if file.is_file():
+                with file.open("rb") as stream:
+                    os.fsync(stream.fileno())
+        if path.exists():
+            path.replace(hidden / "replaced")
+        (hidden / path.name).replace(path)
+    finally:
+        shutil.rmtree(hidden, ignore_errors=True)
 
 
 def write_text(path: Path, text: str) -> Path:

@@ -1,0 +1,177 @@
+"""Controller files: what was written is read back by other means than what wrote it."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.atomic import atomic_folder
+from excite.errors import InputError, MotionError, UnknownNameError
+from excite.export.export import export_motion, on_grid
+from excite.export.registry import EXPORTERS
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def motion(g1: Robot) -> Motion:
+    """0.503 s of minimum-jerk motion of every joint, from rest to rest; the base rises by 2 cm."""
+    time = np.linspace(0.0, 0.503, 61)
+    s = time / time[-1]
+    rise = 10 * s**3 - 15 * s**4 + 6 * s**5
+    speed = (30 * s**2 - 60 * s**3 + 30 * s**4) / time[-1]
+    surge = (60 * s - 180 * s**2 + 120 * s**3) / time[-1] ** 2
+    step = np.zeros(g1.model.nv)
+    step[2] = 0.02
+    step[6:] = np.linspace(0.05, 0.4, g1.n_joints)
+    return Motion(
+        name="rise",
+        robot="g1",
+        joint_names=g1.joint_names,
+        time=time,
+        q=np.array([pin.integrate(g1.model, g1.rest, step * value) for value in rise]),
+        v=speed[:, None] * step,
+        a=surge[:, None] * step,
+        contacts={foot.name: np.ones(len(time), dtype=bool) for foot in g1.feet},
+    )
+
+
+def _read_bag(path: Path):
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([path]) as reader:
+        (connection,) = reader.connections
+        ((_, _, raw),) = list(reader.messages())
+        return connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype)
+
+
+@pytest.mark.parametrize("format", sorted(EXPORTERS))
+def test_every_format_writes_the_same_bytes_twice_and_replaces(format, motion, g1, tmp_path):
+    assert EXPORTERS[format].name == format and EXPORTERS[format].summary
+    first = export_motion(motion, g1, format, tmp_path / "a" / "rise", rate_hz=100.0)
+    again = export_motion(motion, g1, format, tmp_path / "b" / "rise", rate_hz=100.0)
+    once_more = export_motion(motion, g1, format, tmp_path / "b" / "rise", rate_hz=100.0)
+    assert again == once_more
+    assert _bytes(first) == _bytes(again) != {}
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [again.name]
+
+
+def _bytes(path: Path) -> dict[str, bytes]:
+    if path.is_file():
+        return {"": path.read_bytes()}
+    return {file.name: file.read_bytes() for file in path.rglob("*")}
+
+
+def test_csv_has_a_header_and_all_digits(motion, g1, tmp_path):
+    path = export_motion(motion, g1, "csv", tmp_path / "rise.csv")
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0])[:2] == ["time", "base.px"]
+    for i, joint in enumerate(g1.joint_names):
+        for prefix, values in (("q", motion.q[:, 7:]), ("v", motion.v[:, 6:]), ("a", motion.a[:, 6:])):
+            np.testing.assert_array_equal([float(row[f"{prefix}.{joint}"]) for row in rows], values[:, i])
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 333.0, 1000.0])
+def test_the_grid_is_exact_and_its_derivatives_belong_together(rate_hz, motion, g1, tmp_path):
+    with np.load(
+        export_motion(motion, g1, "npz", tmp_path / "rise", rate_hz=rate_hz), allow_pickle=False
+    ) as archive:
+        time, q, v, a = (archive[name] for name in ("time", "q", "v", "a"))
+        assert tuple(archive["joint_names"]) == g1.joint_names
+    np.testing.assert_array_equal(time, np.arange(len(time)) / rate_hz)
+    assert motion.duration <= time[-1] < motion.duration + 1.0 / rate_hz + 1e-9
+    np.testing.assert_allclose(q[-1], motion.q[-1, 7:], atol=1e-12)
+    # The last interval may hold the posture; before it, central differences of what is written.
+    np.testing.assert_allclose((q[2:-1] - q[:-3]) * rate_hz / 2, v[1:-2], atol=2.0 / rate_hz)
+    np.testing.assert_allclose((v[2:-1] - v[:-3]) * rate_hz / 2, a[1:-2], atol=60.0 / rate_hz)
+
+
+def test_a_motion_that_ends_moving_is_not_held(motion, g1):
+    moving = on_grid(_cut(motion, 31), g1, 100.0)
+    assert moving.time[-1] == 0.25 and np.abs(moving.v[-1]).max() > 0.1
+    held = on_grid(motion, g1, 100.0)
+    assert held.time[-1] == 0.51 and not held.v[-1].any() and not held.a[-1].any()
+    assert held.contacts["left_foot"].shape == held.time.shape
+
+
+def _cut(motion: Motion, n: int) -> Motion:
+    contacts = {name: flags[:n] for name, flags in motion.contacts.items()}
+    return Motion(
+        "cut",
+        motion.robot,
+        motion.joint_names,
+        motion.time[:n],
+        motion.q[:n],
+        motion.v[:n],
+        motion.a[:n],
+        contacts,
+    )
+
+
+@pytest.mark.parametrize("rate_hz", [None, 125.0, 1000.0])
+def test_ros2_bag_is_read_back_by_rosbags_to_the_nanosecond(rate_hz, motion, g1, tmp_path):
+    path = export_motion(motion, g1, "ros2", tmp_path / "rise", rate_hz=rate_hz)
+    topic, msgtype, message = _read_bag(path)
+    assert (topic, msgtype) == (
+        "/joint_trajectory_controller/joint_trajectory",
+        "trajectory_msgs/msg/JointTrajectory",
+    )
+    assert tuple(message.joint_names) == g1.joint_names
+    expected = motion if rate_hz is None else on_grid(motion, g1, rate_hz)
+    times = [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in message.points]
+    if rate_hz is None:
+        assert times == [round(t * 1e9) for t in motion.time]
+    else:
+        assert times == [k * 10**9 // int(rate_hz) for k in range(len(times))]
+    for name, values in (
+        ("positions", expected.joint_positions()),
+        ("velocities", expected.joint_velocities()),
+        ("accelerations", expected.joint_accelerations()),
+    ):
+        np.testing.assert_array_equal([getattr(point, name) for point in message.points], values)
+
+
+def test_ros2_bag_holds_an_mcap_file(motion, g1, tmp_path):
+    path = export_motion(motion, g1, "ros2", tmp_path / "rise")
+    assert sorted(file.name for file in path.iterdir()) == ["metadata.yaml", "rise.mcap"]
+    assert (path / "rise.mcap").read_bytes()[:8] == b"\x89MCAP0\r\n"
+
+
+def test_unknown_format_names_the_known_ones(motion, g1, tmp_path):
+    with pytest.raises(UnknownNameError) as caught:
+        export_motion(motion, g1, "rosbag", tmp_path / "rise")
+    assert caught.value.known == sorted(EXPORTERS)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -10.0, float("nan"), float("inf"), 1.0])
+def test_bad_rates_are_refused_and_nothing_is_written(rate_hz, motion, g1, tmp_path):
+    with pytest.raises(InputError) as caught:
+        export_motion(motion, g1, "csv", tmp_path / "rise", rate_hz=rate_hz)
+    assert caught.value.field == "rate_hz" and caught.value.remedy
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_motion_of_another_robot_is_refused(motion, g1, tmp_path):
+    other = Motion(
+        "other", "arm", ("shoulder",), motion.time, motion.q[:, :1], motion.v[:, :1], motion.a[:, :1]
+    )
+    with pytest.raises(MotionError, match="not those of robot 'g1'"):
+        export_motion(other, g1, "csv", tmp_path / "rise")
+
+
+def test_a_folder_that_fails_half_way_leaves_the_old_one(tmp_path):
+    with atomic_folder(tmp_path / "bag") as folder:
+        folder.mkdir()
+        (folder / "part").write_text("old")
+    with pytest.raises(RuntimeError), atomic_folder(tmp_path / "bag") as folder:
+        folder.mkdir()
+        (folder / "part").write_text("new")
+        raise RuntimeError
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+    assert (tmp_path / "bag" / "part").read_text() == "old"
