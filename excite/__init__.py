@@ -1,3 +1,54 @@
-"""excite: design, check, run and evaluate the experiments that identify a robot's dynamics."""
+"""excite: design, check, run and evaluate the experiments that identify a robot's dynamics.
+
+The verbs below are loaded on first use, so that ``import excite`` costs nothing:
+
+>>> import excite
+>>> robot = excite.load_robot("g1")
+>>> robot.n_joints
+29
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
 
 __version__ = "0.1.0"
+
+_PUBLIC = {
+    "Robot": "excite.robot.robot",
+    "load_robot": "excite.robot.loading",
+    "bundled_robots": "excite.robot.catalogue",
+    "robot_summaries": "excite.robot.summary",
+    "scaffold_description": "excite.robot.scaffold",
+    "Motion": "excite.motion.motion",
+    "load_motion": "excite.motion.files",
+    "save_motion": "excite.motion.files",
+    "check": "excite.safety.check",
+    "Log": "excite.logs.log",
+    "load_log": "excite.logs.files",
+    "save_log": "excite.logs.files",
+    "rank": "excite.campaign.rank",
+    "plan": "excite.campaign.plan",
+    "export_motion": "excite.export.export",
+    "simulate": "excite.campaign.experiment",
+    "identify": "excite.identification.identify",
+    "campaign": "excite.campaign.loop",
+    "report": "excite.report.page",
+    "demo": "excite.campaign.demo",
+    "ExciteError": "excite.errors",
+}
+
+__all__ = ["__version__", *_PUBLIC]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'excite' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_PUBLIC[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,54 @@
+"""``excite campaign``: plan, run, identify, repeat until the parameters are certain enough."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
+
+NAME = "campaign"
+
+
+def command(
+    robot: RobotArgument,
+    candidates: Annotated[int, typer.Option("--candidates", min=1, help="Candidate motions in each iteration.")] = 140,
+    target_rsd: Annotated[
+        float, typer.Option("--target-rsd", min=0.0, help="Relative standard deviation to reach [percent].")
+    ] = 15.0,
+    max_iterations: Annotated[int, typer.Option("--max-iterations", min=1, help="Iterations at most.")] = 3,
+    method: Annotated[str, typer.Option("--method", help="Estimator: ls, wls, qp, …")] = "qp",
+    on_robot: Annotated[
+        bool,
+        typer.Option("--on-robot", help="Stop after each plan so that the motions can be recorded on the real robot."),
+    ] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the campaign that --out holds.")] = False,
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Run the whole loop until the targets are met, or say which are not and why."""
+    folder = out or Path("campaign")
+    with progress_bars() as progress:
+        result = excite.campaign(
+            excite.load_robot(robot),
+            folder,
+            n_candidates=candidates,
+            target_rsd=target_rsd,
+            max_iterations=max_iterations,
+            method=method,
+            on_robot=on_robot,
+            resume=resume,
+            seed=seed,
+            jobs=jobs,
+            progress=progress,
+        )
+        excite.report(folder)
+    emit(f"{result.summary()}\nwritten to {folder}", result.to_json(), as_json=as_json)
+    if not result.targets_met:
+        raise typer.Exit(EXIT_NEGATIVE)

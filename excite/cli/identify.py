@@ -1,0 +1,39 @@
+"""``excite identify``: inertial parameters from logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.output import emit
+from excite.json_document import write_json
+
+NAME = "identify"
+
+
+def command(
+    robot: RobotArgument,
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log folders (excite.log/1).")],
+    method: Annotated[str, typer.Option("--method", help="Estimator: ls, wls, qp, …")] = "qp",
+    total_mass: Annotated[
+        float | None, typer.Option("--total-mass", min=0.0, help="Weighed mass of the robot [kg].")
+    ] = None,
+    cutoff_hz: Annotated[
+        float | None, typer.Option("--cutoff", min=0.0, help="Cut-off of the zero-phase low-pass on all signals [Hz].")
+    ] = None,
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Identify the inertial parameters: values, relative standard deviations, fit, validation."""
+    result = excite.identify_logs(
+        excite.load_robot(robot), logs, method=method, total_mass=total_mass, cutoff_hz=cutoff_hz
+    )
+    if out is not None:
+        write_json(result.to_json(), out / "identification.json")
+    emit(result.summary(), result.to_json(), as_json=as_json)

@@ -1,0 +1,49 @@
+"""What a command says: a summary or one JSON document on stdout, progress on stderr."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from excite.json_document import to_json
+from excite.progress import Progress as ProgressCallback
+from excite.progress import silent
+
+EXIT_NEGATIVE = 1
+"""Done, and the answer is "unsafe" or "targets not met"."""
+
+
+def print_document(document: dict[str, Any]) -> None:
+    """Print one JSON document on stdout."""
+    print(to_json(document))
+
+
+def emit(summary: str, document: dict[str, Any], *, as_json: bool) -> None:
+    """Print the summary, or the JSON document where ``--json`` was given."""
+    if as_json:
+        print_document(document)
+    else:
+        print(summary)
+
+
+@contextmanager
+def progress_bars() -> Iterator[ProgressCallback]:
+    """Progress bars on stderr while it is a terminal; silence otherwise."""
+    if not sys.stderr.isatty():
+        yield silent
+        return
+    columns = (TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=False) as bars:
+        tasks: dict[str, Any] = {}
+
+        def show(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=total)
+            bars.update(tasks[stage], completed=done, total=total)
+
+        yield show

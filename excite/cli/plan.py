@@ -1,0 +1,39 @@
+"""``excite plan``: generate, filter, rank, choose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.output import emit, progress_bars
+
+NAME = "plan"
+
+
+def command(
+    robot: RobotArgument,
+    candidates: Annotated[int, typer.Option("--candidates", min=1, help="Candidate motions to generate.")] = 140,
+    target: Annotated[list[str] | None, typer.Option("--joint", help="Aim at this joint (may be repeated).")] = None,
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Plan excitation motions: candidates, safety, ranking, the best three per DoF; writes motions and plan.json."""
+    folder = out or Path("plan")
+    with progress_bars() as progress:
+        plan = excite.plan(
+            excite.load_robot(robot),
+            n_candidates=candidates,
+            targets=tuple(target or ()),
+            seed=seed,
+            jobs=jobs,
+            progress=progress,
+        )
+        plan.save(folder)
+        excite.report(folder)
+    emit(f"{plan.summary()}\nwritten to {folder}", plan.to_json(), as_json=as_json)

@@ -1,0 +1,35 @@
+"""``excite rank``: how well motions excite the inertial parameters."""
+
+from __future__ import annotations
+
+import excite
+from excite.cli.options import (
+    DEFAULT_JOBS,
+    JobsOption,
+    JsonOption,
+    MotionArgument,
+    OutOption,
+    RobotArgument,
+    SeedOption,
+)
+from excite.cli.output import emit, progress_bars
+from excite.json_document import write_json
+
+NAME = "rank"
+
+
+def command(
+    robot: RobotArgument,
+    motions: MotionArgument,
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Rank motions by condition numbers: full (base columns) and per segment."""
+    loaded = excite.load_robot(robot)
+    with progress_bars() as progress:
+        ranking = excite.rank(loaded, excite.load_motions(motions, loaded), progress=progress)
+    if out is not None:
+        write_json(ranking.to_json(), out / "rank.json")
+    emit(ranking.summary(), ranking.to_json(), as_json=as_json)

@@ -1,0 +1,27 @@
+"""``excite report``: one self-contained HTML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.output import emit
+
+NAME = "report"
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that another command wrote.")],
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Write report.html from what a folder holds."""
+    path = excite.report(folder, out=out)
+    document = {"schema": "excite.report/1", "file": str(path.relative_to(out) if out else path)}
+    emit(f"wrote {path}", document, as_json=as_json)

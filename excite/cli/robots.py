@@ -1,0 +1,35 @@
+"""``excite robots``: the bundled robots."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.output import print_document
+from excite.json_document import write_json
+
+NAME = "robots"
+
+
+def command(
+    as_json: JsonOption = False,
+    out: OutOption = None,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """List the bundled robots: degrees of freedom, mass, sensors, base type."""
+    summaries = excite.robot_summaries()
+    document = {"schema": "excite.robots/1", "robots": [summary.to_json() for summary in summaries]}
+    if out is not None:
+        write_json(document, out / "robots.json")
+    if as_json:
+        print_document(document)
+        return
+    table = Table("robot", "title", "base", "DoF", "mass [kg]", "sensors", box=None, pad_edge=False)
+    for summary in summaries:
+        table.add_row(
+            summary.name, summary.title, summary.base, str(summary.dof), f"{summary.mass:.1f}", summary.sensors
+        )
+    Console(soft_wrap=True).print(table)

@@ -1,0 +1,56 @@
+"""``excite simulate``: run motions on the MuJoCo virtual robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.options import (
+    DEFAULT_JOBS,
+    JobsOption,
+    JsonOption,
+    MotionArgument,
+    OutOption,
+    RobotArgument,
+    SeedOption,
+)
+from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
+
+NAME = "simulate"
+
+
+def command(
+    robot: RobotArgument,
+    motions: MotionArgument,
+    inject: Annotated[
+        list[str] | None,
+        typer.Option("--inject", metavar="EFFECT[:LOCATION[:VALUE]]", help="An effect that the nominal model lacks."),
+    ] = None,
+    nominal: Annotated[
+        bool, typer.Option("--nominal", help="Give the virtual robot the nominal inertial parameters.")
+    ] = False,
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
+    folder = out or Path("log")
+    loaded = excite.load_robot(robot)
+    with progress_bars() as progress:
+        experiment = excite.simulate(
+            loaded,
+            excite.load_motions(motions, loaded),
+            inject=tuple(inject or ()),
+            nominal=nominal,
+            seed=seed,
+            jobs=jobs,
+            progress=progress,
+        )
+        experiment.save(folder)
+    emit(f"{experiment.summary()}\nwritten to {folder}", experiment.to_json(), as_json=as_json)
+    if experiment.fell:
+        raise typer.Exit(EXIT_NEGATIVE)
