@@ -1,0 +1,192 @@
+"""Run a motion on a virtual robot under its own position servo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.errors import MotionError
+from excite.motion.motion import Motion, interpolate
+from excite.robot.robot import Array, Robot
+from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
+from excite.simulation.mjcf import GROUND, build_model
+from excite.simulation.recording import Recording
+from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.wrenches import sensor_wrenches
+
+if TYPE_CHECKING:
+    import mujoco
+
+SETTLE_S = 1.0
+
+Stop = Callable[[Array], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class _Clock:
+    """Steps of the physics, of the servo and of the sensors.
+
+    Attributes:
+        step: [s]
+        per_sample: steps between two sensor samples.
+        per_command: steps between two commands.
+        settle: steps before the motion starts, a multiple of ``per_sample``.
+        samples: number of sensor samples.
+    """
+
+    step: float
+    per_sample: int
+    per_command: int
+    settle: int
+    samples: int
+
+
+def execute(virtual: VirtualRobot, motion: Motion, *, settle_s: float = SETTLE_S, stop: Stop | None = None) -> Recording:
+    """Run one motion from rest.
+
+    The robot is put on the ground in the motion's first posture and held there for ``settle_s``, then follows
+    the motion's joint positions and velocities with ``kp (q_cmd - q) + kd (v_cmd - v)``, clipped at the torque
+    limits, without feedforward. The integrator is semi-implicit: the torques, accelerations and contact forces
+    recorded are those that the step at that instant really applied, so that they and the second difference of
+    the positions satisfy the equations of motion.
+
+    Args:
+        virtual: the robot.
+        motion: the motion, of the same joints.
+        settle_s: how long the first posture is held before the recording starts [s].
+        stop: asked at every sample with ``qpos`` in MuJoCo's layout; True ends the run there.
+
+    Returns:
+        The recording, shorter than the motion if it was stopped.
+
+    Raises:
+        MotionError: the motion is not for this robot, or the simulation diverged.
+    """
+    import mujoco
+
+    robot = virtual.robot
+    if motion.joint_names != robot.joint_names or motion.floating != robot.floating:
+        raise MotionError(
+            f"moves other joints than {robot.name}", source=motion.name, remedy="plan it for this robot"
+        )
+    clock = _clock(virtual, motion, settle_s)
+    world = replace(virtual.world, timestep=clock.step)
+    model = build_model(robot, virtual.phi, virtual.drives, world)
+    data = mujoco.MjData(model)
+    data.qpos[:] = _start(robot, motion)
+    positions, velocities = _commands(robot, motion, clock)
+    controls = positions + velocities * (virtual.drives.kd / virtual.drives.kp)
+    track = _Track(model, robot, clock)
+    data.ctrl[:] = controls[0]
+    for _ in range(clock.settle):
+        mujoco.mj_step(model, data)
+    for step in range((clock.samples - 1) * clock.per_sample + 1):
+        if step % clock.per_command == 0:
+            data.ctrl[:] = controls[step // clock.per_command]
+        if step % clock.per_sample:
+            mujoco.mj_step(model, data)
+            continue
+        track.sample(data)
+        if stop is not None and stop(data.qpos):
+            break
+    if not np.isfinite(track.qacc[: track.count]).all():
+        raise MotionError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
+    return track.recording(virtual, motion.name, positions[:: clock.per_sample // clock.per_command], clock)
+
+
+def _clock(virtual: VirtualRobot, motion: Motion, settle_s: float) -> _Clock:
+    period = 1.0 / virtual.robot.description.sensors.rate_hz
+    per_sample = max(1, int(np.ceil(period / virtual.world.timestep - 1e-9)))
+    step = period / per_sample
+    wanted = max(1, round(1.0 / (virtual.drives.rate_hz * step)))
+    per_command = max(divisor for divisor in range(1, per_sample + 1) if per_sample % divisor == 0 and divisor <= wanted)
+    samples = int(np.floor(motion.duration / period + 1e-9)) + 1
+    settle = round(settle_s / period) * per_sample
+    return _Clock(step, per_sample, per_command, settle, samples)
+
+
+def _start(robot: Robot, motion: Motion) -> Array:
+    """First configuration in MuJoCo's layout."""
+    return position_to_mujoco(motion.q[0], floating=robot.floating)
+
+
+def _commands(robot: Robot, motion: Motion, clock: _Clock) -> tuple[Array, Array]:
+    """Joint positions and velocities at the servo's rate."""
+    count = (clock.samples - 1) * clock.per_sample // clock.per_command + 1
+    time = motion.time[0] + np.minimum(np.arange(count) * clock.per_command * clock.step, motion.duration)
+    fine = interpolate(motion, robot, time)
+    return fine.joint_positions(), fine.joint_velocities()
+
+
+class _Track:
+    """Collects the samples of a run."""
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot, clock: _Clock):
+        self.model, self.robot, self.count = model, robot, 0
+        n, joints = clock.samples, robot.n_joints
+        self.qpos, self.qvel, self.qacc = np.zeros((n, model.nq)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
+        self.actuator, self.coulomb = np.zeros((n, joints)), np.zeros((n, joints))
+        self.contacts = np.zeros((n, len(robot.feet), 6))
+        self.touches = np.zeros(n)
+        self.ground = model.geom(GROUND).id if robot.feet else -1
+        self.foot_of_body = np.full(model.nbody, -1)
+        for number, foot in enumerate(robot.feet):
+            self.foot_of_body[foot.joint] = number
+
+    def sample(self, data: mujoco.MjData) -> None:
+        """Take one step and record the state before it and the forces during it."""
+        import mujoco
+
+        row = self.count
+        self.qpos[row], self.qvel[row] = data.qpos, data.qvel
+        mujoco.mj_step(self.model, data)
+        self.qacc[row] = (data.qvel - self.qvel[row]) / self.model.opt.timestep
+        self.actuator[row] = data.actuator_force
+        friction = data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
+        self.coulomb[row, data.efc_id[friction] - self.robot.n_base_v] = data.efc_force[friction]
+        self._contact(data, row)
+        self.count += 1
+
+    def _contact(self, data: mujoco.MjData, row: int) -> None:
+        contact = data.contact
+        active = np.flatnonzero(contact.efc_address >= 0)
+        if not len(active):
+            return
+        first, second = contact.geom1[active], contact.geom2[active]
+        foot = self.foot_of_body[self.model.geom_bodyid[second]]
+        sole = (first == self.ground) & (foot >= 0) & (contact.dim[active] == 3)
+        self.touches[row] = np.count_nonzero(~sole)
+        rows = contact.efc_address[active[sole], None] + np.arange(3)
+        frames = contact.frame[active[sole]].reshape(-1, 3, 3)
+        forces = np.einsum("kij,ki->kj", frames, data.efc_force[rows])
+        moments = np.cross(contact.pos[active[sole]], forces)
+        np.add.at(self.contacts[row], foot[sole], np.hstack([forces, moments]))
+
+    def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: _Clock) -> Recording:
+        """The recording in pinocchio's conventions."""
+        robot, n = self.robot, self.count
+        q = position_from_mujoco(self.qpos[:n], floating=robot.floating)
+        v, a = motion_from_mujoco(q, self.qvel[:n], self.qacc[:n], floating=robot.floating)
+        drives, h = virtual.drives, self.model.opt.timestep
+        v_joint, a_joint = v[:, robot.n_base_v :], a[:, robot.n_base_v :]
+        # The implicit step applies velocity-dependent forces with the velocity at its end.
+        clipped = np.abs(self.actuator[:n]) >= drives.torque_limit * (1.0 - 1e-12)
+        motor = self.actuator[:n] - np.where(clipped, 0.0, drives.kd * h * a_joint)
+        friction = self.coulomb[:n] - drives.viscous * (v_joint + h * a_joint)
+        contacts = {foot.name: self.contacts[:n, number] for number, foot in enumerate(robot.feet)}
+        return Recording(
+            name=name,
+            time=np.arange(n) * clock.step * clock.per_sample,
+            q=q,
+            v=v,
+            a=a,
+            q_cmd=q_cmd[:n],
+            tau_motor=motor,
+            tau_link=motor + friction - drives.armature * a_joint,
+            contacts=contacts,
+            wrenches=sensor_wrenches(robot, virtual.phi, q, v, a, contacts),
+            touches=self.touches[:n],
+        )

@@ -1,0 +1,242 @@
+"""A MuJoCo model made from a robot and a vector of inertial parameters, with no URDF in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import InputError
+from excite.robot.collision import Shape, collision_model, collision_shapes
+from excite.robot.robot import Array, Foot, Robot
+from excite.simulation.drives import Drives
+from excite.simulation.inertial import principal_inertia
+
+if TYPE_CHECKING:
+    import mujoco
+
+GROUND = "ground"
+SOLE_RADIUS = 0.005
+
+
+@dataclass(frozen=True)
+class World:
+    """Numerical settings of a simulated world.
+
+    Attributes:
+        timestep: integration step [s].
+        solref: time constant [s] and damping ratio of the contacts' reference dynamics.
+        solimp: impedance of the contacts at zero and full depth, and the depth between them [m].
+        sole_friction: factor on every sole's friction coefficient.
+        self_contact: whether the robot's collision shapes push each other and the ground.
+    """
+
+    timestep: float = 1e-3
+    solref: tuple[float, float] = (0.005, 1.0)
+    solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
+    sole_friction: float = 1.0
+    self_contact: bool = False
+
+
+def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco.MjSpec:
+    """An editable MuJoCo model of a robot: one body and one joint per segment, in the robot's own order.
+
+    Every body's frame is the frame of its pinocchio joint, so that ``q`` needs no conversion but the order of
+    the base's quaternion. Position servos, one per joint, produce ``kp (ctrl - q) - kd v`` clipped at the
+    torque limit; soles are spheres of 5 mm whose lowest points are the sole's corners.
+
+    Args:
+        robot: the robot.
+        phi: inertial parameters, ``(10·n_segments,)``, joint frames.
+        drives: servo gains, friction, armature.
+        world: numerical settings.
+
+    Returns:
+        The specification, not yet compiled.
+
+    Raises:
+        UnphysicalParametersError: a segment's parameters belong to no body.
+        InputError: ``phi`` has the wrong length.
+    """
+    import mujoco
+
+    n = len(robot.segments)
+    if np.shape(phi) != (10 * n,):
+        raise InputError(f"phi has shape {np.shape(phi)}, not ({10 * n},)", remedy="ten parameters per segment")
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    option = spec.option
+    option.timestep = world.timestep
+    option.gravity = np.array(robot.description.gravity)
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.impratio = 10.0
+    option.tolerance = 1e-10
+    option.iterations = 50
+    bodies = [spec.worldbody]
+    for segment in robot.segments:
+        bodies.append(_add_body(robot, bodies, segment.joint, phi[10 * (segment.joint - 1) :][:10]))
+    offset = 1 if robot.floating else 0
+    for index, name in enumerate(robot.joint_names):
+        _add_drive(spec, bodies[index + 1 + offset], name, drives, index)
+    if robot.feet:
+        spec.worldbody.add_geom(
+            name=GROUND, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=1, conaffinity=0
+        )
+    for foot in robot.feet:
+        _add_sole(bodies[foot.joint], foot, world)
+    if world.self_contact:
+        _add_shapes(spec, bodies, robot)
+    return spec
+
+
+def build_model(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco.MjModel:
+    """The compiled model of :func:`build_spec`, same arguments and errors."""
+    return build_spec(robot, phi, drives, world).compile()
+
+
+def _add_body(robot: Robot, bodies: list, joint: int, phi: Array) -> mujoco.MjsBody:
+    import mujoco
+
+    model = robot.model
+    placement = model.jointPlacements[joint]
+    inertia = principal_inertia(phi, robot.segments[joint - 1].name)
+    body = bodies[model.parents[joint]].add_body(
+        name=robot.segments[joint - 1].link,
+        pos=placement.translation,
+        quat=_wxyz(placement.rotation),
+        explicitinertial=True,
+        mass=inertia.mass,
+        ipos=inertia.com,
+        iquat=_wxyz(inertia.rotation),
+        inertia=inertia.moments,
+    )
+    if joint == 1 and robot.floating:
+        body.add_joint(name=model.names[joint], type=mujoco.mjtJoint.mjJNT_FREE, align=False)
+        return body
+    axis, prismatic = _axis(model, joint)
+    position = model.idx_qs[joint]
+    body.add_joint(
+        name=model.names[joint],
+        type=mujoco.mjtJoint.mjJNT_SLIDE if prismatic else mujoco.mjtJoint.mjJNT_HINGE,
+        axis=axis,
+        limited=True,
+        range=_mechanical_range(robot, joint, position),
+    )
+    return body
+
+
+def _mechanical_range(robot: Robot, joint: int, position: int) -> list[float]:
+    """The model's range, or the declared one where that is wider."""
+    index = robot.joint_index(robot.model.names[joint])
+    lower = min(robot.model.lowerPositionLimit[position], robot.limits.position_lower[index])
+    upper = max(robot.model.upperPositionLimit[position], robot.limits.position_upper[index])
+    return [float(lower), float(upper)]
+
+
+def _axis(model: pin.Model, joint: int) -> tuple[Array, bool]:
+    """Axis of a one-coordinate joint in its own frame, and whether it slides."""
+    if model.joints[joint].nv != 1 or model.joints[joint].nq != 1:
+        raise InputError(
+            f"joint {model.names[joint]!r} has {model.joints[joint].nv} degrees of freedom",
+            remedy="only revolute and prismatic joints can be simulated",
+        )
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    column = pin.getJointJacobian(model, data, joint, pin.LOCAL)[:, model.idx_vs[joint]]
+    prismatic = bool(np.linalg.norm(column[:3]) > np.linalg.norm(column[3:]))
+    return (column[:3] if prismatic else column[3:]), prismatic
+
+
+def _add_drive(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, drives: Drives, index: int) -> None:
+    import mujoco
+
+    joint = body.joints[0]
+    joint.damping = [drives.viscous[index], 0.0, 0.0]
+    joint.frictionloss = drives.coulomb[index]
+    joint.armature = drives.armature[index]
+    kp, kd, limit = (float(values[index]) for values in (drives.kp, drives.kd, drives.torque_limit))
+    actuator = spec.add_actuator(
+        name=name,
+        target=name,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+        forcelimited=True,
+        forcerange=[-limit, limit],
+    )
+    actuator.gainprm[0] = kp
+    actuator.biasprm[:3] = [0.0, -kp, -kd]
+
+
+def _add_sole(body: mujoco.MjsBody, foot: Foot, world: World) -> None:
+    import mujoco
+
+    for number, corner in enumerate(foot.sole):
+        body.add_geom(
+            name=f"{foot.name}_{number}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[SOLE_RADIUS, 0.0, 0.0],
+            pos=corner + SOLE_RADIUS * foot.placement.rotation[:, 2],
+            contype=0,
+            conaffinity=1,
+            priority=1,
+            condim=3,
+            friction=[foot.friction * world.sole_friction, 0.005, 0.0001],
+            solref=list(world.solref),
+            solimp=[*world.solimp, 0.5, 2.0],
+        )
+
+
+def _add_shapes(spec: mujoco.MjSpec, bodies: list, robot: Robot) -> None:
+    """Collision shapes, and the pairs of them that may meet."""
+    shapes = collision_shapes(robot)
+    for shape in shapes:
+        _add_shape(spec, bodies[shape.joint], shape)
+    for pair in collision_model(robot).collisionPairs:
+        spec.add_pair(geomname1=shapes[pair.first].name, geomname2=shapes[pair.second].name)
+    soles = {foot.joint for foot in robot.feet}
+    for shape in shapes if robot.feet else ():
+        if shape.joint not in soles:
+            spec.add_pair(geomname1=GROUND, geomname2=shape.name)
+
+
+def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
+    import mujoco
+
+    kinds = {
+        "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+        "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+        "box": mujoco.mjtGeom.mjGEOM_BOX,
+        "convex": mujoco.mjtGeom.mjGEOM_MESH,
+    }
+    geom = body.add_geom(
+        name=shape.name,
+        type=kinds[shape.kind],
+        pos=shape.placement.translation,
+        quat=_wxyz(shape.placement.rotation),
+        contype=0,
+        conaffinity=0,
+    )
+    if shape.kind == "convex":
+        mesh = spec.add_mesh(name=shape.name)
+        mesh.uservert = np.ravel(shape.vertices)
+        mesh.userface = np.ravel(shape.faces)
+        geom.meshname = shape.name
+    elif shape.kind == "box":
+        geom.size = [0.5 * length for length in shape.size]
+    elif shape.kind == "sphere":
+        geom.size = [shape.size[0], 0.0, 0.0]
+    else:
+        geom.size = [shape.size[0], 0.5 * shape.size[1], 0.0]
+
+
+def _wxyz(rotation: Array) -> Array:
+    x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
+    return np.array([w, x, y, z])
