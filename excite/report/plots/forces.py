@@ -1,0 +1,70 @@
+"""Forces and moments, or joint torques, of a trial that the identification has not seen."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.report.data import ForceComparison
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+_TITLES = {
+    **{f"f{axis}": f"force {axis}" for axis in "xyz"},
+    **{f"t{axis}": f"moment {axis}" for axis in "xyz"},
+}
+_MAX_POINTS = 3000
+
+
+def plot_forces(data: ForceComparison) -> Figure:
+    """One panel a channel, forces left and moments right for a wrench; its title says how the RMSE fell."""
+    n = len(data.channels)
+    rows = math.ceil(n / 2)
+    down_columns = data.channels == _WRENCH
+    shown = slice(None, None, max(1, math.ceil(len(data.time) / _MAX_POINTS)))
+
+    def paint(figure: Figure) -> None:
+        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        panels = grid.T.ravel() if down_columns else grid.ravel()
+        for i, axes in enumerate(panels):
+            if i >= n:
+                axes.set_visible(False)
+                continue
+            time = data.time[shown]
+            axes.plot(time, data.measured[shown, i], color=INK.light, lw=1.0, label="measured")
+            axes.plot(
+                time,
+                data.nominal[shown, i],
+                color=NOMINAL.light,
+                lw=1.0,
+                ls=(0, (4, 2)),
+                label="nominal model",
+            )
+            axes.plot(
+                time, data.identified[shown, i], color=IDENTIFIED.light, lw=1.0, label="identified model"
+            )
+            before, after = (
+                _rmse(data.measured[:, i] - model[:, i]) for model in (data.nominal, data.identified)
+            )
+            axes.set_title(
+                f"{_TITLES.get(data.channels[i], data.channels[i])}   RMSE {before:.3g} → {after:.3g}"
+            )
+            axes.set_ylabel(f"[{data.units[i]}]")
+            axes.margins(x=0.0)
+        for axes in grid[-1]:
+            axes.set_xlabel("time [s]")
+        if n % 2 and not down_columns:
+            grid[-2, 1].set_xlabel("time [s]")
+            grid[-2, 1].tick_params(labelbottom=True)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
+
+    return draw(paint, height_in=0.7 + 1.55 * rows)
+
+
+def _rmse(residual: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(residual**2)))

@@ -1,0 +1,38 @@
+"""Masses of the segments: nominal, identified, true."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.report.data import MassComparison
+from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_masses(data: MassComparison) -> Figure:
+    """One row a segment: pale bar nominal, strong bar identified, tick true; bold names are changed segments."""
+
+    def paint(figure: Figure) -> None:
+        axes = figure.subplots()
+        rows = np.arange(len(data.names))
+        axes.barh(rows, data.nominal, height=0.74, color=PALE.light, label="nominal")
+        axes.barh(rows, data.identified, height=0.36, color=IDENTIFIED.light, label="identified")
+        if data.true is not None:
+            style = {"marker": "|", "markersize": 11, "markeredgewidth": 2.2, "linestyle": "none"}
+            axes.plot(data.true, rows, color=TRUE.light, label="true", **style)
+        axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="mass [kg]")
+        axes.set_xlim(left=min(0.0, float(np.min(data.identified))))
+        axes.set_yticks(rows, data.names)
+        axes.tick_params(axis="y", length=0)
+        if data.changed is not None:
+            for label, changed in zip(axes.get_yticklabels(), data.changed, strict=True):
+                if changed:
+                    label.set(fontweight="bold", color=INK.light)
+        axes.grid(axis="y", visible=False)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+
+    return draw(paint, height_in=1.0 + 0.21 * len(data.names))

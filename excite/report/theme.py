@@ -1,0 +1,124 @@
+"""One look for every figure and for the page around them, light and dark.
+
+Colours stand for roles. A figure drawn as SVG refers to them by CSS variable, so that it follows the
+reader's light or dark setting; drawn as PNG it has the light ones. The three main colours are Okabe and
+Ito's, which all common kinds of colour vision tell apart, and each role also has its own line or marker.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Role:
+    """A colour by what it stands for: ``light`` is used in figures, ``dark`` on a dark page."""
+
+    name: str
+    light: str
+    dark: str
+
+
+INK = Role("ink", "#1c2127", "#e6e9ed")
+MUTED = Role("muted", "#5b6570", "#a3adb8")
+GRID = Role("grid", "#dfe3e8", "#38414b")
+PAPER = Role("paper", "#fefefe", "#1b2026")
+IDENTIFIED = Role("identified", "#0072b2", "#5ab6ea")
+NOMINAL = Role("nominal", "#d55e00", "#f39149")
+TRUE = Role("true", "#009e73", "#3fc89f")
+PALE = Role("pale", "#c9d3dd", "#4a5662")
+GROUND = Role("ground", "#eceff3", "#262d35")
+ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND)
+
+WIDTH_IN = 9.6
+_STYLE = {
+    "font.family": ["DejaVu Sans", "sans-serif"],
+    "font.size": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK.light,
+    "axes.labelsize": 8.5,
+    "axes.labelcolor": MUTED.light,
+    "axes.edgecolor": MUTED.light,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.facecolor": "none",
+    "grid.color": GRID.light,
+    "grid.linewidth": 0.6,
+    "text.color": INK.light,
+    "xtick.color": MUTED.light,
+    "ytick.color": MUTED.light,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.facecolor": "none",
+    "lines.solid_capstyle": "round",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.4,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "excite",
+}
+
+
+def draw(paint: Callable[[Figure], None], height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """A figure of that size [inch] in the common style, painted by ``paint``; no display is needed."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        FigureCanvasAgg(figure)
+        paint(figure)
+        figure.draw_without_rendering()
+    return figure
+
+
+def to_svg(figure: Figure, name: str, description: str) -> str:
+    """The figure as an ``<svg>`` element for inlining, the same bytes each time.
+
+    Args:
+        figure: from :func:`draw`.
+        name: unique on the page; prefixes the element's ids.
+        description: what is to be seen, for readers who cannot see it.
+    """
+    import matplotlib
+
+    buffer = io.StringIO()
+    with matplotlib.rc_context(_STYLE):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    svg = buffer.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\bid="', f'id="{name}-', svg)
+    svg = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", svg)
+    svg = re.sub(r'\s(width|height)="[\d.]+pt"', "", svg, count=2)
+    for role in ROLES:
+        svg = svg.replace(role.light, f"var(--{role.name})")
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{description}" ', 1)
+
+
+def to_png(figure: Figure, dpi: int = 150) -> bytes:
+    """The figure as a PNG on white paper."""
+    import matplotlib
+
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(_STYLE):
+        figure.savefig(buffer, format="png", dpi=dpi, facecolor=PAPER.light, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def css_variables(dark: bool) -> str:
+    """Declarations of the roles' CSS variables."""
+    return " ".join(f"--{role.name}: {role.dark if dark else role.light};" for role in ROLES)
