@@ -184,7 +184,9 @@ def _link_shapes(robot: Robot, link: ElementTree.Element, kind: str) -> list[Sha
         geometry = element.find("geometry")
         solid = geometry[0] if geometry is not None and len(geometry) else None
         if solid is None:
-            raise RobotError("has no geometry", source=robot.source, field=where, remedy="remove or fill the element")
+            raise RobotError(
+                "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
+            )
         shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot.source, where))
     return shapes
 
@@ -197,7 +199,9 @@ def _solid(
         try:
             hull = convex_hull(points)
         except ValueError as error:
-            raise RobotError(str(error), source=source, field=where, remedy="author a shape instead") from error
+            raise RobotError(
+                str(error), source=source, field=where, remedy="author a shape instead"
+            ) from error
         return Shape(name, link, joint, pose, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
         return Shape(name, link, joint, pose, "box", tuple(_floats(solid.get("size", ""))))
@@ -206,7 +210,9 @@ def _solid(
     if solid.tag in {"cylinder", "capsule"}:
         size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
         return Shape(name, link, joint, pose, "capsule" if solid.tag == "capsule" else "cylinder", size)
-    raise RobotError(f"unknown geometry {solid.tag!r}", source=source, field=where, remedy="use a mesh, box or sphere")
+    raise RobotError(
+        f"unknown geometry {solid.tag!r}", source=source, field=where, remedy="use a mesh, box or sphere"
+    )
 
 
 def _origin(origin: ElementTree.Element | None) -> pin.SE3:

@@ -25,10 +25,14 @@ class _Block(BaseModel):
 
 
 class ModelFile(_Block):
-    """Where the URDF comes from: a data wheel (``package``) or a file beside ``robot.yaml``."""
+    """Where the URDF comes from: a data wheel (``package``) or a file beside ``robot.yaml``.
+
+    ``acknowledged`` names links whose missing or impossible inertia is accepted, with the reason.
+    """
 
     package: Literal["example-robot-data"] | None = None
     path: str
+    acknowledged: dict[str, Source] = {}
     source: Source
 
 
@@ -144,10 +148,15 @@ class SegmentsBlock(_Block):
 
 
 class PostureBlock(_Block):
-    """The posture at which motions start and end; joints not named are at zero."""
+    """The posture at which motions start and end; joints not named are at zero.
+
+    ``base_rpy`` orients the base in the world; its height is such that the soles touch the ground
+    unless ``base_height`` gives it.
+    """
 
     joints: dict[str, float] = {}
     base_height: float | None = None
+    base_rpy: Vector3 = (0.0, 0.0, 0.0)
     source: Source
 
 
@@ -175,7 +184,9 @@ class RobotDescription(_Block):
         feet = {foot.name for foot in self.feet}
         for sensor in self.sensors.wrench:
             if sensor.foot not in feet:
-                raise ValueError(f"sensors.wrench {sensor.name}: foot {sensor.foot!r} is not among feet {sorted(feet)}")
+                raise ValueError(
+                    f"sensors.wrench {sensor.name}: foot {sensor.foot!r} is not among feet {sorted(feet)}"
+                )
         if self.base == "fixed" and self.sensors.joint_torque is None:
             raise ValueError("sensors.joint_torque: a fixed-base robot needs link_side or motor_side")
         if self.base == "floating" and not self.sensors.wrench:

@@ -12,7 +12,7 @@ from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import PerJoint, RobotDescription, read_description
 from excite.robot.robot import Array, Foot, Limits, Robot, Segment, WrenchSensor
-from excite.robot.urdf import read_urdf
+from excite.robot.urdf import Stated, read_urdf
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -41,13 +41,17 @@ def load_robot(name_or_path: str | Path) -> Robot:
 
 def build_robot(description: RobotDescription, path: Path) -> Robot:
     """Build the robot of a validated description; ``path`` is the file that it was read from."""
-    urdf = read_urdf(_model_path(description, path))
-    model = _build_model(urdf, description, path)
+    model_path = _model_path(description, path)
+    urdf = read_urdf(model_path, _stated(description))
+    model = _build_model(urdf, description, model_path)
     joint_names = tuple(list(model.names)[2 if description.base == "floating" else 1 :])
     _known_joints(description, joint_names, path)
     segments = _segments(model, description, path)
     feet = tuple(_foot(model, description, block.name, path) for block in description.feet)
-    digest = hashlib.sha256(description.model_dump_json(by_alias=True).encode() + b"\0" + urdf.encode())
+    # The file as it is, not the text as loaded: that one holds paths of this machine.
+    digest = hashlib.sha256(
+        description.model_dump_json(by_alias=True).encode() + b"\0" + model_path.read_bytes()
+    )
     return Robot(
         name=description.name,
         description=description,
@@ -70,21 +74,29 @@ def _model_path(description: RobotDescription, path: Path) -> Path:
     return example_robot_data() / description.model.path
 
 
-def _build_model(urdf: str, description: RobotDescription, path: Path) -> pin.Model:
-    if description.base == "floating":
-        full = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
-    else:
-        full = pin.buildModelFromXML(urdf)
-    full.gravity.linear = np.array(description.gravity)
-    locked = []
-    q = pin.neutral(full)
-    for name, value in description.locked_joints.items():
-        if not full.existJointName(name):
-            raise RobotError(f"no joint {name!r} in the model", source=path, field="locked_joints")
-        index = full.getJointId(name)
-        q[full.idx_qs[index]] = value
-        locked.append(index)
-    return pin.buildReducedModel(full, locked, q) if locked else full
+def _stated(description: RobotDescription) -> Stated:
+    """What the description says that changes how the URDF is read."""
+    return Stated(
+        floating=description.base == "floating",
+        locked=description.locked_joints,
+        limits=description.limits.position.joints,
+        acknowledged=description.model.acknowledged,
+    )
+
+
+def _build_model(urdf: str, description: RobotDescription, model_path: Path) -> pin.Model:
+    try:
+        if description.base == "floating":
+            model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
+        else:
+            model = pin.buildModelFromXML(urdf)
+    except (RuntimeError, ValueError) as error:
+        what = f"pinocchio refuses it ({' '.join(str(error).split())})"
+        raise RobotError(what, source=model_path, remedy="check the file with check_urdf") from error
+    if model.njoints == 1:
+        raise RobotError("has no joint that moves", source=model_path, remedy="describe at least one")
+    model.gravity.linear = np.array(description.gravity)
+    return model
 
 
 def _known_joints(description: RobotDescription, names: tuple[str, ...], path: Path) -> None:
@@ -173,7 +185,10 @@ def _segments(model: pin.Model, description: RobotDescription, path: Path) -> tu
         for link in named:
             if link not in links:
                 raise RobotError(
-                    f"no moving link {link!r}", source=path, field=field, remedy="the model has " + ", ".join(links)
+                    f"no moving link {link!r}",
+                    source=path,
+                    field=field,
+                    remedy="the model has " + ", ".join(links),
                 )
     return tuple(
         Segment(
@@ -189,7 +204,11 @@ def _segments(model: pin.Model, description: RobotDescription, path: Path) -> tu
 def _carried_link(model: pin.Model, joint: int) -> str:
     """The first link that a joint carries: the child link of the URDF's joint."""
     for frame in model.frames:
-        if frame.type == pin.FrameType.BODY and frame.parentJoint == joint and frame.placement.isIdentity(1e-12):
+        if (
+            frame.type == pin.FrameType.BODY
+            and frame.parentJoint == joint
+            and frame.placement.isIdentity(1e-12)
+        ):
             return frame.name
     return model.names[joint]
 
@@ -200,7 +219,9 @@ def link_placement(model: pin.Model, link: str, source: object, field: str) -> t
         if frame.type == pin.FrameType.BODY and frame.name == link:
             return frame.parentJoint, frame.placement
     links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    raise RobotError(f"no link {link!r}", source=source, field=field, remedy="the model has " + ", ".join(links))
+    raise RobotError(
+        f"no link {link!r}", source=source, field=field, remedy="the model has " + ", ".join(links)
+    )
 
 
 def _foot(model: pin.Model, description: RobotDescription, name: str, path: Path) -> Foot:
@@ -254,10 +275,14 @@ def _sensors(
     return tuple(sensors)
 
 
-def _rest(model: pin.Model, description: RobotDescription, names: tuple[str, ...], feet: tuple[Foot, ...]) -> Array:
+def _rest(
+    model: pin.Model, description: RobotDescription, names: tuple[str, ...], feet: tuple[Foot, ...]
+) -> Array:
     """Rest configuration; the lowest sole corner of a standing robot touches the ground."""
     q = pin.neutral(model)
     offset = 7 if description.base == "floating" else 0
+    if offset:
+        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*description.posture.base_rpy)).coeffs()
     for joint, angle in description.posture.joints.items():
         q[offset + names.index(joint)] = angle
     if description.base == "floating":

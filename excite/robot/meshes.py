@@ -49,7 +49,9 @@ def mesh_points(path: Path) -> Array:
             f"mesh cannot be read ({error})", source=path, remedy="check the mesh's path and format"
         ) from error
     if len(points) == 0 or not np.isfinite(points).all():
-        raise RobotError("mesh has no corners or one that is not finite", source=path, remedy="export it again")
+        raise RobotError(
+            "mesh has no corners or one that is not finite", source=path, remedy="export it again"
+        )
     return np.unique(points, axis=0)
 
 
@@ -109,7 +111,9 @@ def convex_hull(points: Array, max_vertices: int = 48, slack: float = 0.01) -> H
 
 def _extremes(corners: Array) -> Faces:
     """Indices of the corners farthest along the axes and the space diagonals."""
-    directions = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z])
+    directions = np.array(
+        [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]
+    )
     extents = np.ptp(corners, axis=0)
     index = np.unique((corners / extents @ directions.T).argmax(axis=0))
     planes = _planes(corners[index])
