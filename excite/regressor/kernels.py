@@ -1,0 +1,216 @@
+"""Kinematics, inverse dynamics and regressors of whole trajectories.
+
+The rigid bodies alone: friction and rotor inertia (``model.armature``) are columns of their own elsewhere.
+Every function takes a pinocchio model, or a :class:`~excite.regressor.tree.KinematicTree` read from it by
+:func:`~excite.regressor.tree.read_tree`, which saves about a millisecond in a loop over short trajectories.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import InputError
+from excite.regressor import loops, motion_loops
+from excite.regressor.tree import KinematicTree, read_tree
+from excite.robot.robot import Array
+
+# Samples a pass: their state then stays in the processor's cache.
+_CHUNK = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """Poses of all joints along a trajectory, in the world frame.
+
+    Attributes:
+        rotation: ``(n, n_joints + 1, 3, 3)`` by pinocchio joint index, 0 is the universe.
+        translation: ``(n, n_joints + 1, 3)`` [m].
+    """
+
+    rotation: Array
+    translation: Array
+
+    def point(self, joint: int, local: Array) -> Array:
+        """World position [m] of points fixed to a joint.
+
+        ``local`` of shape ``(3,)`` gives ``(n, 3)``, of shape ``(k, 3)`` gives ``(n, k, 3)``.
+        """
+        rotated = np.einsum("nij,...j->n...i", self.rotation[:, joint], local)
+        return rotated + self.translation[:, joint].reshape(-1, *[1] * (np.ndim(local) - 1), 3)
+
+
+def forward_kinematics(model: pin.Model | KinematicTree, q: Array) -> Placements:
+    """Poses of all joints.
+
+    Args:
+        model: the robot's model.
+        q: ``(n, nq)`` configurations.
+
+    Returns:
+        Poses in the world frame.
+
+    Raises:
+        InputError: wrong shape.
+        RobotError: a joint of a kind that is not supported.
+    """
+    tree = read_tree(model)
+    q = _checked(q, tree.nq, "q")
+    still = np.zeros((len(q), tree.nv))
+    state = np.empty((len(q), tree.n_segments + 1, motion_loops.STATE_SIZE))
+    motion_loops.propagate(*tree.structure, tree.gravity, True, q, still, still, state)
+    rotation = state[:, :, : motion_loops.POS].reshape(*state.shape[:2], 3, 3)
+    return Placements(rotation.copy(), state[:, :, motion_loops.POS : motion_loops.OMEGA].copy())
+
+
+def centre_of_mass(model: pin.Model | KinematicTree, q: Array, phi: Array | None = None) -> Array:
+    """Centre of mass of the whole robot.
+
+    Args:
+        model: the robot's model.
+        q: ``(n, nq)`` configurations.
+        phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
+
+    Returns:
+        ``(n, 3)`` in the world frame [m].
+
+    Raises:
+        InputError: wrong shape.
+    """
+    tree = read_tree(model)
+    table = _parameters(tree, phi).reshape(-1, 10)
+    poses = forward_kinematics(tree, q)
+    moments = np.einsum("njik,jk->ni", poses.rotation[:, 1:], table[:, 1:4])
+    moments += np.einsum("nji,j->ni", poses.translation[:, 1:], table[:, 0])
+    return moments / table[:, 0].sum()
+
+
+def inverse_dynamics(
+    model: pin.Model | KinematicTree, q: Array, v: Array, a: Array, phi: Array | None = None
+) -> Array:
+    """Generalised forces of a trajectory by recursive Newton-Euler (Luh, Walker, Paul 1980).
+
+    Args:
+        model: the robot's model.
+        q: ``(n, nq)`` configurations.
+        v: ``(n, nv)`` velocities.
+        a: ``(n, nv)`` accelerations.
+        phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
+
+    Returns:
+        ``(n, nv)`` [N·m or N]; the first six of a floating base are the wrench (force, moment) at the base's
+        origin in the base frame.
+
+    Raises:
+        InputError: wrong shape.
+    """
+    tree = read_tree(model)
+    phi = _parameters(tree, phi)
+    q, v, a = _trajectory(tree, q, v, a)
+    out = np.empty((len(q), tree.nv))
+    forces = np.empty((tree.n_segments + 1, 6))
+    for part, state in _states(tree, q, v, a):
+        loops.torques(tree.kinds, tree.parents, tree.idx_v, state, phi, forces, out[part])
+    return out
+
+
+def base_link_regressor(
+    model: pin.Model | KinematicTree, q: Array, v: Array, a: Array, out: Array | None = None
+) -> Array:
+    """Regressor of the wrench on the whole robot (Ayusawa, Venture, Nakamura 2014, eq. 6).
+
+    Args:
+        model: the robot's model.
+        q: ``(n, nq)`` configurations.
+        v: ``(n, nv)`` velocities.
+        a: ``(n, nv)`` accelerations.
+        out: array to write to, C-contiguous, of the result's shape.
+
+    Returns:
+        ``(n, 6, 10·n_segments)``: force [N] then moment [N·m] per unit of each inertial parameter; at the
+        base's origin in the base frame for a floating base, at the world's in its frame for a fixed one.
+
+    Raises:
+        InputError: wrong shape.
+    """
+    tree = read_tree(model)
+    q, v, a = _trajectory(tree, q, v, a)
+    out = _output(out, (len(q), 6, 10 * tree.n_segments))
+    for part, state in _states(tree, q, v, a):
+        loops.base_rows(state, out[part])
+    return out
+
+
+def joint_torque_regressor(
+    model: pin.Model | KinematicTree, q: Array, v: Array, a: Array, out: Array | None = None
+) -> Array:
+    """Regressor of the generalised forces: ``inverse_dynamics = regressor @ phi``.
+
+    Args:
+        model: the robot's model.
+        q: ``(n, nq)`` configurations.
+        v: ``(n, nv)`` velocities.
+        a: ``(n, nv)`` accelerations.
+        out: array to write to, C-contiguous, of the result's shape.
+
+    Returns:
+        ``(n, nv, 10·n_segments)`` [N·m or N per unit of each parameter].
+
+    Raises:
+        InputError: wrong shape.
+    """
+    tree = read_tree(model)
+    q, v, a = _trajectory(tree, q, v, a)
+    out = _output(out, (len(q), tree.nv, 10 * tree.n_segments))
+    wrench = np.empty((6, 10 * tree.n_segments))
+    for part, state in _states(tree, q, v, a):
+        loops.torque_rows(tree.kinds, tree.parents, tree.idx_v, state, wrench, out[part])
+    return out
+
+
+def _states(tree: KinematicTree, q: Array, v: Array, a: Array) -> Iterator[tuple[slice, Array]]:
+    """Slices of the trajectory with the state of all bodies in it, in the root frame."""
+    buffer = np.empty((min(len(q), _CHUNK), tree.n_segments + 1, motion_loops.STATE_SIZE))
+    for start in range(0, len(q), _CHUNK):
+        part = slice(start, min(start + _CHUNK, len(q)))
+        state = buffer[: part.stop - part.start]
+        motion_loops.propagate(*tree.structure, tree.gravity, False, q[part], v[part], a[part], state)
+        yield part, state
+
+
+def _trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    q, v, a = _checked(q, tree.nq, "q"), _checked(v, tree.nv, "v"), _checked(a, tree.nv, "a")
+    if not len(q) == len(v) == len(a):
+        raise InputError(
+            f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples", remedy="hand over as many of each"
+        )
+    return q, v, a
+
+
+def _checked(values: Array, width: int, name: str) -> Array:
+    values = np.ascontiguousarray(values, dtype=float)
+    if values.ndim != 2 or values.shape[1] != width:
+        raise InputError(f"{name} has shape {values.shape}", remedy=f"expected (n_samples, {width})")
+    return values
+
+
+def _parameters(tree: KinematicTree, phi: Array | None) -> Array:
+    if phi is None:
+        return tree.phi
+    phi = np.ascontiguousarray(phi, dtype=float)
+    if phi.shape != tree.phi.shape:
+        raise InputError(f"phi has shape {phi.shape}", remedy=f"expected {tree.phi.shape}")
+    return phi
+
+
+def _output(out: Array | None, shape: tuple[int, ...]) -> Array:
+    if out is None:
+        return np.empty(shape)
+    if out.shape != shape or not out.flags.c_contiguous or out.dtype != np.float64:
+        raise InputError(
+            f"out has shape {out.shape} and type {out.dtype}", remedy=f"expected C-contiguous {shape}"
+        )
+    return out

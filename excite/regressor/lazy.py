@@ -1,0 +1,44 @@
+"""Compile numeric kernels with numba at their first call, so that importing excite stays fast."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable
+from functools import update_wrapper
+from typing import Any
+
+
+class LazyKernel:
+    """A function that numba compiles when it is first called, with its machine code cached on disk.
+
+    Other lazy kernels of the same module that the function calls are compiled along with it.
+    Where no folder for the cache can be written, compilation is repeated in each process.
+    """
+
+    def __init__(self, function: Callable[..., Any]):
+        self._function = function
+        self._compiled: Callable[..., Any] | None = None
+        update_wrapper(self, function)
+
+    def compiled(self) -> Callable[..., Any]:
+        """The numba dispatcher."""
+        if self._compiled is None:
+            # numba takes 0.4 s to import.
+            from numba import njit
+
+            function = self._function
+            scope = {
+                name: value.compiled() if isinstance(value, LazyKernel) and value is not self else value
+                for name, value in function.__globals__.items()
+                if name in function.__code__.co_names or name == "__name__"
+            }
+            bound = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
+            bound.__module__, bound.__qualname__ = function.__module__, function.__qualname__
+            try:
+                self._compiled = njit(cache=True, error_model="numpy")(bound)
+            except RuntimeError:  # numba's word for "no folder to cache in"
+                self._compiled = njit(error_model="numpy")(bound)
+        return self._compiled
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.compiled()(*arguments)

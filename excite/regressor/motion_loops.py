@@ -1,0 +1,134 @@
+"""Compiled loops that carry motion from body to body along a trajectory.
+
+They fill ``state``, of shape ``(n, n_joints + 1, 24)``: for each body its rotation (9 numbers, row by row),
+position, angular velocity, angular acceleration, acceleration of its origin less gravity, and the axis of
+its joint. All are written in one frame that the whole robot shares, called the root frame: the base's for a
+floating robot (or the world's, on request), the world's for a fixed one. Wrenches on bodies can then be
+summed without any further transformation.
+
+Recursion: Luh, Walker, Paul (1980), outward pass.
+"""
+
+from __future__ import annotations
+
+import math
+
+from excite.regressor.lazy import LazyKernel
+from excite.regressor.tree import FREE_FLYER, PRISMATIC, REVOLUTE_UNBOUNDED
+
+# Offsets into a body's state. numba notices a change only in the file that it compiles: after changing these,
+# delete the __pycache__ folder.
+POS, OMEGA, ALPHA, ACC, AXIS, STATE_SIZE = 9, 12, 15, 18, 21, 24
+
+
+@LazyKernel
+def start_root(rotation, translation, q, v, a, gravity, in_world, s):
+    """State of the floating base: ``s`` is its row of 24 numbers."""
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    e = (
+        1.0 - scale * (y * y + z * z), scale * (x * y - z * w), scale * (x * z + y * w),
+        scale * (x * y + z * w), 1.0 - scale * (x * x + z * z), scale * (y * z - x * w),
+        scale * (x * z - y * w), scale * (y * z + x * w), 1.0 - scale * (x * x + y * y),
+    )  # fmt: skip
+    world = s[:9]
+    for i in range(3):
+        for k in range(3):
+            world[3 * i + k] = rotation[i, 0] * e[k] + rotation[i, 1] * e[3 + k] + rotation[i, 2] * e[6 + k]
+    w0, w1, w2 = v[3], v[4], v[5]
+    linear = (
+        a[0] + w1 * v[2] - w2 * v[1],
+        a[1] + w2 * v[0] - w0 * v[2],
+        a[2] + w0 * v[1] - w1 * v[0],
+    )
+    for i in range(3):
+        if in_world:
+            s[POS + i] = (
+                translation[i] + rotation[i, 0] * q[0] + rotation[i, 1] * q[1] + rotation[i, 2] * q[2]
+            )
+            s[OMEGA + i] = world[3 * i] * w0 + world[3 * i + 1] * w1 + world[3 * i + 2] * w2
+            s[ALPHA + i] = world[3 * i] * a[3] + world[3 * i + 1] * a[4] + world[3 * i + 2] * a[5]
+            s[ACC + i] = (
+                world[3 * i] * linear[0]
+                + world[3 * i + 1] * linear[1]
+                + world[3 * i + 2] * linear[2]
+                - gravity[i]
+            )
+        else:
+            s[POS + i] = 0.0
+            s[OMEGA + i] = v[3 + i]
+            s[ALPHA + i] = a[3 + i]
+            s[ACC + i] = linear[i] - (
+                world[i] * gravity[0] + world[3 + i] * gravity[1] + world[6 + i] * gravity[2]
+            )
+        s[AXIS + i] = 0.0
+    if not in_world:
+        for i in range(9):
+            world[i] = 1.0 if i % 4 == 0 else 0.0
+
+
+@LazyKernel
+def step_joint(kind, rotation, translation, axis, qc, qs, qd, qdd, up, s):
+    """State ``s`` of a body from its parent's ``up``; ``qc, qs`` are cosine and sine of a revolute angle."""
+    u0, u1, u2 = axis[0], axis[1], axis[2]
+    c, sn = (1.0, 0.0) if kind == PRISMATIC else (qc, qs)
+    for i in range(3):
+        a0 = up[3 * i] * rotation[0, 0] + up[3 * i + 1] * rotation[1, 0] + up[3 * i + 2] * rotation[2, 0]
+        a1 = up[3 * i] * rotation[0, 1] + up[3 * i + 1] * rotation[1, 1] + up[3 * i + 2] * rotation[2, 1]
+        a2 = up[3 * i] * rotation[0, 2] + up[3 * i + 1] * rotation[1, 2] + up[3 * i + 2] * rotation[2, 2]
+        z = a0 * u0 + a1 * u1 + a2 * u2
+        s[AXIS + i] = z
+        # Row of A·R(u, angle) by Rodrigues' formula.
+        k = (1.0 - c) * z
+        s[3 * i] = c * a0 + sn * (a1 * u2 - a2 * u1) + k * u0
+        s[3 * i + 1] = c * a1 + sn * (a2 * u0 - a0 * u2) + k * u1
+        s[3 * i + 2] = c * a2 + sn * (a0 * u1 - a1 * u0) + k * u2
+    r0 = up[0] * translation[0] + up[1] * translation[1] + up[2] * translation[2]
+    r1 = up[3] * translation[0] + up[4] * translation[1] + up[5] * translation[2]
+    r2 = up[6] * translation[0] + up[7] * translation[1] + up[8] * translation[2]
+    z0, z1, z2 = s[AXIS], s[AXIS + 1], s[AXIS + 2]
+    w0, w1, w2 = up[OMEGA], up[OMEGA + 1], up[OMEGA + 2]
+    l0, l1, l2 = up[ALPHA], up[ALPHA + 1], up[ALPHA + 2]
+    x0, x1, x2 = qd * (w1 * z2 - w2 * z1), qd * (w2 * z0 - w0 * z2), qd * (w0 * z1 - w1 * z0)
+    g0, g1, g2 = up[ACC], up[ACC + 1], up[ACC + 2]
+    if kind == PRISMATIC:
+        r0, r1, r2 = r0 + qs * z0, r1 + qs * z1, r2 + qs * z2
+        g0, g1, g2 = g0 + 2.0 * x0 + qdd * z0, g1 + 2.0 * x1 + qdd * z1, g2 + 2.0 * x2 + qdd * z2
+        s[OMEGA], s[OMEGA + 1], s[OMEGA + 2] = w0, w1, w2
+        s[ALPHA], s[ALPHA + 1], s[ALPHA + 2] = l0, l1, l2
+    else:
+        s[OMEGA], s[OMEGA + 1], s[OMEGA + 2] = w0 + qd * z0, w1 + qd * z1, w2 + qd * z2
+        s[ALPHA], s[ALPHA + 1], s[ALPHA + 2] = l0 + qdd * z0 + x0, l1 + qdd * z1 + x1, l2 + qdd * z2 + x2
+    d = w0 * r0 + w1 * r1 + w2 * r2
+    ww = w0 * w0 + w1 * w1 + w2 * w2
+    s[POS], s[POS + 1], s[POS + 2] = up[POS] + r0, up[POS + 1] + r1, up[POS + 2] + r2
+    s[ACC] = g0 + l1 * r2 - l2 * r1 + w0 * d - ww * r0
+    s[ACC + 1] = g1 + l2 * r0 - l0 * r2 + w1 * d - ww * r1
+    s[ACC + 2] = g2 + l0 * r1 - l1 * r0 + w2 * d - ww * r2
+
+
+@LazyKernel
+def propagate(kinds, parents, idx_q, idx_v, rotations, translations, axes, gravity, in_world, q, v, a, state):
+    """Fill ``state`` from ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``."""
+    for t in range(q.shape[0]):
+        universe = state[t, 0]
+        for i in range(STATE_SIZE):
+            universe[i] = 0.0
+        for i in range(3):
+            universe[4 * i] = 1.0
+            universe[ACC + i] = -gravity[i]
+        for j in range(1, kinds.shape[0]):
+            iq, iv = idx_q[j], idx_v[j]
+            if kinds[j] == FREE_FLYER:
+                start_root(rotations[j], translations[j], q[t], v[t], a[t], gravity, in_world, state[t, j])
+                continue
+            if kinds[j] == REVOLUTE_UNBOUNDED:
+                qc, qs = q[t, iq], q[t, iq + 1]
+            elif kinds[j] == PRISMATIC:
+                qc, qs = 1.0, q[t, iq]
+            else:
+                qc, qs = math.cos(q[t, iq]), math.sin(q[t, iq])
+            step_joint(
+                kinds[j], rotations[j], translations[j], axes[j], qc, qs, v[t, iv], a[t, iv],
+                state[t, parents[j]], state[t, j],
+            )  # fmt: skip
