@@ -7,6 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.errors import LogError
+from excite.identification.base_rows import BaseRows
+from excite.identification.joint_rows import JointRows, drive_terms
+from excite.identification.kinematics import trial_rate
+from excite.identification.rows import decimation
+from excite.identification.settings import ProblemSettings
+from excite.logs.log import Log, Trial
+from excite.logs.robot import robot_in_log
+from excite.logs.signals.butterworth import noise_bandwidth
 from excite.robot.robot import Array, Robot
 
 _BLOCK = 4096
@@ -41,6 +50,7 @@ class IdentificationProblem:
             are zero and their parameters stay nominal.
         noise_bandwidth: equivalent number of independent noise samples per row, at most 1: rows of a
             filtered signal that lie closer than the filter resolves are not independent.
+        settings: the settings that it was built with.
     """
 
     robot: Robot
@@ -58,6 +68,7 @@ class IdentificationProblem:
     n_inertial: int
     unmeasured: tuple[int, ...] = ()
     noise_bandwidth: float = 1.0
+    settings: ProblemSettings = ProblemSettings()
 
     @property
     def n_rows(self) -> int:
@@ -89,3 +100,100 @@ class IdentificationProblem:
     def rows_of(self, channel: str) -> NDArray[np.bool_]:
         """Mask of the rows of a channel, ``(n_rows,)``."""
         return self.channel == self.channel_names.index(channel)
+
+
+_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_FEWEST_ROWS = 10
+
+
+def build_problem(
+    robot: Robot,
+    log: Log,
+    settings: ProblemSettings | None = None,
+    *,
+    role: str | None = "identification",
+) -> IdentificationProblem:
+    """Turn trials into the linear problem that identification solves.
+
+    A floating base gives the six rows a sample of its base link's equation, ``Y1 φ = Σ J1ᵀ f``; a fixed or a
+    suspended one (whose harness holds the base link) the joint torques. What the log says of gravity and
+    sensors overrides the robot.
+
+    Args:
+        robot: the robot.
+        log: the log.
+        settings: filters, decimation, friction terms; defaults if None.
+        role: which trials: ``identification``, ``validation``, or None for all.
+
+    Returns:
+        The problem.
+
+    Raises:
+        LogError: robot and log do not fit, no trial has that role, channels are missing, or no rows are left.
+    """
+    settings = settings or ProblemSettings()
+    trials = log.trials if role is None else log.role(role)
+    if not trials:
+        raise LogError(f"has no trial with role {role!r}", source=log.folder, field="trials")
+    robot = robot_in_log(robot, log.header, log.folder)
+    builder: BaseRows | JointRows
+    if log.header.base == "floating":
+        builder = BaseRows(robot, log.header, settings)
+        unmeasured = builder.unmeasured
+    else:
+        builder = JointRows(robot, log.header, settings, drive_terms(log.header, settings))
+        unmeasured = ()
+    parts = [_flatten(builder, trial, i) for i, trial in enumerate(trials)]
+    n_rows = sum(len(part.y) for part in parts)
+    if n_rows < _FEWEST_ROWS:
+        raise LogError(
+            f"leaves {n_rows} usable rows", source=log.folder, remedy="record longer, or raise the cut-off"
+        )
+    names = [f"{segment.link}.{name}" for segment in robot.segments for name in _PARAMETERS]
+    noise = builder.noise * np.sqrt(_passed(log, trials, settings))
+    channel = np.concatenate([part.channel for part in parts])
+    return IdentificationProblem(
+        robot=robot,
+        Y=np.concatenate([part.Y for part in parts]),
+        y=np.concatenate([part.y for part in parts]),
+        weights=1.0 / noise[channel],
+        channel=channel,
+        channel_names=builder.channel_names,
+        channel_units=builder.channel_units,
+        time=np.concatenate([part.time for part in parts]),
+        trial=np.concatenate([part.trial for part in parts]),
+        trial_names=tuple(trial.name for trial in trials),
+        parameter_names=(*names, *builder.drive_names),
+        prior=np.concatenate([robot.nominal_parameters, builder.drive_prior]),
+        n_inertial=len(names),
+        unmeasured=unmeasured,
+        noise_bandwidth=min(1.0, _passed(log, trials, settings) * _step(log, trials, settings)),
+        settings=settings,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _FlatRows:
+    """Rows of one trial, sample by sample, unusable ones left out."""
+
+    Y: Array
+    y: Array
+    channel: NDArray[np.int64]
+    time: Array
+    trial: NDArray[np.int64]
+
+
+def _flatten(builder: BaseRows | JointRows, trial: Trial, index: int) -> _FlatRows:
+    rows = builder.rows(trial)
+    sample, channel = np.nonzero(rows.use)
+    values = rows.values[sample, channel]
+    return _FlatRows(values[:, :-1], values[:, -1], channel, rows.time[sample], np.full(len(sample), index))
+
+
+def _passed(log: Log, trials: tuple[Trial, ...], settings: ProblemSettings) -> float:
+    """Share of white noise's power that the rows' filter lets through."""
+    return noise_bandwidth(trial_rate(log.header, trials[0]), settings.cutoff_hz, settings.order)
+
+
+def _step(log: Log, trials: tuple[Trial, ...], settings: ProblemSettings) -> int:
+    return decimation(trial_rate(log.header, trials[0]), settings)

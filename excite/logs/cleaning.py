@@ -49,7 +49,7 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
     if reordered > max(1, _MAX_REORDERED * len(time)):
         row = int(np.argmax(late))
         raise LogError(
-            f"goes back from {time[row - 1]:.6g} s to {time[row]:.6g} s in row {row}, {reordered} rows are late",
+            f"goes back from {time[row - 1]:.6g} s to {time[row]:.6g} s in row {row}, {reordered} rows late",
             source=path,
             field="time",
             remedy="split the recording where its clock was reset",

@@ -1,0 +1,147 @@
+"""Rows of the joint torque equation: rigid bodies and drives against measured torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_opening
+
+from excite.errors import LogError
+from excite.identification.drive_terms import DRIVE_TERMS
+from excite.identification.kinematics import TrialKinematics, on_grid, trial_kinematics
+from excite.identification.rows import TrialRows, filtered_rows
+from excite.identification.settings import ProblemSettings
+from excite.logs.log import LogHeader, Trial
+from excite.regressor.kernels import joint_torque_regressor
+from excite.robot.loading import per_joint
+from excite.robot.robot import Array, Robot
+
+_STANDS_FOR_S = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """Builds rows ``τ = Y φ + drives`` of the joints in a log.
+
+    Attributes:
+        robot: the robot in the log.
+        header: the log's header.
+        settings: filters, drive terms and gains.
+        terms: names of the drive terms.
+    """
+
+    robot: Robot
+    header: LogHeader
+    settings: ProblemSettings
+    terms: tuple[str, ...]
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """The log's joints."""
+        return self.header.joints
+
+    @property
+    def channel_units(self) -> tuple[str, ...]:
+        """Torque units."""
+        return ("N·m",) * len(self.header.joints)
+
+    @property
+    def drive_names(self) -> tuple[str, ...]:
+        """``TERM.JOINT``, term by term."""
+        return tuple(f"{term}.{joint}" for term in self.terms for joint in self.header.joints)
+
+    @property
+    def drive_prior(self) -> Array:
+        """What the robot's description says of its drives, zero where it is silent, ``(n_drive,)``."""
+        drives, names = self.robot.description.drives, self.header.joints
+        stated = {"viscous": drives.viscous, "coulomb": drives.coulomb, "armature": drives.armature}
+        nothing = np.zeros(len(names))
+        return np.concatenate(
+            [per_joint(stated.get(term), names, nothing) for term in self.terms] or [nothing[:0]]
+        )
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation of each joint's torque noise at full rate, 1 where it is not stated [N·m]."""
+        return per_joint(
+            self.robot.description.sensors.noise_torque, self.header.joints, np.ones(len(self.header.joints))
+        )
+
+    @property
+    def kinematics_cutoff_hz(self) -> float:
+        """Cut-off before differentiation: twice the rows' where the settings leave it open."""
+        return self.settings.kinematics_cutoff_hz or 2.0 * self.settings.cutoff_hz
+
+    def rows(self, trial: Trial) -> TrialRows:
+        """Rows of one trial.
+
+        Raises:
+            LogError: the trial has no torques, is too short, or stands still.
+        """
+        k = trial_kinematics(self.robot, self.header, trial, self.settings, self.kinematics_cutoff_hz)
+        torque = on_grid(trial.time, self._torque(trial), k.time)
+        joints = [self.robot.n_base_v + self.robot.joint_index(name) for name in self.header.joints]
+
+        def source(part: slice) -> Array:
+            body = joint_torque_regressor(self.robot.model, k.q[part], k.v[part], k.a[part])[:, joints]
+            drives = self._drive_columns(k.v[part][:, joints], k.a[part][:, joints])
+            return np.concatenate([body, drives, torque[part, :, None]], axis=2)
+
+        return filtered_rows(source, k, self.settings, self._usable(k, joints))
+
+    def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
+        """Samples inside the motion at which the joint itself does not stand: there stiction may be anything."""
+        use = np.repeat(k.valid[:, None], len(joints), axis=1)
+        use[: k.moving.start] = use[k.moving.stop :] = False
+        if "coulomb" in self.terms:
+            slow = np.abs(k.v[:, joints]) < self.settings.standstill_velocity
+            long = np.ones((max(2, round(_STANDS_FOR_S * k.rate_hz)), 1), dtype=bool)
+            use &= ~binary_opening(slow, long)
+        return use
+
+    def _drive_columns(self, v: Array, a: Array) -> Array:
+        """``(m, n_joints, n_terms · n_joints)``: each joint has columns of its own."""
+        n = len(self.header.joints)
+        columns = np.zeros((len(v), n, len(self.terms) * n))
+        for t, term in enumerate(self.terms):
+            values = DRIVE_TERMS[term].column(v, a, self.settings.coulomb_width)
+            columns[:, np.arange(n), t * n + np.arange(n)] = values
+        return columns
+
+    def _torque(self, trial: Trial) -> Array:
+        """Joint torques ``(n, n_joints)`` [N·m]."""
+        if self.header.torque in {"motor_side", "link_side"} and trial.tau is not None:
+            return trial.tau
+        if self.header.torque != "current" or trial.current is None:
+            raise LogError(
+                "has no torques",
+                source=trial.name,
+                field="torque",
+                remedy="log tau.* or i.* for identification",
+            )
+        missing = [joint for joint in self.header.joints if joint not in self.settings.drive_gains]
+        if missing:
+            raise LogError(
+                f"no torque per ampere is known for joint {missing[0]!r}",
+                source=trial.name,
+                field="torque",
+                remedy="state drive_gains in the settings [N·m/A]",
+            )
+        return trial.current * np.array([self.settings.drive_gains[joint] for joint in self.header.joints])
+
+
+def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:
+    """Drive terms of a log: the settings', else those that ``modelled`` names, else the usual ones."""
+    if settings.drive_terms is not None:
+        return settings.drive_terms
+    named = tuple(
+        name
+        for name, term in DRIVE_TERMS.items()
+        if any(effect in header.modelled for effect in term.effects)
+    )
+    if named:
+        return named
+    usual = ("viscous", "coulomb", "offset")
+    return usual if header.torque == "link_side" else (*usual, "armature")

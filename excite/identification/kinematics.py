@@ -1,0 +1,105 @@
+"""A trial on a uniform grid, with velocities and accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.identification.settings import ProblemSettings
+from excite.logs.log import LogHeader, Trial
+from excite.logs.robot import base_offset
+from excite.logs.signals.base_pose import base_motion, continuous_quaternions
+from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.resample import is_uniform, near_samples, resample, uniform_grid
+from excite.logs.signals.trim import moving_span
+from excite.robot.robot import Array, Robot
+
+
+@dataclass(frozen=True, eq=False)
+class TrialKinematics:
+    """Filtered kinematics of a trial on a uniform grid.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        rate_hz: its rate.
+        q: ``(n, nq)`` filtered configurations, pinocchio's layout.
+        v: ``(n, nv)``.
+        a: ``(n, nv)``.
+        valid: ``(n,)`` False in gaps and at the ends, where the filter's transient is.
+        moving: span in which a joint moves.
+    """
+
+    time: Array
+    rate_hz: float
+    q: Array
+    v: Array
+    a: Array
+    valid: NDArray[np.bool_]
+    moving: slice
+
+
+def trial_kinematics(
+    robot: Robot, header: LogHeader, trial: Trial, settings: ProblemSettings, cutoff_hz: float
+) -> TrialKinematics:
+    """Resample, filter and differentiate the positions of a trial.
+
+    Args:
+        robot: the robot (joints that the log lacks stay at rest).
+        header: the log's header.
+        trial: the trial.
+        settings: filter order, standstill, gaps.
+        cutoff_hz: cut-off of the filter before differentiation.
+
+    Returns:
+        The kinematics at the trial's own rate.
+
+    Raises:
+        LogError: too short for the filter, or nothing moves.
+    """
+    rate = trial_rate(header, trial)
+    grid = trial.time if is_uniform(trial.time, rate) else uniform_grid(trial.time, rate)
+    joints = central_differences(
+        lowpass(on_grid(trial.time, trial.q, grid), rate, cutoff_hz, settings.order), rate
+    )
+    n, model = len(grid), robot.model
+    q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
+    columns = [robot.joint_index(name) for name in header.joints]
+    q[:, [robot.n_base_q + i for i in columns]] = joints.value
+    v[:, [robot.n_base_v + i for i in columns]] = joints.first
+    a[:, [robot.n_base_v + i for i in columns]] = joints.second
+    if robot.floating:
+        pose = root_pose(trial.base, base_offset(robot, header))
+        base = base_motion(on_grid(trial.time, pose, grid), rate, cutoff_hz, settings.order)
+        q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration
+    valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
+    edge = max(3, settling_samples(rate, cutoff_hz))
+    valid[:edge] = valid[n - edge :] = False
+    moving = slice(0, n) if robot.floating else moving_span(joints.first, settings.standstill_velocity)
+    return TrialKinematics(grid, rate, q, v, a, valid, moving)
+
+
+def trial_rate(header: LogHeader, trial: Trial) -> float:
+    """Rate of a trial [Hz]: the header's where the stamps keep to it within 0.1 %, else their own mean."""
+    own = 1.0 / float(np.median(np.diff(trial.time)))
+    if abs(own - header.rate_hz) < 1e-3 * header.rate_hz:
+        return header.rate_hz
+    span = trial.time[-1] - trial.time[0]
+    return (len(trial.time) - 1 + trial.cleaning.missing_rows) / span
+
+
+def on_grid(time: Array, values: Array, grid: Array) -> Array:
+    """``values`` at ``grid``; unchanged where the grid is the trial's own."""
+    return values if grid is time else resample(time, values, grid)
+
+
+def root_pose(pose: Array, offset: pin.SE3) -> Array:
+    """Poses of the free-flyer from poses of a link at ``offset`` on it, ``(n, 7)``, signs continuous."""
+    pose = np.hstack([pose[:, :3], continuous_quaternions(pose[:, 3:])])
+    if offset.isIdentity(1e-12):
+        return pose
+    inverse = offset.inverse()
+    return np.array([pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(row) * inverse) for row in pose])

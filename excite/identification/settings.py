@@ -1,0 +1,77 @@
+"""How a log is turned into an identification problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+from excite.errors import InputError, UnknownNameError
+from excite.identification.drive_terms import DRIVE_TERMS
+
+
+def _setting(default: float | int | None, unit: str, low: float, high: float, what: str):
+    """One numeric setting: default, unit, bounds (both allowed) and meaning, declared once."""
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "what": what})
+
+
+@dataclass(frozen=True)
+class ProblemSettings:
+    """Settings of :func:`~excite.identification.problem.build_problem`; unit, bounds and meaning are in each
+    field's metadata.
+
+    Kinematics are filtered once before they are differentiated; regressor columns and measurement are then
+    filtered alike and decimated, which keeps the equation exact whatever the second filter does.
+
+    Attributes:
+        cutoff_hz: see metadata, as for all others.
+        kinematics_cutoff_hz: None takes ``cutoff_hz`` for a floating base, twice that for joint torques.
+        order: order of the single pass of both Butterworth filters.
+        rate_hz: None takes twice ``cutoff_hz``, at which rows are about independent.
+        coulomb_width: 0 takes the plain sign.
+        standstill_velocity: trials are cut to the span in which some joint is faster.
+        longest_gap_s: samples interpolated over longer gaps are left out.
+        drive_terms: names among ``DRIVE_TERMS``; None takes those that ``modelled`` in the log names, else
+            viscous and Coulomb friction and offset, and armature where torques are on the motor's side.
+        drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
+    """
+
+    cutoff_hz: float = _setting(8.0, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression")
+    kinematics_cutoff_hz: float | None = _setting(None, "Hz", 0.05, 1e4, "cut-off before differentiation")
+    order: int = _setting(4, "1", 1, 12, "order of the Butterworth filters")
+    rate_hz: float | None = _setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
+    coulomb_width: float = _setting(
+        0.01, "rad/s", 0.0, 10.0, "velocity over which Coulomb friction changes sign"
+    )
+    standstill_velocity: float = _setting(0.01, "rad/s", 0.0, 10.0, "speed below which a joint stands")
+    longest_gap_s: float = _setting(0.1, "s", 0.0, 1e3, "longest gap that is interpolated")
+    drive_terms: tuple[str, ...] | None = None
+    drive_gains: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check every bound.
+
+        Raises:
+            InputError: a number out of bounds; names the setting.
+            UnknownNameError: an unknown drive term.
+        """
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not item.metadata or value is None:
+                continue
+            low, high, unit = item.metadata["low"], item.metadata["high"], item.metadata["unit"]
+            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+                raise InputError(
+                    f"is {value!r}",
+                    source="settings",
+                    field=item.name,
+                    remedy=f"choose {low:g} … {high:g} {unit}",
+                )
+        for name in self.drive_terms or ():
+            if name not in DRIVE_TERMS:
+                raise UnknownNameError("drive term", name, list(DRIVE_TERMS))
+        for joint, gain in self.drive_gains.items():
+            if not (math.isfinite(gain) and gain != 0.0):
+                raise InputError(
+                    f"is {gain!r}", source="settings", field=f"drive_gains.{joint}", remedy="give N·m/A"
+                )

@@ -1,0 +1,81 @@
+"""Velocities and accelerations from positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import correlate1d
+
+from excite.robot.robot import Array
+
+# Central differences of sixth order, for neighbours 0, 1, 2, 3 on either side.
+_FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
+_SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
+
+
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """A signal and its first two derivatives, each ``(n, …)``.
+
+    Attributes:
+        value: the signal.
+        first: per second.
+        second: per second squared.
+    """
+
+    value: Array
+    first: Array
+    second: Array
+
+
+def central_differences(values: Array, rate_hz: float) -> Derivatives:
+    """Sixth-order central differences of a uniformly sampled signal.
+
+    The error of the first derivative of a sine of frequency f is ``(2πf/rate)^6/140`` of its amplitude,
+    that of the second ``(2πf/rate)^6/560``. The ends are continued by point reflection, so that the three
+    outermost samples on either side are of low order.
+
+    Args:
+        values: ``(n, …)``, n at least 4.
+        rate_hz: sampling rate [Hz].
+
+    Returns:
+        The signal and its derivatives.
+    """
+    before = 2.0 * values[:1] - values[3:0:-1]
+    after = 2.0 * values[-1:] - values[-2:-5:-1]
+    padded = np.concatenate([before, values, after])
+    return Derivatives(
+        value=values,
+        first=correlate1d(padded, _FIRST, axis=0)[3:-3] * rate_hz,
+        second=correlate1d(padded, _SECOND, axis=0)[3:-3] * rate_hz**2,
+    )
+
+
+def periodic_derivatives(values: Array, rate_hz: float, max_frequency_hz: float) -> Derivatives:
+    """Differentiate one period of a periodic signal in the frequency domain.
+
+    Spectrum kept up to ``max_frequency_hz`` and multiplied by jω and −ω², ω(k) = 2π k f_s / K
+    (Xu, Fan, Chen, Ng, Ang, Fang, Zhu, Zhao: Dynamic identification of the KUKA LBR iiwa robot with
+    retrieval of physical parameters using global optimization, IEEE Access 2020, section II.C).
+
+    Args:
+        values: ``(K, …)``, exactly one period (or a whole number of them).
+        rate_hz: sampling rate f_s [Hz].
+        max_frequency_hz: highest frequency kept [Hz], for a Fourier motion the highest harmonic's.
+
+    Returns:
+        The signal without what lies above ``max_frequency_hz``, and its derivatives.
+    """
+    n = len(values)
+    frequency = np.fft.rfftfreq(n, 1.0 / rate_hz)
+    shape = (-1,) + (1,) * (values.ndim - 1)
+    keep = (frequency <= max_frequency_hz * (1.0 + 1e-9)) & (frequency < 0.5 * rate_hz)
+    omega = (2.0 * np.pi * frequency).reshape(shape)
+    spectrum = np.fft.rfft(values, axis=0) * keep.reshape(shape)
+    return Derivatives(
+        value=np.fft.irfft(spectrum, n, axis=0),
+        first=np.fft.irfft(1j * omega * spectrum, n, axis=0),
+        second=np.fft.irfft(-(omega**2) * spectrum, n, axis=0),
+    )
