@@ -1,0 +1,61 @@
+"""The independent verdict: every check, on a finer grid than the one that the motion was planned on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.motion.files import load_motion
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+from excite.safety.checks.registry import CHECKS
+from excite.safety.checks.sweep import Sweep
+from excite.safety.verdict import Margins, Verdict, Violation
+
+
+def check_motion(robot: Robot, motion: Motion, *, rate_hz: float | None = None) -> Verdict:
+    """Judge a motion; nothing is repaired, and what cannot be computed makes the motion unsafe.
+
+    Args:
+        robot: the robot that shall run it.
+        motion: the motion.
+        rate_hz: rate of the grid that it is judged on [Hz]; by default twice the motion's own, at least
+            200 Hz. Limits and self-collision hold between the grid's samples too.
+
+    Returns:
+        The verdict. A motion of which nothing could be computed (NaN, unsorted time, wrong joints, missing
+        contact flags) has the reason as its violations, and no margins.
+
+    Raises:
+        InputError: ``rate_hz`` is not positive.
+        RobotError: the robot's collision geometry cannot be read.
+    """
+    sweep = Sweep(robot, motion, rate_hz)
+    violations: list[Violation] = []
+    margins: dict[str, float] = {}
+    not_applicable: list[str] = []
+    for check in CHECKS.values():
+        result = check().judge(sweep)
+        violations += result.violations
+        if check.margin_field is not None and not result.applicable:
+            not_applicable.append(check.margin_field)
+        elif check.margin_field is not None and result.margin is not None:
+            margins[check.margin_field] = result.margin
+        if not result.readable:
+            break
+    return Verdict(
+        motion=motion.name,
+        margins=Margins(**margins),
+        violations=tuple(sorted(violations, key=lambda v: -float("inf") if v.time_s is None else v.time_s)),
+        not_applicable=tuple(not_applicable),
+    )
+
+
+def check_file(robot: Robot, path: Path, *, rate_hz: float | None = None) -> Verdict:
+    """Load a motion file and judge it; the verdict's ``motion`` is the path as given.
+
+    Raises:
+        MotionError: the file cannot be read, or is no motion of this robot.
+        InputError: ``rate_hz`` is not positive.
+        RobotError: the robot's collision geometry cannot be read.
+    """
+    return check_motion(robot, load_motion(path, robot).renamed(str(path)), rate_hz=rate_hz)

@@ -1,0 +1,84 @@
+"""What a check is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.motion.motion import Motion
+from excite.robot.robot import Array, Robot
+from excite.safety.checks.sweep import Sweep
+from excite.safety.verdict import Violation
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """What one check found.
+
+    Attributes:
+        margin: smallest margin over the motion, in the unit of the check's ``margin_field``; None where it
+            could not be computed, or the check has no margin.
+        violations: at most one per kind and place, at its first time.
+        applicable: False where the check means nothing for this robot.
+        readable: False where the motion is so broken that nothing else can be computed from it.
+    """
+
+    margin: float | None = None
+    violations: tuple[Violation, ...] = ()
+    applicable: bool = True
+    readable: bool = True
+
+
+class Check(ABC):
+    """A judgement on a motion. It repairs nothing, and what it cannot compute it does not let pass.
+
+    Subclasses are final: to add a check write one file with one subclass and name it in
+    :data:`excite.safety.checks.registry.CHECKS`.
+
+    Attributes:
+        name: registry name.
+        margin_field: field of :class:`~excite.safety.verdict.Margins` that it fills, or None.
+    """
+
+    name: ClassVar[str]
+    margin_field: ClassVar[str | None] = None
+
+    @abstractmethod
+    def judge(self, sweep: Sweep) -> CheckResult:
+        """Judge a motion; quantities that several checks need are computed once, in the sweep."""
+
+    def run(self, robot: Robot, motion: Motion) -> CheckResult:
+        """Judge a motion on its own, without the other checks."""
+        return self.judge(Sweep(robot, motion))
+
+
+def first_violations(
+    kind: str, names: tuple[str, ...], time: Array, values: Array, limits: Array, bad: NDArray[np.bool_]
+) -> tuple[Violation, ...]:
+    """One violation per column at its first bad row.
+
+    Args:
+        kind: kind of all of them.
+        names: place of each column.
+        time: ``(n,)`` [s].
+        values: ``(n, m)``.
+        limits: ``(n, m)`` or ``(m,)``, what the values must not pass.
+        bad: ``(n, m)``.
+
+    Returns:
+        The violations, in the order of columns.
+    """
+    limits = np.broadcast_to(limits, values.shape)
+    found = []
+    for column in np.flatnonzero(bad.any(axis=0)):
+        row = int(np.argmax(bad[:, column]))
+        value = float(values[row, column])
+        limit = float(limits[row, column])
+        found.append(
+            Violation(kind, float(time[row]), names[column], value if np.isfinite(value) else None, limit)
+        )
+    return tuple(found)

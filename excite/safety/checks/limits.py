@@ -1,0 +1,72 @@
+"""Position, velocity and acceleration limits of the joints, at every instant.
+
+All three bound the Bézier control points of the interpolant on the finer grid (see
+:class:`~excite.safety.checks.sweep.ControlPoints`), so nothing passes its limit between samples.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from excite.robot.robot import Array
+from excite.safety.checks.base import Check, CheckResult, first_violations
+from excite.safety.checks.sweep import Sweep
+
+# Rounding that a motion planned exactly to a limit may show, relative to the limit (to the range for
+# positions).
+_ROUNDING = 1e-6
+
+
+class JointPositionCheck(Check):
+    """Joints stay inside their range."""
+
+    name: ClassVar[str] = "joint_position"
+    margin_field: ClassVar[str | None] = "joint_position_rad"
+
+    def judge(self, sweep: Sweep) -> CheckResult:
+        limits, points = sweep.robot.limits, sweep.control_points.position
+        low, high = points.min(axis=1), points.max(axis=1)
+        below, above = limits.position_lower - low, high - limits.position_upper
+        excess = np.maximum(below, above)
+        bad = excess > _ROUNDING * (limits.position_upper - limits.position_lower)
+        values = np.where(below > above, low, high)
+        passed = np.where(below > above, limits.position_lower, limits.position_upper)
+        names, time = sweep.robot.joint_names, sweep.fine.time
+        return CheckResult(
+            float(-excess.max()), first_violations("joint_position", names, time, values, passed, bad)
+        )
+
+
+class JointVelocityCheck(Check):
+    """Joint speeds stay below their limits."""
+
+    name: ClassVar[str] = "joint_velocity"
+    margin_field: ClassVar[str | None] = "joint_velocity_rad_s"
+
+    def judge(self, sweep: Sweep) -> CheckResult:
+        return magnitude_result(
+            "joint_velocity",
+            sweep,
+            np.abs(sweep.control_points.velocity).max(axis=1),
+            sweep.robot.limits.velocity,
+        )
+
+
+class JointAccelerationCheck(Check):
+    """Joint accelerations stay below their limits."""
+
+    name: ClassVar[str] = "joint_acceleration"
+    margin_field: ClassVar[str | None] = "joint_acceleration_rad_s2"
+
+    def judge(self, sweep: Sweep) -> CheckResult:
+        values = np.abs(sweep.control_points.acceleration).max(axis=1)
+        return magnitude_result("joint_acceleration", sweep, values, sweep.robot.limits.acceleration)
+
+
+def magnitude_result(kind: str, sweep: Sweep, values: Array, limits: Array) -> CheckResult:
+    """Judge magnitudes on the finer grid's intervals, ``(n-1, n_joints)``, against each joint's limit."""
+    bad = ~(values <= limits * (1.0 + _ROUNDING))
+    violations = first_violations(kind, sweep.robot.joint_names, sweep.fine.time, values, limits, bad)
+    return CheckResult(float((limits - values).min()), violations)

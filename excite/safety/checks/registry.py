@@ -1,0 +1,27 @@
+"""The checks that make up a verdict, by name, in the order in which they run."""
+
+from __future__ import annotations
+
+from excite.safety.checks.balance import CentreOfMassCheck, ContactWrenchCheck, ZeroMomentPointCheck
+from excite.safety.checks.base import Check
+from excite.safety.checks.collision import SelfCollisionCheck
+from excite.safety.checks.foot import FootCheck
+from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
+from excite.safety.checks.sampling import SamplingCheck
+from excite.safety.checks.torque import JointTorqueCheck
+
+CHECKS: dict[str, type[Check]] = {
+    check.name: check
+    for check in (
+        SamplingCheck,
+        JointPositionCheck,
+        JointVelocityCheck,
+        JointAccelerationCheck,
+        FootCheck,
+        ZeroMomentPointCheck,
+        CentreOfMassCheck,
+        ContactWrenchCheck,
+        JointTorqueCheck,
+        SelfCollisionCheck,
+    )
+}

@@ -1,0 +1,118 @@
+"""What the independent check says about a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+
+SCHEMA = "excite.check/1"
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One thing that a motion must not do, at the first time at which it does it.
+
+    Attributes:
+        kind: what is violated, such as ``joint_velocity`` or ``zmp``.
+        time_s: first time of it [s]; None where it has no time (a missing column).
+        where: joint, foot, pair of links or coordinate.
+        value: the offending value at that time, in SI units; None where it is not a finite number.
+        limit: what it must not pass, same unit; None where there is no number.
+    """
+
+    kind: str
+    time_s: float | None
+    where: str
+    value: float | None
+    limit: float | None
+
+    def __str__(self) -> str:
+        at = "" if self.time_s is None else f" at {self.time_s:.4f} s"
+        value = "" if self.value is None else f": {self.value:.5g}"
+        limit = "" if self.limit is None else f" (limit {self.limit:.5g})"
+        return f"{self.kind} of {self.where}{at}{value}{limit}"
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Smallest margins over a whole motion; None where one could not be computed or does not apply.
+
+    The first four are what is left to the nearest limit, negative beyond it. The last two are distances as
+    they are: what a robot requires of them stands in the limit of the violation.
+
+    Attributes:
+        joint_position_rad: to the nearest end of the range [rad or m].
+        joint_velocity_rad_s: to the velocity limit [rad/s or m/s].
+        joint_acceleration_rad_s2: to the acceleration limit [rad/s² or m/s²].
+        joint_torque_nm: to the torque limit [N·m or N].
+        self_collision_m: smallest distance between two bodies, or a body and the table [m].
+        zmp_m: smallest distance of the zero-moment point from the edge of the support polygon,
+            negative outside [m].
+    """
+
+    joint_position_rad: float | None = None
+    joint_velocity_rad_s: float | None = None
+    joint_acceleration_rad_s2: float | None = None
+    joint_torque_nm: float | None = None
+    self_collision_m: float | None = None
+    zmp_m: float | None = None
+
+
+MARGIN_FIELDS = tuple(field.name for field in fields(Margins))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one motion.
+
+    Attributes:
+        motion: name of the motion, or the path that it was read from.
+        margins: smallest margins over the motion.
+        violations: everything found, in order of time; those without a time first.
+        not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
+    """
+
+    motion: str
+    margins: Margins
+    violations: tuple[Violation, ...]
+    not_applicable: tuple[str, ...] = ()
+
+    @property
+    def safe(self) -> bool:
+        """True if nothing is violated and every margin that applies could be computed."""
+        return not self.violations and not self.not_computed
+
+    @property
+    def not_computed(self) -> tuple[str, ...]:
+        """Margins that apply and that could not be computed; each makes the motion unsafe."""
+        return tuple(
+            name
+            for name in MARGIN_FIELDS
+            if getattr(self.margins, name) is None and name not in self.not_applicable
+        )
+
+    def to_json(self) -> dict:
+        """The motion's entry in an ``excite.check/1`` document, and ``not_applicable``."""
+        return {
+            "motion": self.motion,
+            "safe": self.safe,
+            "margins": asdict(self.margins),
+            "not_applicable": list(self.not_applicable),
+            "violations": [asdict(violation) for violation in self.violations],
+        }
+
+    def summary(self) -> str:
+        """One line for a person."""
+        if self.safe:
+            return f"{self.motion}: safe"
+        if self.violations:
+            more = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
+            return f"{self.motion}: unsafe, {self.violations[0]}{more}"
+        return f"{self.motion}: unsafe, could not compute {', '.join(self.not_computed)}"
+
+
+def check_document(verdicts: Iterable[Verdict]) -> dict:
+    """The ``excite.check/1`` document of several verdicts; ``safe`` if all are and there is at least one."""
+    entries = [verdict.to_json() for verdict in verdicts]
+    safe = bool(entries) and all(entry["safe"] for entry in entries)
+    return {"schema": SCHEMA, "safe": safe, "motions": entries}
