@@ -92,7 +92,7 @@ class JointRows:
         return filtered_rows(source, k, self.settings, self._usable(k, joints))
 
     def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
-        """Samples inside the motion at which the joint itself does not stand: there stiction may be anything."""
+        """Samples inside the motion at which the joint itself moves: where it stands, stiction rules."""
         use = np.repeat(k.valid[:, None], len(joints), axis=1)
         use[: k.moving.start] = use[k.moving.stop :] = False
         if "coulomb" in self.terms:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class IdentificationProblem:
     n_inertial: int
     unmeasured: tuple[int, ...] = ()
     noise_bandwidth: float = 1.0
-    settings: ProblemSettings = ProblemSettings()
+    settings: ProblemSettings = field(default_factory=ProblemSettings)
 
     @property
     def n_rows(self) -> int:

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import yaml
 
 from excite.atomic import atomic_folder
@@ -16,7 +15,8 @@ from excite.logs.header import check_header, read_header
 from excite.logs.log import Log, LogHeader, Trial, TrialHeader
 from excite.logs.readers.registry import reader_for
 from excite.robot.robot import Array, Robot
-from excite.robot.urdf import read_urdf
+from excite.robot.urdf import parse_urdf
+from excite.robot.urdf_tree import MOVING
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -149,9 +149,11 @@ def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | Non
         )
     if file.suffix in {".yaml", ".yml"}:
         return file.read_text(encoding="utf-8")
-    text = read_urdf(file)
     if robot is None:
-        _check_joints(header.joints, tuple(pin.buildModelFromXML(text).names)[1:], path)
+        joints = parse_urdf(file).findall("joint")
+        _check_joints(
+            header.joints, tuple(j.get("name", "") for j in joints if j.get("type") in MOVING), path
+        )
     return file.read_text(encoding="utf-8")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -11,9 +12,9 @@ import pinocchio as pin
 from excite.errors import LogError, RobotError
 from excite.logs.log import Log, LogHeader, SensorHeader
 from excite.robot.description import RobotDescription
-from excite.robot.loading import build_robot, link_placement, load_robot
+from excite.robot.loading import build_robot, carried_link, link_placement, load_robot
 from excite.robot.robot import Array, Robot, WrenchSensor
-from excite.robot.urdf import read_urdf
+from excite.robot.urdf import parse_urdf
 
 _UNSTATED = "not stated in the log"
 
@@ -148,9 +149,13 @@ def _bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "schema": "excite.robot/1",
             "name": model.name or file.stem,
             "title": f"{model.name or file.stem}, nominal model of a log",
-            "model": {"path": file.name, "source": "the log's folder"},
+            "model": {
+                "path": file.name,
+                "source": "the log's folder",
+                "acknowledged": {link: "an axis of a compound joint" for link in massless},
+            },
             "base": "fixed" if header.base == "fixed" else "floating",
-            "locked_joints": {joint: 0.0 for joint in movable if joint not in header.joints},
+            "locked_joints": dict.fromkeys(locked, 0.0),
             "posture": {"base_height": 0.0, "source": _UNSTATED},
             "limits": {
                 "position": {"joints": position | unbounded | narrow, "source": "URDF"},

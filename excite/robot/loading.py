@@ -173,7 +173,7 @@ def _limits(model: pin.Model, description: RobotDescription, names: tuple[str, .
 
 
 def _segments(model: pin.Model, description: RobotDescription, path: Path) -> tuple[Segment, ...]:
-    links = [_carried_link(model, joint) for joint in range(1, model.njoints)]
+    links = [carried_link(model, joint) for joint in range(1, model.njoints)]
     pairs: dict[str, str] = {}
     for left, right in description.segments.pairs:
         pairs[left], pairs[right] = right, left
@@ -201,7 +201,7 @@ def _segments(model: pin.Model, description: RobotDescription, path: Path) -> tu
     )
 
 
-def _carried_link(model: pin.Model, joint: int) -> str:
+def carried_link(model: pin.Model, joint: int) -> str:
     """The first link that a joint carries: the child link of the URDF's joint."""
     for frame in model.frames:
         if (
