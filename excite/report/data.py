@@ -49,7 +49,7 @@ class MassComparison:
         nominal: of the model as supplied.
         identified: of the identified model.
         true: of the virtual robot; None where nobody knows, as on a real robot.
-        changed: True where the identification says that the segment is not the model's; None where not judged.
+        changed: True where the identification says that the segment differs; None where not judged.
     """
 
     names: Names
@@ -156,7 +156,7 @@ def _native(value: NDArray) -> Any:
 def _check_lengths(part: str, content: Any, path: Path) -> None:
     if isinstance(content, ForceComparison):
         shape: tuple[int, ...] = (len(content.time), len(content.channels))
-        columns = ("measured", "nominal", "identified")
+        columns: tuple[str, ...] = ("measured", "nominal", "identified")
     elif isinstance(content, MassComparison):
         shape, columns = (len(content.names),), ("nominal", "identified", "true", "changed")
     else:

@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ GROUND = Role("ground", "#eceff3", "#262d35")
 ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND)
 
 WIDTH_IN = 9.6
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.family": ["DejaVu Sans", "sans-serif"],
     "font.size": 8.5,
     "axes.titlesize": 9.0,
@@ -104,6 +104,7 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", svg)
     svg = re.sub(r'\s(width|height)="[\d.]+pt"', "", svg, count=2)
+    svg = re.sub(r"-?\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
     for role in ROLES:
         svg = svg.replace(role.light, f"var(--{role.name})")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{description}" ', 1)

@@ -103,7 +103,7 @@ def picture(robot: Robot, q: Array, loaded: frozenset[str], view: View) -> Pictu
 
 
 def _bones(robot: Robot, data: pin.Data) -> list[Array]:
-    """From each joint to its parent, and from each last joint towards the centre of mass of what it carries."""
+    """Lines from each joint to its parent, and from each last one through what it carries."""
     model = robot.model
     feet = {foot.joint for foot in robot.feet}
     first = 2 if robot.floating else 1

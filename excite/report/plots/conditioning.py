@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def plot_conditioning(data: ConditioningComparison) -> Figure:
-    """Log bars, one row a segment: pale before, strong after; a segment that nothing excites has an open end."""
+    """Log bars, one row a segment: pale before, strong after; what nothing excites reaches the edge."""
 
     def paint(figure: Figure) -> None:
         axes = figure.subplots()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def plot_masses(data: MassComparison) -> Figure:
-    """One row a segment: pale bar nominal, strong bar identified, tick true; bold names are changed segments."""
+    """One row a segment: pale bar nominal, strong bar identified, tick true; changed segments in bold."""
 
     def paint(figure: Figure) -> None:
         axes = figure.subplots()
@@ -22,7 +22,12 @@ def plot_masses(data: MassComparison) -> Figure:
         axes.barh(rows, data.nominal, height=0.74, color=PALE.light, label="nominal")
         axes.barh(rows, data.identified, height=0.36, color=IDENTIFIED.light, label="identified")
         if data.true is not None:
-            style = {"marker": "|", "markersize": 11, "markeredgewidth": 2.2, "linestyle": "none"}
+            style: dict[str, Any] = {
+                "marker": "|",
+                "markersize": 11,
+                "markeredgewidth": 2.2,
+                "linestyle": "none",
+            }
             axes.plot(data.true, rows, color=TRUE.light, label="true", **style)
         axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="mass [kg]")
         axes.set_xlim(left=min(0.0, float(np.min(data.identified))))
@@ -33,6 +38,8 @@ def plot_masses(data: MassComparison) -> Figure:
                 if changed:
                     label.set(fontweight="bold", color=INK.light)
         axes.grid(axis="y", visible=False)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+        order = [name for name in ("nominal", "identified", "true") if name in handles]
+        figure.legend([handles[name] for name in order], order, loc="outside upper left", ncols=3)
 
     return draw(paint, height_in=1.0 + 0.21 * len(data.names))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.report.theme import IDENTIFIED, INK, MUTED, NOMINAL, draw
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,4 +69,4 @@ def _column(axes: Axes, x: int, iteration: dict) -> None:
             x + spread[which], values[which], marker, ms=3.6, mew=1.0, color=color, label=label, alpha=0.75
         )
     if np.isfinite(values).any():
-        axes.plot([x - 0.34, x + 0.34], [np.nanmedian(values)] * 2, color=MUTED.light, lw=2.0, label="median")
+        axes.plot([x - 0.34, x + 0.34], [np.nanmedian(values)] * 2, color=INK.light, lw=2.0, label="median")

@@ -1,0 +1,73 @@
+"""Small pieces of HTML: tables, key figures, figures with captions. Everything that comes in is escaped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+
+Cell = str | float | int | bool | None
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number for reading: ``digits`` significant ones, a dash for None, ∞ for infinity.
+
+    >>> number(1234.567), number(0.000123), number(None), number(float("inf"))
+    ('1235', '1.23 · 10⁻⁴', '–', '∞')
+    """
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value == 0.0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e5:
+        decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+        return f"{value:.{decimals}f}".replace("-", "−")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa} · 10{raised}".replace("-", "−")
+
+
+def table(headers: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
+    """A table; numbers stand on the right, ``True`` and ``False`` read yes and no."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in headers)
+    body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in rows)
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _cell(value: Cell) -> str:
+    if isinstance(value, bool):
+        return f'<td class="{"good" if value else "bad"}">{"yes" if value else "no"}</td>'
+    if isinstance(value, str):
+        return f"<td>{escape(value)}</td>"
+    if isinstance(value, int):
+        return f'<td class="number">{value}</td>'
+    return f'<td class="number">{number(value)}</td>'
+
+
+def folded(summary: str, content: str) -> str:
+    """Content behind a line that opens it."""
+    return f"<details><summary>{escape(summary)}</summary>{content}</details>"
+
+
+def tile(value: str, label: str, good: bool | None = None) -> str:
+    """A key figure: the value large, what it is below; ``good`` adds a mark that does not rest on colour."""
+    mark = "" if good is None else f' <span class="{"good" if good else "bad"}">{"✓" if good else "✗"}</span>'
+    return f'<div class="tile"><b>{escape(value)}{mark}</b><span>{escape(label)}</span></div>'
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """A paragraph; ``kind`` is a CSS class."""
+    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+
+
+def section(identifier: str, title: str, lead: str, *content: str) -> str:
+    """A titled section that starts with the sentence that says what to see in it."""
+    body = "".join(part for part in content if part)
+    return f'<section id="{identifier}"><h2>{escape(title)}</h2>{paragraph(lead, "lead")}{body}</section>'
+
+
+def figure(svg: str) -> str:
+    """An inline drawing, which scrolls sideways on a narrow screen."""
+    return f'<div class="wide"><figure>{svg}</figure></div>'

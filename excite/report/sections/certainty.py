@@ -1,0 +1,39 @@
+"""How certain the base parameters became, iteration by iteration."""
+
+from __future__ import annotations
+
+from excite.report.folder import Findings
+from excite.report.html import figure, folded, section, table
+from excite.report.plots.rsd import plot_rsd
+from excite.report.sections.section import Section
+from excite.report.theme import to_svg
+
+
+class Certainty(Section):
+    """Relative standard deviations per iteration, and which parameters miss the target."""
+
+    identifier = "certainty"
+    title = "Certainty"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        if findings.campaign is None or not findings.campaign["iterations"]:
+            return ""
+        campaign = findings.campaign
+        iterations = campaign["iterations"]
+        target = campaign.get("target_rsd_percent")
+        lead = (
+            "Each point is one base parameter: with every iteration the points should sink, and those that "
+            "stay above their target are the ones that new motions are made for."
+        )
+        plot = plot_rsd(iterations, target)
+        last = iterations[-1]
+        missed = sorted(last["not_met"], key=lambda name: -(last["rsd_percent"].get(name) or float("inf")))
+        why = campaign.get("reasons", {})
+        rows = [(name, last["rsd_percent"].get(name), str(why.get(name, ""))) for name in missed]
+        listing = folded(
+            f"{len(missed)} parameters miss the target at the end",
+            table(("base parameter", "RSD [%]", "why"), rows),
+        )
+        svg = to_svg(plot, "rsd", "Relative standard deviation of each base parameter per iteration")
+        return section(self.identifier, self.title, lead, figure(svg), listing if missed else "")

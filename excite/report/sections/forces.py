@@ -1,0 +1,53 @@
+"""How well the models predict what the sensors measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from excite.report.folder import Findings
+from excite.report.html import Cell, figure, section, table
+from excite.report.plots.forces import plot_forces
+from excite.report.sections.section import Section
+from excite.report.theme import to_svg
+
+
+class Forces(Section):
+    """Measured, nominal and identified on one trial; RMSE and correlation of all trials."""
+
+    identifier = "forces"
+    title = "Prediction of forces"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        data = findings.data.forces
+        identification = findings.identification or {}
+        blocks = [
+            (
+                "Cross validation (trials that the identification has not seen)",
+                identification.get("validation"),
+            ),
+            ("Direct validation (trials that it was identified from)", identification.get("fit")),
+        ]
+        tables = [f"<h3>{title}</h3>{_fit_table(rows)}" for title, rows in blocks if rows]
+        if data is None and not tables:
+            return ""
+        content = []
+        lead = "RMSE should fall and correlation (CC) rise from the nominal to the identified model."
+        if data is not None:
+            lead = (
+                f"On {data.trial}, which the identification has not seen, the blue line of the identified "
+                "model should cover the measured one, and the dashed nominal one should not."
+            )
+            svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
+            content.append(figure(svg))
+        return section(self.identifier, self.title, lead, *content, *tables)
+
+
+def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
+    rows: list[tuple[Cell, ...]] = []
+    for channel, row in channels.items():
+        before, after = row.get("reference_rmse"), row["rmse"]
+        change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if before else "–"
+        rows.append((channel, before, after, change, row.get("reference_cc"), row.get("cc")))
+    headers = ("channel", "RMSE nominal", "RMSE identified", "change", "CC nominal", "CC identified")
+    return table(headers, rows)

@@ -1,0 +1,48 @@
+"""Masses of the segments."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.report.data import MassComparison
+from excite.report.folder import Findings
+from excite.report.html import Cell, figure, folded, section, table
+from excite.report.plots.masses import plot_masses
+from excite.report.sections.section import Section
+from excite.report.theme import to_svg
+
+
+class Masses(Section):
+    """Nominal, identified and, on a virtual robot, true masses."""
+
+    identifier = "masses"
+    title = "Masses"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        data = findings.data.masses
+        if data is None:
+            return ""
+        lead = "Where the blue bar leaves the pale one, the robot is not the model that was supplied"
+        lead += (
+            "; the green tick is the truth, which only a virtual robot tells."
+            if data.true is not None
+            else "."
+        )
+        if data.changed is not None and data.changed.any():
+            names = [name for name, changed in zip(data.names, data.changed, strict=True) if changed]
+            lead += " Named as changed: " + ", ".join(names) + "."
+        svg = to_svg(plot_masses(data), "masses", "Mass of each segment: nominal, identified, true")
+        return section(self.identifier, self.title, lead, figure(svg), folded("Numbers", _numbers(data)))
+
+
+def _numbers(data: MassComparison) -> str:
+    columns = [data.nominal, data.identified] + ([data.true] if data.true is not None else [])
+    headers = ["segment", "nominal [kg]", "identified [kg]"] + (
+        ["true [kg]"] if data.true is not None else []
+    )
+    rows: list[tuple[Cell, ...]] = [
+        (name, *(float(column[i]) for column in columns)) for i, name in enumerate(data.names)
+    ]
+    rows.append(("all", *(float(np.sum(column)) for column in columns)))
+    return table(headers, rows)

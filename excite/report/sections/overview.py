@@ -1,0 +1,80 @@
+"""The figures that say at a glance how it went."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from excite.report.folder import Findings
+from excite.report.html import number, tile
+from excite.report.sections.section import Section
+
+
+class Overview(Section):
+    """A row of key figures, each only where the folder holds it."""
+
+    identifier = "overview"
+    title = ""
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        tiles = [*_plan(findings), *_check(findings), *_conditioning(findings)]
+        tiles += [*_certainty(findings), *_fit(findings), *_mass(findings)]
+        return f'<div class="tiles" id="{self.identifier}">{"".join(tiles)}</div>' if tiles else ""
+
+
+def _plan(findings: Findings) -> Iterator[str]:
+    if findings.plan is None:
+        return
+    candidates = findings.plan["candidates"]
+    yield tile(f"{candidates['accepted']} of {candidates['generated']}", "candidate motions accepted")
+    selected = findings.plan["selected"]
+    seconds = sum(entry["duration_s"] for entry in selected)
+    yield tile(f"{len(selected)} motions", f"chosen, {seconds:.0f} s in all")
+
+
+def _check(findings: Findings) -> Iterator[str]:
+    if findings.check is not None:
+        motions = findings.check["motions"]
+        n_safe = sum(motion["safe"] for motion in motions)
+        yield tile(
+            f"{n_safe} of {len(motions)}", "motions pass the independent check", good=n_safe == len(motions)
+        )
+
+
+def _conditioning(findings: Findings) -> Iterator[str]:
+    change = findings.data.conditioning
+    if change is not None:
+        label = f"condition number of the base columns, {change.before_label} → {change.after_label}"
+        yield tile(f"{number(change.full_before)} → {number(change.full_after)}", label)
+    elif findings.plan is not None:
+        yield tile(number(findings.plan["conditioning"]["full"]), "condition number of the base columns")
+
+
+def _certainty(findings: Findings) -> Iterator[str]:
+    if findings.campaign is not None and findings.campaign["iterations"]:
+        last = findings.campaign["iterations"][-1]
+        n = len(last["rsd_percent"])
+        label = "parameters meet their certainty target"
+        yield tile(f"{n - len(last['not_met'])} of {n}", label, good=findings.campaign["targets_met"])
+
+
+def _fit(findings: Findings) -> Iterator[str]:
+    channels = (findings.identification or {}).get("validation") or {}
+    judged = [row for row in channels.values() if row.get("reference_rmse") is not None]
+    if judged:
+        better = sum(row["rmse"] < row["reference_rmse"] for row in judged)
+        label = "validation channels that the identified model predicts better than the nominal one"
+        yield tile(f"{better} of {len(judged)}", label, good=better == len(judged))
+
+
+def _mass(findings: Findings) -> Iterator[str]:
+    masses = findings.data.masses
+    if masses is None:
+        return
+    total = float(masses.identified.sum())
+    if masses.true is None:
+        yield tile(f"{total:.2f} kg", f"total mass identified; nominal {masses.nominal.sum():.2f} kg")
+        return
+    true = float(masses.true.sum())
+    label = f"total mass identified; true {true:.2f} kg, nominal {masses.nominal.sum():.2f} kg"
+    yield tile(f"{total:.2f} kg", label + f" ({100.0 * (total - true) / true:+.2f} %)".replace("-", "−"))

@@ -1,0 +1,47 @@
+"""The base parameters, whether the standard ones are physical, and warnings."""
+
+from __future__ import annotations
+
+from excite.report.folder import Findings
+from excite.report.html import Cell, folded, paragraph, section, table
+from excite.report.sections.section import Section
+
+_CHECKS = {
+    "mass_positive": "masses are positive",
+    "inertia_positive_definite": "inertias are positive definite",
+    "triangle_inequality": "inertias obey the triangle inequality",
+    "pseudo_inertia_min_eigenvalue": "smallest eigenvalue of a pseudo-inertia",
+}
+
+
+class Parameters(Section):
+    """Values with their uncertainty, behind a fold; warnings in the open."""
+
+    identifier = "parameters"
+    title = "Parameters"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        identification = findings.identification
+        if identification is None:
+            return ""
+        lead = (
+            f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
+            "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly know it."
+        )
+        warnings = [paragraph(text, "note") for text in identification.get("warnings", ())]
+        base = identification["base_parameters"]
+        rows: list[tuple[Cell, ...]] = [
+            (row["expression"], row["value"], row["std"], row["rsd_percent"]) for row in base
+        ]
+        values = folded(
+            f"{len(base)} base parameters",
+            table(("base parameter (SI)", "value", "standard deviation", "RSD [%]"), rows),
+        )
+        return section(self.identifier, self.title, lead, *warnings, _consistency(identification), values)
+
+
+def _consistency(identification: dict) -> str:
+    found = identification.get("consistency") or {}
+    rows: list[tuple[Cell, ...]] = [(label, found[name]) for name, label in _CHECKS.items() if name in found]
+    return table(("physical consistency of the standard parameters", ""), rows) if rows else ""

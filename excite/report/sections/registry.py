@@ -1,0 +1,26 @@
+"""The sections in the order of the page. A new one is one file beside this one and one line here."""
+
+from __future__ import annotations
+
+from excite.report.sections.certainty import Certainty
+from excite.report.sections.excitation import Excitation
+from excite.report.sections.forces import Forces
+from excite.report.sections.masses import Masses
+from excite.report.sections.motions import Motions
+from excite.report.sections.overview import Overview
+from excite.report.sections.parameters import Parameters
+from excite.report.sections.safety import Safety
+from excite.report.sections.section import Section
+from excite.report.sections.stages import Stages
+
+SECTIONS: tuple[Section, ...] = (
+    Overview(),
+    Motions(),
+    Safety(),
+    Excitation(),
+    Certainty(),
+    Forces(),
+    Masses(),
+    Parameters(),
+    Stages(),
+)

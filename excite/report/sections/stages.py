@@ -1,0 +1,24 @@
+"""How long each stage of the plan took."""
+
+from __future__ import annotations
+
+from excite.report.folder import Findings
+from excite.report.html import Cell, section, table
+from excite.report.sections.section import Section
+
+
+class Stages(Section):
+    """Seconds by stage."""
+
+    identifier = "stages"
+    title = "Time taken"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        stages = (findings.plan or {}).get("stages")
+        if not stages:
+            return ""
+        rows: list[tuple[Cell, ...]] = [(entry["stage"], float(entry["seconds"])) for entry in stages]
+        rows.append(("all", sum(float(entry["seconds"]) for entry in stages)))
+        lead = "The plan's stages in the order in which they ran."
+        return section(self.identifier, self.title, lead, table(("stage", "seconds"), rows))
