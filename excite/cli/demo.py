@@ -6,7 +6,7 @@ from pathlib import Path
 
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import emit, progress_lines
+from excite.cli.output import emit, progress_bars
 
 NAME = "demo"
 
@@ -19,6 +19,6 @@ def command(
 ) -> None:
     """Plan, check, run and identify on a virtual Unitree G1 with 5 kg added; ends in a report."""
     folder = out or Path("demo")
-    with progress_lines() as progress:
+    with progress_bars() as progress:
         result = excite.demo(folder, seed=seed, jobs=jobs, progress=progress)
     emit(result.summary(), result.to_json(), as_json=as_json)
