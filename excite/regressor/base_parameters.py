@@ -1,0 +1,172 @@
+"""Base parameters: the combinations of parameters that a regressor determines (Gautier 1991)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from excite.errors import InputError
+from excite.regressor.columns import measured_columns, regressor_rows
+from excite.robot.robot import Array, Robot
+
+# Coefficients this close to 0, 1 or -1 are these; what rounding leaves is far smaller.
+_CLEAN = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """Base parameters of a regressor ``Y``: ``Y @ phi == Y[:, independent] @ (matrix @ phi)``.
+
+    Attributes:
+        names: of all columns, ``(n,)``.
+        independent: ``(n_base,)`` columns that stand for the base parameters, increasing.
+        matrix: ``(n_base, n)``: base parameters as combinations of all parameters [SI].
+        expressions: each of them in words, such as ``Izz(link1) + Iyy(link2) - 0.41·mx(link3)``.
+        smallest_kept: smallest share of an independent column that the earlier ones do not explain.
+        largest_dropped: the largest such share of a dependent column; far below, or the rank is in doubt.
+    """
+
+    names: tuple[str, ...]
+    independent: NDArray[np.int64]
+    matrix: Array
+    expressions: tuple[str, ...]
+    smallest_kept: float
+    largest_dropped: float
+
+    @property
+    def rank(self) -> int:
+        """Number of base parameters."""
+        return len(self.independent)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Name of each base parameter's own column, the first term of its expression."""
+        return tuple(self.names[column] for column in self.independent)
+
+    def values(self, phi: Array) -> Array:
+        """Base parameters ``(n_base,)`` of parameters ``(n,)`` in the order of ``names`` [SI]."""
+        return self.matrix @ phi
+
+    def summary(self) -> str:
+        """Number of parameters and how clear-cut it is."""
+        return (
+            f"{self.rank} base parameters of {len(self.names)} "
+            f"(weakest kept {self.smallest_kept:.1e}, strongest dropped {self.largest_dropped:.1e})"
+        )
+
+
+def base_parameters(rows: Array, names: Sequence[str], tol: float = 1e-8) -> BaseParameters:
+    """Base parameters of the given regressor rows.
+
+    Columns are taken one by one, in their order, and kept where the ones before do not explain them:
+    parameters of segments near the root stay, those of later segments are grouped with them.
+
+    Args:
+        rows: ``(m, n)`` regressor, or an R factor of it.
+        names: of the columns, ``(n,)``.
+        tol: a column is dependent when less than this share of its norm is left unexplained, and zero when
+            its norm is below this share of the largest.
+
+    Returns:
+        The base parameters.
+
+    Raises:
+        InputError: wrong shape, NaN, or no column with anything in it.
+    """
+    rows = np.asarray(rows, dtype=float)
+    if rows.ndim != 2 or rows.shape[1] != len(names):
+        raise InputError(f"regressor of shape {rows.shape} for {len(names)} names")
+    if not np.isfinite(rows).all():
+        raise InputError("regressor holds NaN or infinity", remedy="check the motion")
+    if rows.shape[0] > rows.shape[1]:
+        rows = np.linalg.qr(rows, mode="r")
+    norms = np.linalg.norm(rows, axis=0)
+    present = norms > tol * norms.max(initial=0.0)
+    if not present.any():
+        raise InputError("regressor is zero", remedy="hand over a motion that moves")
+    scaled = np.where(present, rows / np.where(present, norms, 1.0), 0.0)
+    basis, shares = _orthonormal_basis(scaled, tol)
+    kept = shares > tol
+    independent = np.flatnonzero(kept)
+    weights = solve_triangular(basis.T @ scaled[:, kept], basis.T @ scaled) * norms / norms[kept, None]
+    matrix = _cleaned(weights)
+    matrix[:, independent] = np.eye(len(independent))
+    # A column is explained by the columns before it alone.
+    matrix[independent[:, None] > np.arange(len(names))] = 0.0
+    dropped = shares[present & ~kept]
+    return BaseParameters(
+        names=tuple(names),
+        independent=independent,
+        matrix=matrix,
+        expressions=tuple(combination(row, names) for row in matrix),
+        smallest_kept=float(shares[kept].min()),
+        largest_dropped=float(dropped.max(initial=0.0)),
+    )
+
+
+def structural_base_parameters(
+    robot: Robot, drives: Sequence[str] = ("viscous", "coulomb"), seed: int = 0
+) -> BaseParameters:
+    """Base parameters of a robot under free motion: what its sensors could determine at best.
+
+    Args:
+        robot: the robot; the columns are those of :func:`~excite.regressor.columns.measured_columns`.
+        drives: terms of each joint's drive, for an arm.
+        seed: of the random q, v, a at which the regressor is evaluated.
+
+    Returns:
+        The base parameters; they depend on the robot's geometry alone, not on limits or contacts.
+    """
+    columns = measured_columns(robot, drives)
+    random = np.random.default_rng(seed)
+    rows_a_sample = 6 if robot.floating else robot.n_joints
+    n = 3 * len(columns.names) // rows_a_sample + 1
+    q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
+    if robot.floating:
+        q[:, 3:7] = random.normal(size=(n, 4))
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    v = random.normal(size=(n, robot.model.nv))
+    a = 5.0 * random.normal(size=(n, robot.model.nv))
+    rows = regressor_rows(robot, columns, q, v, a)
+    return base_parameters(rows.reshape(-1, len(columns.names)), columns.names)
+
+
+def combination(weights: Array, names: Sequence[str], digits: int = 3) -> str:
+    """A linear combination in words; terms of weight zero are left out."""
+    parts: list[str] = []
+    for weight, name in zip(weights, names, strict=True):
+        if weight == 0.0:
+            continue
+        size = abs(weight)
+        term = name if size == 1.0 else f"{size:.{digits}g}·{name}"
+        sign = "-" if weight < 0.0 else "+"
+        parts.append(f"{sign} {term}" if parts else (f"-{term}" if weight < 0.0 else term))
+    return " ".join(parts) if parts else "0"
+
+
+def _orthonormal_basis(columns: Array, tol: float) -> tuple[Array, Array]:
+    """Basis of the columns kept one by one, and the unexplained share of each column's norm.
+
+    Gram-Schmidt with a second pass, which keeps the basis orthonormal to rounding.
+    """
+    basis = np.empty((columns.shape[0], min(columns.shape)), order="F")
+    shares, rank = np.zeros(columns.shape[1]), 0
+    for j in range(columns.shape[1]):
+        rest, known = columns[:, j].copy(), basis[:, :rank]
+        for _ in range(2):
+            rest -= known @ (known.T @ rest)
+        shares[j] = np.linalg.norm(rest)
+        if shares[j] > tol and rank < basis.shape[1]:
+            basis[:, rank] = rest / shares[j]
+            rank += 1
+    return basis[:, :rank], shares
+
+
+def _cleaned(weights: Array) -> Array:
+    """Weights with the dust of rounding removed from 0, 1 and -1."""
+    nearest = np.clip(np.round(weights), -1.0, 1.0)
+    return np.where(np.abs(weights - nearest) < _CLEAN, nearest, weights)
