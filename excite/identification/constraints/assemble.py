@@ -1,0 +1,44 @@
+"""All linear constraints of eq. (4) of Jovic et al., Humanoids 2015, from the settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from excite.identification.constraints.com_box import com_in_box, equivalent_boxes
+from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.mass import measured_total_mass, non_negative_masses, total_mass
+from excite.identification.constraints.symmetry import symmetric_pairs
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.regression import Regression
+
+
+@dataclass(frozen=True, eq=False)
+class ModelConstraints:
+    """Constraints on a robot's parameters.
+
+    Attributes:
+        linear: all linear rows.
+        total_mass: mass that they impose on the sum [kg], None where it is free.
+    """
+
+    linear: LinearConstraints
+    total_mass: float | None
+
+
+def model_constraints(rows: Regression, settings: EstimatorSettings) -> ModelConstraints:
+    """All constraints of eq. (4) but the inertia's.
+
+    The total mass is the weighed one, else what the measured forces determine, else free.
+    """
+    problem = rows.problem
+    boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
+    parts = [non_negative_masses(problem), com_in_box(problem, boxes)]
+    mass = settings.total_mass
+    if mass is None:
+        measured = measured_total_mass(rows)
+        mass = measured.value if measured.identifiable else None
+    if mass is not None:
+        parts.append(total_mass(problem, mass))
+    if settings.symmetry is not None:
+        parts.append(symmetric_pairs(problem, settings.symmetry))
+    return ModelConstraints(stack(parts, problem.n_params), mass)

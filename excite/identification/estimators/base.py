@@ -1,0 +1,89 @@
+"""What every estimator takes and gives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import Enum
+from typing import ClassVar
+
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import Regression
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.robot.robot import Array
+
+
+class SolveStatus(Enum):
+    """How a solve ended; the value is advice."""
+
+    SOLVED = "solved: optimality and constraints were recomputed from the answer"
+    INFEASIBLE = (
+        "no parameters meet all constraints; check the total mass and the boxes of the centres of mass, "
+        "or loosen the symmetry"
+    )
+    NOT_OPTIMAL = "the solver stopped short of the optimum; raise alpha or use another method"
+    VIOLATED = "the solver's answer breaks constraints that it was given; do not use it, try another method"
+    CUT_LIMIT = (
+        "positive definiteness was not reached within the allowed cuts; raise inertia_floor or use lmi"
+    )
+    NOT_FINITE = "the rows or the answer hold numbers that are not finite; check the log's channels"
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Parameters found by an estimator, with checks that do not come from its solver.
+
+    Attributes:
+        method: registry name of the estimator.
+        parameters: ``(n_params,)``.
+        status: how the solve ended.
+        regression: the rows as the estimator weighted them.
+        residual: root mean square of the weighted residual.
+        distance: bound on the distance to the optimum, in standard deviations of the noise (0 where there
+            is no solver to distrust).
+        violations: largest violation of each kind of constraint (kg, or kg·m, kg·m²).
+        active: labels of constraints that hold with equality.
+        total_mass: mass to which the sum was tied [kg], None where it was free.
+    """
+
+    method: str
+    parameters: Array
+    status: SolveStatus
+    regression: Regression
+    residual: float
+    distance: float = 0.0
+    violations: dict[str, float] | None = None
+    active: tuple[str, ...] = ()
+    total_mass: float | None = None
+
+
+class Estimator(ABC):
+    """A way to parameters from an :class:`~excite.identification.problem.IdentificationProblem`.
+
+    A new one is a file with a subclass and a line in
+    :mod:`excite.identification.estimators.registry`.
+
+    Attributes:
+        name: registry name.
+        title: what it is, in a few words.
+        consistent: whether its parameters are those of bodies that can exist.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    consistent: ClassVar[bool] = False
+
+    @abstractmethod
+    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
+        """Estimate the parameters.
+
+        Args:
+            problem: the rows; not changed.
+            settings: settings; those that do not concern the estimator are ignored.
+
+        Returns:
+            The estimate, its residual recomputed.
+
+        Raises:
+            NoSolutionError: no parameters were found that pass the checks; ``best`` is the best Estimate.
+        """

@@ -1,0 +1,71 @@
+"""An estimate whose status comes from the answer itself, never from the solver that gave it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.errors import NoSolutionError
+from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.estimators.base import Estimate, SolveStatus
+from excite.identification.estimators.ridge import Ridge
+from excite.identification.regression import Regression
+from excite.robot.robot import Array
+
+# Largest accepted distance to the optimum and violation, in standard deviations of the noise.
+DISTANCE_TOLERANCE = 1e-3
+VIOLATION_TOLERANCE = 1e-5
+
+
+def checked_estimate(
+    method: str,
+    rows: Regression,
+    objective: Ridge,
+    z: Array,
+    distance: float,
+    constraints: LinearConstraints,
+) -> Estimate:
+    """Residual, violations and status of an answer.
+
+    Args:
+        method: name of the estimator.
+        rows: the rows as weighted.
+        objective: the objective.
+        z: the answer, ``(n_free,)``.
+        distance: bound on its distance to the optimum, in standard deviations of the noise.
+        constraints: what it should meet, rows of unit length on ``z``.
+    """
+    problem = rows.problem
+    parameters = objective.parameters(z)
+    violation = constraints.violations(z)
+    kinds = [label.split(":")[0] for label in constraints.labels]
+    worst = dict.fromkeys(kinds, 0.0)
+    for kind, value in zip(kinds, violation, strict=True):
+        worst[kind] = max(worst[kind], float(value))
+    status = SolveStatus.SOLVED
+    if not np.isfinite(parameters).all() or not np.isfinite(distance):
+        status = SolveStatus.NOT_FINITE
+    elif max(worst.values(), default=0.0) > VIOLATION_TOLERANCE:
+        status = SolveStatus.VIOLATED
+    elif distance > DISTANCE_TOLERANCE + 1e-9 * float(np.abs(objective.target).max()):
+        status = SolveStatus.NOT_OPTIMAL
+    slack = constraints.matrix @ z - constraints.bound
+    active = [label for label, s in zip(constraints.labels, slack, strict=True) if s < VIOLATION_TOLERANCE]
+    weighted = problem.residual(parameters) / rows.std[problem.channel]
+    return Estimate(
+        method=method,
+        parameters=parameters,
+        status=status,
+        regression=rows,
+        residual=float(np.sqrt(np.mean(weighted**2))),
+        distance=distance,
+        violations=worst,
+        active=tuple(dict.fromkeys(active)),
+    )
+
+
+def no_solution(status: SolveStatus, best: Estimate) -> NoSolutionError:
+    """The error of a failed solve, with the best estimate and advice."""
+    reason = status.name.lower().replace("_", " ")
+    return NoSolutionError(
+        f"method {best.method} found no solution ({reason})", best=best, remedy=status.value
+    )

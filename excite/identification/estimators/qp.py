@@ -1,0 +1,61 @@
+"""The constrained quadratic program of eq. (4), Jovic et al., Humanoids 2015."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from excite.identification.constraints.assemble import model_constraints
+from excite.identification.constraints.inertia_cone import inertia_cone
+from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
+from excite.identification.estimators.checked import checked_estimate, no_solution
+from excite.identification.estimators.projection import Projector, distance_to_optimum, project
+from excite.identification.estimators.ridge import ridge
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import iterate_weights, regression
+
+_MAX_ROUNDS = 60
+_CONE_TOLERANCE = 1e-3
+
+
+class QuadraticProgram(Estimator):
+    """Least squares with a pull to the nominal model, under the linear constraints of Jovic et al. 2015.
+
+    Channels are weighted as in ``wls``. Scaling of the pull: see
+    :class:`~excite.identification.estimators.ridge.Ridge`.
+    """
+
+    name: ClassVar[str] = "qp"
+    title: ClassVar[str] = "constrained quadratic program of Jovic et al. 2015"
+
+    def __init__(self, projector: Projector = project):
+        self._projector = projector
+
+    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`; uses every setting."""
+        rows = iterate_weights(regression(problem))
+        objective = ridge(rows, settings)
+        model = model_constraints(rows, settings)
+        cone = inertia_cone(problem, settings.inertia_floor, settings.sphere_subdivisions)
+        rotated = objective.constraints(model.linear)
+        nothing = LinearConstraints(np.zeros((0, len(objective.target))), np.zeros(0), ())
+        # What would be best without constraints, should none be found with them.
+        best = checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing)
+        for _ in range(_MAX_ROUNDS):
+            answer = self._projector(objective.target, rotated)
+            if answer is None:
+                raise no_solution(SolveStatus.INFEASIBLE, best)
+            distance = distance_to_optimum(objective.target, rotated, answer)
+            best = checked_estimate(self.name, rows, objective, answer.z, distance, rotated)
+            best = replace(best, total_mass=model.total_mass)
+            if best.status is not SolveStatus.SOLVED:
+                raise no_solution(best.status, best)
+            cuts = cone.cuts(best.parameters, _CONE_TOLERANCE)
+            if not len(cuts.bound):
+                return best
+            rotated = stack([rotated, objective.constraints(cuts)], len(objective.target))
+        raise no_solution(SolveStatus.CUT_LIMIT, best)

@@ -1,0 +1,27 @@
+"""The estimators by name; adding one takes its file and a line here."""
+
+from __future__ import annotations
+
+from excite.errors import UnknownNameError
+from excite.identification.estimators.base import Estimator
+from excite.identification.estimators.lmi import PhysicallyConsistent
+from excite.identification.estimators.ls import LeastSquares
+from excite.identification.estimators.qp import QuadraticProgram
+from excite.identification.estimators.wls import WeightedLeastSquares
+
+ESTIMATORS: dict[str, type[Estimator]] = {
+    estimator.name: estimator
+    for estimator in (
+        LeastSquares,
+        WeightedLeastSquares,
+        QuadraticProgram,
+        PhysicallyConsistent,
+    )
+}
+
+
+def find_estimator(name: str) -> Estimator:
+    """The estimator of that name; raises UnknownNameError."""
+    if name not in ESTIMATORS:
+        raise UnknownNameError("method", name, sorted(ESTIMATORS))
+    return ESTIMATORS[name]()

@@ -1,0 +1,90 @@
+"""The objective of eq. (4) of Jovic et al. 2015 as a distance, in scaled and rotated parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from excite.errors import NoSolutionError
+from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.estimators.base import SolveStatus
+from excite.identification.regression import Regression, prior_std, square_factor
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ridge:
+    """``‖W(Yθ − y)‖² + α ‖(θ − θ₀)/s‖² = ‖z − d‖² + const`` with ``z = R (θ − θ₀)/s``.
+
+    The rows are divided by the noise's standard deviation and by the root of its integrated autocorrelation,
+    the parameters by how far they may lie from nominal: at ``α = 1`` the minimum is the most probable model.
+    In ``z`` the objective is a plain distance, so solvers meet no bad conditioning from it, and a duality
+    gap bounds the distance to the optimum in standard deviations.
+
+    Attributes:
+        center: ``θ₀``, ``(n_params,)``.
+        scales: ``s``, ``(n_params,)``.
+        free: ``(n_free,)`` indices of the parameters that may move.
+        factor: ``R``, upper triangular ``(n_free, n_free)``.
+        target: ``d``, ``(n_free,)``: the unconstrained optimum.
+    """
+
+    center: Array
+    scales: Array
+    free: NDArray[np.int64]
+    factor: Array
+    target: Array
+
+    def parameters(self, z: Array) -> Array:
+        """``θ`` of ``z``, ``(n_params,)``."""
+        theta = self.center.copy()
+        theta[self.free] += self.scales[self.free] * solve_triangular(self.factor, z)
+        return theta
+
+    def rotate(self, rows: Array) -> Array:
+        """Rows that act on ``θ`` made to act on ``z``, ``(n_rows, n_free)``."""
+        scaled = (rows[:, self.free] * self.scales[self.free]).T
+        return solve_triangular(self.factor, scaled, trans="T").T
+
+    def constraints(self, constraints: LinearConstraints) -> LinearConstraints:
+        """The same constraints on ``z``, each row of unit length; rows without a free parameter left out."""
+        matrix = self.rotate(constraints.matrix)
+        bound = constraints.bound - constraints.matrix @ self.center
+        length = np.linalg.norm(matrix, axis=1)
+        kept = length > 0.0
+        n_equal = int(kept[: constraints.n_equal].sum())
+        labels = tuple(label for label, keep in zip(constraints.labels, kept, strict=True) if keep)
+        return LinearConstraints(
+            matrix[kept] / length[kept, None], bound[kept] / length[kept], labels, n_equal
+        )
+
+
+def ridge(rows: Regression, settings: EstimatorSettings) -> Ridge:
+    """Build the objective from weighted rows; parameters of unmeasured segments are not free.
+
+    Raises:
+        NoSolutionError: the rows hold numbers that are not finite.
+    """
+    problem = rows.problem
+    if not np.isfinite(rows.factor).all():
+        raise NoSolutionError("the rows are not finite", remedy=SolveStatus.NOT_FINITE.value)
+    scales = prior_std(problem, settings.prior_spread)
+    frozen = np.zeros(problem.n_params, dtype=bool)
+    for segment in problem.unmeasured:
+        frozen[problem.robot.parameter_columns(segment)] = True
+    free = np.flatnonzero(~frozen)
+    inflation = np.ones(len(rows.std)) if rows.noise is None else rows.noise.inflation
+    data = square_factor(
+        np.vstack(list(rows.channel_factors / (rows.std * np.sqrt(inflation))[:, None, None]))
+    )
+    data[:, -1] -= data[:, :-1] @ problem.prior
+    tall = np.zeros((len(data) + len(free), len(free) + 1))
+    tall[: len(data), :-1] = data[:, free] * scales[free]
+    tall[: len(data), -1] = data[:, -1]
+    tall[len(data) :, :-1] = np.sqrt(settings.alpha) * np.eye(len(free))
+    r = square_factor(tall)
+    return Ridge(problem.prior.copy(), scales, free, r[:-1, :-1], r[:-1, -1])

@@ -1,0 +1,57 @@
+"""Ten inertial parameters as matrices: inertia, inertia about the centre of mass, pseudo-inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.robot.robot import Array
+
+# Places of Ixx, Ixy, Iyy, Ixz, Iyz, Izz (pinocchio's order) in the symmetric 3×3 matrix.
+_ROWS = np.array([0, 0, 1, 0, 1, 2])
+_COLUMNS = np.array([0, 1, 1, 2, 2, 2])
+# From pinocchio's order to the files' order Ixx, Iyy, Izz, Ixy, Ixz, Iyz.
+FILE_ORDER = (0, 2, 5, 1, 3, 4)
+
+
+def inertia_matrices(parameters: Array) -> Array:
+    """Inertia about the joint frame's origin, ``(n_segments, 3, 3)`` [kg·m²].
+
+    Args:
+        parameters: ``(10·n_segments,)`` in pinocchio's order.
+    """
+    six = np.asarray(parameters, dtype=float).reshape(-1, 10)[:, 4:]
+    matrices = np.empty((len(six), 3, 3))
+    matrices[:, _ROWS, _COLUMNS] = six
+    matrices[:, _COLUMNS, _ROWS] = six
+    return matrices
+
+
+def pseudo_inertia_matrices(parameters: Array) -> Array:
+    """Pseudo-inertia ``[[½ tr(I)·1 − I, h], [hᵀ, m]]`` of each segment, ``(n_segments, 4, 4)``.
+
+    A rigid body of positive density exists exactly where it is positive definite (Wensing, Kim and Slotine,
+    IEEE RA-L 2018, eq. 10).
+
+    Args:
+        parameters: ``(10·n_segments,)`` in pinocchio's order, joint frames.
+    """
+    ten = np.asarray(parameters, dtype=float).reshape(-1, 10)
+    inertia = inertia_matrices(parameters)
+    half_trace = 0.5 * np.trace(inertia, axis1=1, axis2=2)
+    pseudo = np.empty((len(ten), 4, 4))
+    pseudo[:, :3, :3] = half_trace[:, None, None] * np.eye(3) - inertia
+    pseudo[:, :3, 3] = pseudo[:, 3, :3] = ten[:, 1:4]
+    pseudo[:, 3, 3] = ten[:, 0]
+    return pseudo
+
+
+def central_inertia_matrices(parameters: Array) -> Array:
+    """Inertia about each segment's centre of mass, joint axes, ``(n_segments, 3, 3)`` [kg·m²].
+
+    A segment whose mass is not positive has no centre of mass; its rows are NaN.
+    """
+    ten = np.asarray(parameters, dtype=float).reshape(-1, 10)
+    mass = np.where(ten[:, 0] > 0.0, ten[:, 0], np.nan)
+    h = ten[:, 1:4]
+    square = np.einsum("ij,ij->i", h, h)[:, None, None] * np.eye(3) - np.einsum("ij,ik->ijk", h, h)
+    return inertia_matrices(parameters) - square / mass[:, None, None]

@@ -1,0 +1,236 @@
+"""Noise that is correlated in time and between channels, estimated from residuals.
+
+Filtered signals have neighbouring samples that share their noise, and wrenches moved to the base share
+their force noise between channels; formulae that count every row as independent promise too much.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.identification.problem import IdentificationProblem
+from excite.robot.robot import Array
+
+# Lags, in independent samples of the filter, over which filtered noise is still correlated.
+_FILTER_MEMORY = 8.0
+_LARGEST_SHARE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class TrialGrid:
+    """Rows of one trial laid out on a uniform time grid.
+
+    Attributes:
+        rows: ``(n_rows_of_trial,)`` indices into the problem's rows.
+        sample: ``(n_rows_of_trial,)`` index of each row's instant on the grid.
+        n_samples: length of the grid; instants without a row are gaps.
+    """
+
+    rows: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    n_samples: int
+
+    def spread(self, values: Array, channel: NDArray[np.int64], n_channels: int) -> Array:
+        """Values of the trial's rows as ``(n_samples, n_channels, …)``, zero in gaps."""
+        grid = np.zeros((self.n_samples, n_channels, *values.shape[1:]))
+        grid[self.sample, channel[self.rows]] = values
+        return grid
+
+
+def trial_grids(problem: IdentificationProblem) -> tuple[TrialGrid, ...]:
+    """Lay the rows of every trial on a uniform grid whose step is the median step of its times."""
+    grids = []
+    for trial in range(len(problem.trial_names)):
+        rows = np.flatnonzero(problem.trial == trial)
+        if not len(rows):
+            continue
+        time = problem.time[rows]
+        steps = np.diff(np.unique(time))
+        step = float(np.median(steps)) if len(steps) else 1.0
+        sample = np.round((time - time.min()) / step).astype(np.int64)
+        grids.append(TrialGrid(rows, sample, int(sample.max()) + 1))
+    return tuple(grids)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """Stationary noise of a problem's channels.
+
+    Attributes:
+        std: ``(n_channels,)`` standard deviation of each channel [N or N·m].
+        autocovariance: ``(n_lags, n_channels, n_channels)``, ``E r(t) r(t+l)ᵀ`` for ``l = 0 …`` of the
+            residuals divided by ``std``, tapered.
+    """
+
+    std: Array
+    autocovariance: Array
+
+    @property
+    def inflation(self) -> Array:
+        """Integrated autocorrelation ``Σ ρ(l)`` of each channel, ``(n_channels,)``, at least 1.
+
+        A constant seen through this noise is as uncertain as with so many times fewer independent rows.
+        """
+        diagonal = np.einsum("lcc->lc", self.autocovariance)
+        return np.maximum(1.0, diagonal[0] + 2.0 * diagonal[1:].sum(axis=0))
+
+    def spectrum(self, n_fft: int) -> Array:
+        """Spectral matrices ``(n_fft//2 + 1, n_channels, n_channels)`` of the scaled noise, positive semidefinite."""
+        n_lags = len(self.autocovariance)
+        padded = np.zeros((n_fft, *self.autocovariance.shape[1:]))
+        padded[:n_lags] += self.autocovariance.transpose(0, 2, 1)
+        padded[n_fft - n_lags + 1 :] += self.autocovariance[:0:-1]
+        spectrum = np.fft.rfft(padded, axis=0)
+        values, vectors = np.linalg.eigh(0.5 * (spectrum + spectrum.conj().transpose(0, 2, 1)))
+        return (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.conj().transpose(0, 2, 1)
+
+    def scaled(self, factor: float) -> NoiseModel:
+        """The same noise with its variance multiplied by ``factor``."""
+        return NoiseModel(self.std * np.sqrt(factor), self.autocovariance)
+
+
+def estimate_noise(
+    problem: IdentificationProblem, grids: tuple[TrialGrid, ...], residual: Array
+) -> NoiseModel:
+    """Estimate the autocovariance of residuals, tapered by a flat-top window, pooled over trials.
+
+    The window (Politis and Romano 1995: one up to half its length, then falling linearly) reaches as far as
+    the filter's memory and as the autocorrelation that the residuals themselves show.
+
+    Args:
+        problem: the problem whose rows the residuals belong to.
+        grids: its trials' grids.
+        residual: ``(n_rows,)``.
+    """
+    n_channels = len(problem.channel_names)
+    std = np.array([_rms(residual[problem.channel == c]) for c in range(n_channels)])
+    std = np.where(std > 0.0, std, 1.0)
+    scaled = residual / std[problem.channel]
+    shortest = min(grid.n_samples for grid in grids)
+    memory = int(np.ceil(_FILTER_MEMORY / min(1.0, problem.noise_bandwidth)))
+    limit = max(1, min(4 * memory, int(_LARGEST_SHARE * shortest)))
+    covariance = _pooled_autocovariance(problem, grids, scaled, limit + 1)
+    n_lags = min(limit, memory if problem.noise_bandwidth < 1.0 else 1)
+    n_lags = max(n_lags, _correlation_length(covariance, sum(grid.n_samples for grid in grids)))
+    lags = np.arange(min(n_lags, limit) + 1)
+    window = np.clip(2.0 * (1.0 - lags / (lags[-1] + 1.0)), 0.0, 1.0)
+    return NoiseModel(std, covariance[: len(lags)] * window[:, None, None])
+
+
+def _pooled_autocovariance(
+    problem: IdentificationProblem, grids: tuple[TrialGrid, ...], scaled: Array, n_lags: int
+) -> Array:
+    """``Σ r(t) r(t+l)ᵀ`` over all trials divided by the number of pairs at lag zero (so that it is PSD)."""
+    n_channels = len(problem.channel_names)
+    total = np.zeros((n_lags, n_channels, n_channels))
+    counts = np.zeros(n_channels)
+    for grid in grids:
+        r = grid.spread(scaled[grid.rows], problem.channel, n_channels)
+        counts += np.bincount(problem.channel[grid.rows], minlength=n_channels)
+        n_fft = _fft_length(grid.n_samples + n_lags)
+        f = np.fft.rfft(r, n_fft, axis=0)
+        cross = np.fft.irfft(f.conj()[:, :, None] * f[:, None, :], n_fft, axis=0)
+        total += cross[:n_lags]
+    scale = np.sqrt(np.maximum(counts, 1.0))
+    return total / np.outer(scale, scale)
+
+
+def _correlation_length(covariance: Array, n_samples: int) -> int:
+    """Lag after which no channel's autocorrelation leaves the noise band, doubled for the taper."""
+    diagonal = np.abs(np.einsum("lcc->lc", covariance)) / np.maximum(
+        np.einsum("cc->c", covariance[0]), 1e-300
+    )
+    # Autocorrelations of correlated noise scatter as 1/√(independent samples), not 1/√(samples).
+    independent = n_samples / max(1.0, 1.0 + 2.0 * float((diagonal[1:] ** 2).sum(axis=0).max()))
+    outside = np.flatnonzero((diagonal > 2.5 / np.sqrt(max(independent, 1.0))).any(axis=1))
+    return int(2 * outside[-1]) if len(outside) else 0
+
+
+def sandwich_meat(
+    problem: IdentificationProblem, grids: tuple[TrialGrid, ...], columns: Array, noise: NoiseModel
+) -> Array:
+    """``XᵀΣX`` with ``Σ`` the covariance of all rows under a noise model, ``(k, k)``.
+
+    Computed trial by trial in the frequency domain: ``1/N Σ_f X̂(f)ᴴ S(f) X̂(f)`` with zero padding, which
+    equals the sum over all pairs of instants.
+
+    Args:
+        problem: the problem.
+        grids: its trials' grids.
+        columns: ``X``, ``(n_rows, k)``, in the units in which the noise's ``std`` is one.
+        noise: the noise model; ``std`` is not used.
+    """
+    n_channels = len(problem.channel_names)
+    meat = np.zeros((columns.shape[1], columns.shape[1]))
+    for grid in grids:
+        n_fft = _fft_length(grid.n_samples + len(noise.autocovariance))
+        values, vectors = np.linalg.eigh(noise.spectrum(n_fft))
+        # Frequencies at which the noise has nothing add nothing: most of them, after a low-pass filter.
+        kept = values.max(axis=1) > 1e-7 * values.max()
+        kept_values = np.maximum(values[kept], 0.0)
+        root = np.sqrt(kept_values)[:, :, None] * vectors[kept].conj().transpose(0, 2, 1)
+        double = np.full(n_fft // 2 + 1, 2.0)
+        double[0] = 1.0
+        if n_fft % 2 == 0:
+            double[-1] = 1.0
+        root *= np.sqrt(double[kept] / n_fft)[:, None, None]
+        x = grid.spread(columns[grid.rows], problem.channel, n_channels)
+        z = (root @ np.fft.rfft(x, n_fft, axis=0)[kept]).reshape(-1, columns.shape[1])
+        meat += z.real.T @ z.real + z.imag.T @ z.imag
+    return meat
+
+
+def whitened_factor(
+    problem: IdentificationProblem, grids: tuple[TrialGrid, ...], columns: Array, noise: NoiseModel
+) -> Array:
+    """Triangular factor of the rows after the noise has been made white, ``(≤ k, k)``.
+
+    Each trial is taken to the frequency domain and multiplied by ``S(f)^{-1/2}``; frequencies and channel
+    combinations in which the noise has less than a thousandth of its greatest power, which a filter has
+    removed from both sides, are dropped. Least squares on the result is generalised least squares.
+
+    Args:
+        problem: the problem.
+        grids: its trials' grids.
+        columns: ``(n_rows, k)`` in the problem's units.
+        noise: the noise model.
+    """
+    n_channels = len(problem.channel_names)
+    factor = np.zeros((0, columns.shape[1]))
+    for grid in grids:
+        values, vectors = np.linalg.eigh(noise.spectrum(grid.n_samples))
+        usable = values > 1e-3 * values.max()
+        root = np.where(usable, 1.0 / np.sqrt(np.where(usable, values, 1.0)), 0.0)
+        kept = usable.any(axis=1)
+        double = np.full(len(values), 2.0)
+        double[0] = 1.0
+        if grid.n_samples % 2 == 0:
+            double[-1] = 1.0
+        root = root[kept] * np.sqrt(double[kept] / grid.n_samples)[:, None]
+        whiten = root[:, :, None] * vectors[kept].conj().transpose(0, 2, 1)
+        rows = grid.rows
+        scaled = columns[rows] / noise.std[problem.channel[rows], None]
+        z = whiten @ np.fft.rfft(grid.spread(scaled, problem.channel, n_channels), axis=0)[kept]
+        z = z.reshape(-1, columns.shape[1])
+        factor = np.linalg.qr(np.vstack([factor, z.real, z.imag]), mode="r")
+    return factor
+
+
+def _fft_length(n: int) -> int:
+    """Next product of small primes, at which the transform is fast."""
+    length = n
+    while True:
+        rest = length
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return length
+        length += 1
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

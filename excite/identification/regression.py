@@ -1,0 +1,152 @@
+"""A problem condensed for estimation: triangular factors, channel weights, scaled parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from excite.identification.inertia import central_inertia_matrices
+from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids
+from excite.identification.problem import IdentificationProblem
+from excite.robot.robot import Array
+
+_BLOCK = 4096
+# Singular values of the column-scaled rows below this share of the greatest are structural zeros.
+RANK_TOLERANCE = 1e-8
+_SMALLEST_MASS = 0.02
+_SMALLEST_RADIUS = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """A problem reduced to small matrices; every estimator works on these.
+
+    Attributes:
+        problem: the problem.
+        grids: time grids of its trials.
+        channel_factors: per channel, ``R`` of ``[Y y] = Q R``, ``(n_channels, n_params+1, n_params+1)``.
+        std: standard deviation of each channel's noise ``(n_channels,)`` [N or N·m].
+        noise: noise model of the last residuals, None before weights have been iterated.
+    """
+
+    problem: IdentificationProblem
+    grids: tuple[TrialGrid, ...]
+    channel_factors: Array
+    std: Array
+    noise: NoiseModel | None = None
+
+    @cached_property
+    def factor(self) -> Array:
+        """``R`` of the rows divided by ``std``, measurement last, ``(n_params+1, n_params+1)``."""
+        scaled = self.channel_factors / self.std[:, None, None]
+        return square_factor(np.vstack(list(scaled)))
+
+    def weighted(self, std: Array, noise: NoiseModel | None = None) -> Regression:
+        """The same rows with other channel weights ``1/std``."""
+        return replace(self, std=np.asarray(std, dtype=float), noise=noise)
+
+    def residual_variances(self, parameters: Array) -> Array:
+        """Mean square residual of each channel, ``(n_channels,)``, from the channel factors."""
+        tail = np.append(parameters, -1.0)
+        squares = np.einsum("cij,j->ci", self.channel_factors, tail)
+        counts = np.bincount(self.problem.channel, minlength=len(self.channel_factors))
+        return (squares**2).sum(axis=1) / np.maximum(counts, 1)
+
+
+def regression(problem: IdentificationProblem) -> Regression:
+    """Condense a problem, all channels weighted alike (the unweighted least squares of eq. 3, Jovic 2015)."""
+    width = problem.n_params + 1
+    factors = np.zeros((len(problem.channel_names), width, width))
+    for c in range(len(problem.channel_names)):
+        rows = np.flatnonzero(problem.channel == c)
+        r = np.zeros((0, width))
+        for start in range(0, len(rows), _BLOCK):
+            block = rows[start : start + _BLOCK]
+            r = np.linalg.qr(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]), mode="r")
+        factors[c, : len(r)] = r
+    return Regression(problem, trial_grids(problem), factors, np.ones(len(problem.channel_names)))
+
+
+def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float = 1e-3) -> Regression:
+    """Weight each channel by one over the standard deviation of its own least-squares residual.
+
+    Starts from the weights that the problem states; stops when no weight moves by more than ``tolerance``.
+    The noise model of the final residuals comes with the result, scaled up for the degrees of freedom that
+    the fit has taken.
+    """
+    problem = rows.problem
+    std = stated_std(problem)
+    for _ in range(iterations):
+        rows = rows.weighted(std)
+        new = np.sqrt(rows.residual_variances(least_squares(rows.factor)))
+        # A channel that is fitted exactly must not take all the weight.
+        new = np.maximum(new, 1e-6 * max(float(new.max()), 1e-12))
+        change = np.max(np.abs(new - std) / std)
+        std = new
+        if change < tolerance:
+            break
+    rows = rows.weighted(std)
+    residual = problem.residual(least_squares(rows.factor))
+    return rows.weighted(std, estimate_noise(problem, rows.grids, residual))
+
+
+def stated_std(problem: IdentificationProblem) -> Array:
+    """Noise of each channel as the problem's weights state it, ``(n_channels,)``."""
+    n_channels = len(problem.channel_names)
+    sums = np.bincount(problem.channel, weights=1.0 / problem.weights, minlength=n_channels)
+    counts = np.bincount(problem.channel, minlength=n_channels)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), 1.0)
+
+
+def least_squares(factor: Array, *, center: Array | None = None, scales: Array | None = None) -> Array:
+    """Least-squares parameters nearest to ``center`` in units of ``scales``.
+
+    Args:
+        factor: ``R`` with the measurement as last column.
+        center: ``(n_params,)``, zero by default (the minimum-norm solution ``Y⁺f``, eq. 5 of Jovic 2016).
+        scales: ``(n_params,)``, one by default.
+
+    Returns:
+        ``(n_params,)``.
+    """
+    n = factor.shape[1] - 1
+    center = np.zeros(n) if center is None else center
+    scales = np.ones(n) if scales is None else scales
+    a, b = factor[:, :n] * scales, factor[:, n] - factor[:, :n] @ center
+    return center + scales * np.linalg.lstsq(a, b, rcond=RANK_TOLERANCE)[0]
+
+
+def square_factor(rows: Array) -> Array:
+    """``R`` of ``rows = Q R`` as a square upper triangle (zero rows added where there are too few)."""
+    r = np.linalg.qr(rows, mode="r")
+    square = np.zeros((rows.shape[1], rows.shape[1]))
+    square[: len(r)] = r
+    return square
+
+
+def prior_std(problem: IdentificationProblem, relative: float) -> Array:
+    """How far each parameter may lie from its nominal value, ``(n_params,)``, one standard deviation.
+
+    A segment of mass ``m`` and radius ``r`` (distance of the centre of mass from the joint frame's origin,
+    and radius of gyration, added as squares) gets ``relative·m`` for its mass, ``relative·m·r`` for its
+    first moments and ``relative·m·r²`` for its inertias: a body of that share of the segment's mass put on
+    somewhere. Drives' parameters get what would explain all of their channel's signal.
+
+    Args:
+        problem: the problem.
+        relative: share of a segment's mass, for example 0.5 (Jovic 2016: CAD off by up to 50 %).
+    """
+    inertial = problem.prior[: problem.n_inertial].reshape(-1, 10)
+    mass = np.maximum(inertial[:, 0], _SMALLEST_MASS)
+    center = inertial[:, 1:4] / mass[:, None]
+    central = central_inertia_matrices(inertial.ravel())
+    gyration = np.nan_to_num(np.trace(central, axis1=1, axis2=2) / (2.0 * mass))
+    radius = np.maximum(np.sqrt((center**2).sum(axis=1) + np.maximum(gyration, 0.0)), _SMALLEST_RADIUS)
+    powers = np.array([0] + [1] * 3 + [2] * 6)
+    body = relative * mass[:, None] * radius[:, None] ** powers
+    drives = problem.Y[:, problem.n_inertial :]
+    signal = max(float(np.sqrt(np.mean(problem.y**2))), 1e-9)
+    power = np.sqrt((drives**2).sum(axis=0) / max(1, problem.n_rows // len(problem.channel_names)))
+    return np.concatenate([body.ravel(), signal / np.where(power > 0.0, power, 1.0)])
