@@ -10,7 +10,7 @@ import numpy as np
 from excite.errors import LogError
 from excite.identification.kinematics import on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
-from excite.identification.settings import ProblemSettings
+from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
 from excite.regressor.kernels import base_link_regressor, forward_kinematics
 from excite.regressor.wrench import base_wrench
@@ -28,12 +28,14 @@ class BaseRows:
     Attributes:
         robot: the robot in the log, with the log's sensors.
         header: the log's header.
-        settings: filters.
+        settings: how gaps are treated.
+        filters: filters.
     """
 
     robot: Robot
     header: LogHeader
     settings: ProblemSettings
+    filters: Filters
 
     @property
     def channel_names(self) -> tuple[str, ...]:
@@ -92,11 +94,6 @@ class BaseRows:
             variance[3:] += sensor.noise_moment**2 + sensor.noise_force**2 * across
         return np.sqrt(variance)
 
-    @property
-    def kinematics_cutoff_hz(self) -> float:
-        """Cut-off before differentiation: the rows' own where the settings leave it open."""
-        return self.settings.kinematics_cutoff_hz or self.settings.cutoff_hz
-
     def rows(self, trial: Trial) -> TrialRows:
         """Rows of one trial.
 
@@ -111,7 +108,7 @@ class BaseRows:
                 field=f"wrench.{missing[0]}" if missing else "base",
                 remedy="log it",
             )
-        k = trial_kinematics(self.robot, self.header, trial, self.settings, self.kinematics_cutoff_hz)
+        k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
         readings = {name: on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()}
         measured = base_wrench(self.robot, k.q, readings)
         unseen = [10 * segment + i for segment in self.unmeasured for i in range(10)]
@@ -121,4 +118,4 @@ class BaseRows:
             body[:, :, unseen] = 0.0
             return np.concatenate([body, measured[part, :, None]], axis=2)
 
-        return filtered_rows(source, k, self.settings, np.repeat(k.valid[:, None], 6, axis=1))
+        return filtered_rows(source, k, self.filters, np.repeat(k.valid[:, None], 6, axis=1))

@@ -12,7 +12,7 @@ from excite.errors import LogError
 from excite.identification.drive_terms import DRIVE_TERMS
 from excite.identification.kinematics import TrialKinematics, on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
-from excite.identification.settings import ProblemSettings
+from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.loading import per_joint
@@ -28,13 +28,15 @@ class JointRows:
     Attributes:
         robot: the robot in the log.
         header: the log's header.
-        settings: filters, drive terms and gains.
+        settings: drive terms and gains, standstill, gaps.
+        filters: filters.
         terms: names of the drive terms.
     """
 
     robot: Robot
     header: LogHeader
     settings: ProblemSettings
+    filters: Filters
     terms: tuple[str, ...]
 
     @property
@@ -69,18 +71,13 @@ class JointRows:
             self.robot.description.sensors.noise_torque, self.header.joints, np.ones(len(self.header.joints))
         )
 
-    @property
-    def kinematics_cutoff_hz(self) -> float:
-        """Cut-off before differentiation: twice the rows' where the settings leave it open."""
-        return self.settings.kinematics_cutoff_hz or 2.0 * self.settings.cutoff_hz
-
     def rows(self, trial: Trial) -> TrialRows:
         """Rows of one trial.
 
         Raises:
             LogError: the trial has no torques, is too short, or stands still.
         """
-        k = trial_kinematics(self.robot, self.header, trial, self.settings, self.kinematics_cutoff_hz)
+        k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
         torque = on_grid(trial.time, self._torque(trial), k.time)
         joints = [self.robot.n_base_v + self.robot.joint_index(name) for name in self.header.joints]
 
@@ -89,7 +86,7 @@ class JointRows:
             drives = self._drive_columns(k.v[part][:, joints], k.a[part][:, joints])
             return np.concatenate([body, drives, torque[part, :, None]], axis=2)
 
-        return filtered_rows(source, k, self.settings, self._usable(k, joints))
+        return filtered_rows(source, k, self.filters, self._usable(k, joints))
 
     def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
         """Samples inside the motion at which the joint itself moves: where it stands, stiction rules."""

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.identification.settings import ProblemSettings
+from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
 from excite.logs.robot import base_offset
 from excite.logs.signals.base_pose import base_motion, continuous_quaternions
@@ -43,7 +43,7 @@ class TrialKinematics:
 
 
 def trial_kinematics(
-    robot: Robot, header: LogHeader, trial: Trial, settings: ProblemSettings, cutoff_hz: float
+    robot: Robot, header: LogHeader, trial: Trial, settings: ProblemSettings, filters: Filters
 ) -> TrialKinematics:
     """Resample, filter and differentiate the positions of a trial.
 
@@ -51,8 +51,8 @@ def trial_kinematics(
         robot: the robot (joints that the log lacks stay at rest).
         header: the log's header.
         trial: the trial.
-        settings: filter order, standstill, gaps.
-        cutoff_hz: cut-off of the filter before differentiation.
+        settings: standstill and gaps.
+        filters: the filter before differentiation.
 
     Returns:
         The kinematics at the trial's own rate.
@@ -60,10 +60,10 @@ def trial_kinematics(
     Raises:
         LogError: too short for the filter, or nothing moves.
     """
-    rate = trial_rate(header, trial)
+    rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
     grid = trial.time if is_uniform(trial.time, rate) else uniform_grid(trial.time, rate)
     joints = central_differences(
-        lowpass(on_grid(trial.time, trial.q, grid), rate, cutoff_hz, settings.order), rate
+        lowpass(on_grid(trial.time, trial.q, grid), rate, cutoff_hz, filters.order), rate
     )
     n, model = len(grid), robot.model
     q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
@@ -71,9 +71,9 @@ def trial_kinematics(
     q[:, [robot.n_base_q + i for i in columns]] = joints.value
     v[:, [robot.n_base_v + i for i in columns]] = joints.first
     a[:, [robot.n_base_v + i for i in columns]] = joints.second
-    if robot.floating:
+    if robot.floating and trial.base is not None:
         pose = root_pose(trial.base, base_offset(robot, header))
-        base = base_motion(on_grid(trial.time, pose, grid), rate, cutoff_hz, settings.order)
+        base = base_motion(on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
         q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
     edge = max(3, settling_samples(rate, cutoff_hz))

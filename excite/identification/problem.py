@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from excite.identification.base_rows import BaseRows
 from excite.identification.joint_rows import JointRows, drive_terms
 from excite.identification.kinematics import trial_rate
 from excite.identification.rows import decimation
-from excite.identification.settings import ProblemSettings
+from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
@@ -50,7 +50,7 @@ class IdentificationProblem:
             are zero and their parameters stay nominal.
         noise_bandwidth: equivalent number of independent noise samples per row, at most 1: rows of a
             filtered signal that lie closer than the filter resolves are not independent.
-        settings: the settings that it was built with.
+        filters: the filters that it was built with.
     """
 
     robot: Robot
@@ -68,7 +68,7 @@ class IdentificationProblem:
     n_inertial: int
     unmeasured: tuple[int, ...] = ()
     noise_bandwidth: float = 1.0
-    settings: ProblemSettings = field(default_factory=ProblemSettings)
+    filters: Filters | None = None
 
     @property
     def n_rows(self) -> int:
@@ -90,7 +90,7 @@ class IdentificationProblem:
         for start in range(0, self.n_rows, _BLOCK):
             rows = slice(start, start + _BLOCK)
             block = np.column_stack([self.Y[rows], self.y[rows]]) * self.weights[rows, None]
-            r = np.linalg.qr(np.vstack([r, block]), mode="r")
+            r = np.asarray(np.linalg.qr(np.vstack([r, block]), mode="r"))
         return r
 
     def residual(self, parameters: Array) -> Array:
@@ -132,16 +132,17 @@ def build_problem(
         LogError: robot and log do not fit, no trial has that role, channels are missing, or no rows are left.
     """
     settings = settings or ProblemSettings()
+    filters = settings.filters(floating=log.header.base == "floating")
     trials = log.trials if role is None else log.role(role)
     if not trials:
         raise LogError(f"has no trial with role {role!r}", source=log.folder, field="trials")
     robot = robot_in_log(robot, log.header, log.folder)
     builder: BaseRows | JointRows
     if log.header.base == "floating":
-        builder = BaseRows(robot, log.header, settings)
+        builder = BaseRows(robot, log.header, settings, filters)
         unmeasured = builder.unmeasured
     else:
-        builder = JointRows(robot, log.header, settings, drive_terms(log.header, settings))
+        builder = JointRows(robot, log.header, settings, filters, drive_terms(log.header, settings))
         unmeasured = ()
     parts = [_flatten(builder, trial, i) for i, trial in enumerate(trials)]
     n_rows = sum(len(part.y) for part in parts)
@@ -150,7 +151,9 @@ def build_problem(
             f"leaves {n_rows} usable rows", source=log.folder, remedy="record longer, or raise the cut-off"
         )
     names = [f"{segment.link}.{name}" for segment in robot.segments for name in _PARAMETERS]
-    noise = builder.noise * np.sqrt(_passed(log, trials, settings))
+    rate = trial_rate(log.header, trials[0])
+    passed = noise_bandwidth(rate, filters.cutoff_hz, filters.order)
+    noise = builder.noise * np.sqrt(passed)
     channel = np.concatenate([part.channel for part in parts])
     return IdentificationProblem(
         robot=robot,
@@ -167,8 +170,8 @@ def build_problem(
         prior=np.concatenate([robot.nominal_parameters, builder.drive_prior]),
         n_inertial=len(names),
         unmeasured=unmeasured,
-        noise_bandwidth=min(1.0, _passed(log, trials, settings) * _step(log, trials, settings)),
-        settings=settings,
+        noise_bandwidth=min(1.0, passed * decimation(rate, filters)),
+        filters=filters,
     )
 
 
@@ -188,12 +191,3 @@ def _flatten(builder: BaseRows | JointRows, trial: Trial, index: int) -> _FlatRo
     sample, channel = np.nonzero(rows.use)
     values = rows.values[sample, channel]
     return _FlatRows(values[:, :-1], values[:, -1], channel, rows.time[sample], np.full(len(sample), index))
-
-
-def _passed(log: Log, trials: tuple[Trial, ...], settings: ProblemSettings) -> float:
-    """Share of white noise's power that the rows' filter lets through."""
-    return noise_bandwidth(trial_rate(log.header, trials[0]), settings.cutoff_hz, settings.order)
-
-
-def _step(log: Log, trials: tuple[Trial, ...], settings: ProblemSettings) -> int:
-    return decimation(trial_rate(log.header, trials[0]), settings)

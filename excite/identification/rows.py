@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 
 from excite.identification.kinematics import TrialKinematics
-from excite.identification.settings import ProblemSettings
+from excite.identification.settings import Filters
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.robot.robot import Array
 
@@ -37,7 +37,7 @@ RowSource = Callable[[slice], Array]
 
 
 def filtered_rows(
-    source: RowSource, kinematics: TrialKinematics, settings: ProblemSettings, use: NDArray[np.bool_]
+    source: RowSource, kinematics: TrialKinematics, filters: Filters, use: NDArray[np.bool_]
 ) -> TrialRows:
     """Filter regressor columns and measurement alike, then keep every k-th sample.
 
@@ -47,15 +47,15 @@ def filtered_rows(
     Args:
         source: rows at full rate by slice of samples.
         kinematics: the trial's kinematics.
-        settings: cut-off, order and rate.
+        filters: cut-off, order and rate.
         use: ``(n, n_channels)`` samples whose rows may be used.
 
     Returns:
         The rows that stay, in order of time.
     """
-    rate, cutoff, n = kinematics.rate_hz, settings.cutoff_hz, len(kinematics.time)
+    rate, cutoff, n = kinematics.rate_hz, filters.cutoff_hz, len(kinematics.time)
     settling = settling_samples(rate, cutoff)
-    step = decimation(rate, settings)
+    step = decimation(rate, filters)
     kept = np.arange(step // 2, n, step)
     use = _eroded(use, settling)
     probe = source(slice(0, 1))
@@ -69,14 +69,13 @@ def filtered_rows(
         # Neighbouring blocks overlap by twice the filter's transient, and a short rest joins the last one.
         low, high = max(0, start - 2 * settling), min(n, start + block + 2 * settling)
         low = min(low, max(0, high - 4 * settling - 1))
-        parts.append(lowpass(source(slice(low, high)), rate, cutoff, settings.order)[inside - low])
+        parts.append(lowpass(source(slice(low, high)), rate, cutoff, filters.order)[inside - low])
     return TrialRows(np.concatenate(parts), kinematics.time[kept], use[kept])
 
 
-def decimation(rate_hz: float, settings: ProblemSettings) -> int:
+def decimation(rate_hz: float, filters: Filters) -> int:
     """Every how manieth sample is kept."""
-    wanted = settings.rate_hz if settings.rate_hz is not None else 2.0 * settings.cutoff_hz
-    return max(1, int(rate_hz / wanted + 1e-9))
+    return max(1, int(rate_hz / filters.rate_hz + 1e-9))
 
 
 def _eroded(use: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:

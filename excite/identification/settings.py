@@ -16,6 +16,23 @@ def _setting(default: float | int | None, unit: str, low: float, high: float, wh
 
 
 @dataclass(frozen=True)
+class Filters:
+    """Filters of a problem, nothing left open.
+
+    Attributes:
+        cutoff_hz: cut-off of the filter on both sides of the regression [Hz].
+        kinematics_cutoff_hz: cut-off before differentiation [Hz].
+        order: order of the single pass of both.
+        rate_hz: rate of the rows after decimation [Hz].
+    """
+
+    cutoff_hz: float
+    kinematics_cutoff_hz: float
+    order: int
+    rate_hz: float
+
+
+@dataclass(frozen=True)
 class ProblemSettings:
     """Settings of :func:`~excite.identification.problem.build_problem`; unit, bounds and meaning are in each
     field's metadata.
@@ -24,7 +41,7 @@ class ProblemSettings:
     filtered alike and decimated, which keeps the equation exact whatever the second filter does.
 
     Attributes:
-        cutoff_hz: see metadata, as for all others.
+        cutoff_hz: None takes 8 Hz for joint torques and 5 Hz for a floating base.
         kinematics_cutoff_hz: None takes ``cutoff_hz`` for a floating base, twice that for joint torques.
         order: order of the single pass of both Butterworth filters.
         rate_hz: None takes twice ``cutoff_hz``, at which rows are about independent.
@@ -36,7 +53,9 @@ class ProblemSettings:
         drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
     """
 
-    cutoff_hz: float = _setting(8.0, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression")
+    cutoff_hz: float | None = _setting(
+        None, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression"
+    )
     kinematics_cutoff_hz: float | None = _setting(None, "Hz", 0.05, 1e4, "cut-off before differentiation")
     order: int = _setting(4, "1", 1, 12, "order of the Butterworth filters")
     rate_hz: float | None = _setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
@@ -47,6 +66,16 @@ class ProblemSettings:
     longest_gap_s: float = _setting(0.1, "s", 0.0, 1e3, "longest gap that is interpolated")
     drive_terms: tuple[str, ...] | None = None
     drive_gains: Mapping[str, float] = field(default_factory=dict)
+
+    def filters(self, *, floating: bool) -> Filters:
+        """The filters, with every None that depends on the robot or on others filled in."""
+        cutoff = self.cutoff_hz or (5.0 if floating else 8.0)
+        return Filters(
+            cutoff_hz=cutoff,
+            kinematics_cutoff_hz=self.kinematics_cutoff_hz or (cutoff if floating else 2.0 * cutoff),
+            order=self.order,
+            rate_hz=self.rate_hz or 2.0 * cutoff,
+        )
 
     def __post_init__(self) -> None:
         """Check every bound.

@@ -170,7 +170,24 @@ def _check_joints(joints: Iterable[str], known: tuple[str, ...], path: Path) -> 
 
 def _read_trial(entry: TrialHeader, header: LogHeader, path: Path) -> Trial:
     file = path.parent / entry.file
-    columns = reader_for(file).read(file)
+    return read_columns(reader_for(file).read(file), entry, header, file)
+
+
+def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeader, file: Path) -> Trial:
+    """Check and repair the columns of a trial.
+
+    Args:
+        columns: columns by the contract's names, as they stand in the file.
+        entry: the trial's entry in the header.
+        header: the header.
+        file: the file, for errors.
+
+    Returns:
+        The trial.
+
+    Raises:
+        LogError: a column is missing, unknown, not numeric or not finite, or time is not repairable.
+    """
     wanted = _check_columns(columns, header, file)
     n_rows = np.size(columns["time"])
     cleaned = clean_columns({name: _numeric(columns[name], name, file, n_rows) for name in wanted}, file)
@@ -190,7 +207,7 @@ def _read_trial(entry: TrialHeader, header: LogHeader, path: Path) -> Trial:
         if f"wrench.{sensor.name}.fx" in values
     }
     return Trial(
-        name=file.stem,
+        name=Path(entry.file).stem,
         role=entry.role,
         time=values["time"],
         base=base,

@@ -125,13 +125,19 @@ def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSe
 
 
 def _bare_description(file: Path, header: LogHeader) -> RobotDescription:
-    model = pin.buildModelFromXML(read_urdf(file))
+    # What pinocchio would swallow is checked when the robot is built from this description.
+    model = pin.buildModelFromXML(ElementTree.tostring(parse_urdf(file), encoding="unicode"))
     movable = tuple(model.names)[1:]
     for joint in header.joints:
         if joint not in movable:
             raise LogError(
                 f"no joint {joint!r} in {header.robot}", field="joints", remedy="it has " + ", ".join(movable)
             )
+    locked = [joint for joint in movable if joint not in header.joints]
+    reduced = pin.buildReducedModel(model, [model.getJointId(joint) for joint in locked], pin.neutral(model))
+    massless = [
+        carried_link(reduced, j) for j in range(1, reduced.njoints) if reduced.inertias[j].mass == 0.0
+    ]
     index = [model.joints[model.getJointId(joint)].idx_v for joint in header.joints]
 
     def positive(values: Array) -> dict[str, float]:

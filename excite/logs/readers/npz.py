@@ -29,4 +29,4 @@ class NpzReader(TrialReader):
 
     def write(self, columns: Mapping[str, Array], path: Path) -> None:
         """See :meth:`TrialReader.write`."""
-        np.savez_compressed(path, **columns)
+        np.savez_compressed(path, allow_pickle=False, **columns)

@@ -1,0 +1,165 @@
+"""Recordings with columns of other people's naming, brought into a log by a mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from excite.errors import LogError
+from excite.logs.files import read_columns
+from excite.logs.header import check_header
+from excite.logs.log import Log, LogHeader
+from excite.logs.readers.registry import reader_for
+from excite.robot.robot import Array
+
+_Model = TypeVar("_Model", bound=BaseModel)
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class _Block(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RecordingTrial(_Block):
+    """One trial cut from a recording.
+
+    ``part`` is the share of the recording's duration that it covers, so that one file can serve as
+    identification and validation trial; ``name`` has to differ then.
+    """
+
+    file: str
+    role: Literal["identification", "validation"]
+    name: str | None = None
+    part: tuple[Fraction, Fraction] = (0.0, 1.0)
+    session: str | None = None
+    start_s: float | None = None
+
+
+class RecordingMapping(_Block):
+    """How recordings become a log.
+
+    ``log`` is a ``log.yaml`` without ``schema`` and ``trials``. ``columns`` maps the contract's names to the
+    recording's; ``{joint}`` stands for each joint of the log and ``{n}`` for its number from 1, as in
+    ``q.{joint}: q{n}_rad``. ``scale`` multiplies columns on the way, under the same names (for example
+    ``q.{joint}: 0.017453292519943295`` for degrees). ``flip`` names columns whose sign is turned.
+    """
+
+    log: dict[str, Any]
+    columns: dict[str, str]
+    scale: dict[str, float] = {}
+    flip: tuple[str, ...] = ()
+    trials: Annotated[tuple[RecordingTrial, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class _Column:
+    target: str
+    source: str
+    factor: float
+
+
+def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_text: str | None = None) -> Log:
+    """Read recordings as a log.
+
+    Args:
+        mapping: a :class:`RecordingMapping` as a dictionary, or a YAML file that holds one.
+        folder: folder that the trials' files are relative to.
+        robot_text: text of the nominal model, needed if the log is to be saved.
+
+    Returns:
+        The log, checked and repaired as by :func:`~excite.logs.files.load_log`.
+
+    Raises:
+        LogError: the mapping or a recording is wrong.
+    """
+    source = mapping if isinstance(mapping, Path) else "mapping"
+    parsed = _parse(mapping, source)
+    names = [trial.name or Path(trial.file).stem for trial in parsed.trials]
+    entries = [
+        {"file": f"{name}.parquet"} | trial.model_dump(include={"role", "session", "start_s"})
+        for name, trial in zip(names, parsed.trials, strict=True)
+    ]
+    header = _validated(LogHeader, {"schema": "excite.log/1", "trials": entries} | parsed.log, source)
+    check_header(header, Path(str(source)))
+    columns = _columns(parsed, header, source)
+    trials = tuple(
+        read_columns(_cut(folder / trial.file, trial.part, columns), entry, header, folder / trial.file)
+        for trial, entry in zip(parsed.trials, header.trials, strict=True)
+    )
+    return Log(header=header, trials=trials, folder=None, robot_text=robot_text)
+
+
+def _parse(mapping: Mapping[str, Any] | Path, source: object) -> RecordingMapping:
+    if not isinstance(mapping, Path):
+        return _validated(RecordingMapping, dict(mapping), source)
+    try:
+        content = yaml.safe_load(mapping.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise LogError(f"cannot be read ({' '.join(str(error).split())})", source=mapping) from error
+    return _validated(RecordingMapping, content, source)
+
+
+def _validated(kind: type[_Model], content: object, source: object) -> _Model:
+    try:
+        return kind.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(part) for part in first["loc"]) or None
+        raise LogError(first["msg"], source=source, field=field, remedy="see RecordingMapping") from error
+
+
+def _columns(mapping: RecordingMapping, header: LogHeader, source: object) -> list[_Column]:
+    """Columns with the joints filled in."""
+
+    def expand(name: str) -> list[tuple[str, dict[str, str]]]:
+        if "{joint}" not in name:
+            return [(name, {})]
+        numbered = enumerate(header.joints, start=1)
+        return [(name.replace("{joint}", j), {"{joint}": j, "{n}": str(n)}) for n, j in numbered]
+
+    factors: dict[str, float] = {}
+    for name, factor in [*mapping.scale.items(), *((name, -1.0) for name in mapping.flip)]:
+        for target, _ in expand(name):
+            factors[target] = factors.get(target, 1.0) * factor
+    columns = []
+    for name, theirs in mapping.columns.items():
+        for target, values in expand(name):
+            column = theirs
+            for mark, value in values.items():
+                column = column.replace(mark, value)
+            columns.append(_Column(target, column, factors.pop(target, 1.0)))
+    if factors:
+        raise LogError(
+            "scales no column", source=source, field=next(iter(factors)), remedy="map it under columns"
+        )
+    return columns
+
+
+def _cut(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
+    """The wanted columns of a file under the contract's names, from the wanted part of its duration."""
+    found = reader_for(file).read(file)
+    columns = {}
+    for column in wanted:
+        if column.source not in found:
+            raise LogError(
+                "column is missing",
+                source=file,
+                field=column.source,
+                remedy="the file has " + ", ".join(found)[:200],
+            )
+        values = found[column.source]
+        columns[column.target] = values if column.factor == 1.0 else np.asarray(values) * column.factor
+    if "time" not in columns:
+        raise LogError(
+            "no column is mapped to it", source=file, field="time", remedy="map time under columns"
+        )
+    time = np.asarray(columns["time"], dtype=float)
+    low, high = (time[0] + share * (time[-1] - time[0]) for share in part)
+    inside = (time >= low) & (time <= high) if part[1] == 1.0 else (time >= low) & (time < high)
+    return {name: np.asarray(values)[inside] for name, values in columns.items()}
