@@ -22,42 +22,42 @@ if TYPE_CHECKING:
 
 SETTLE_S = 1.0
 
-Stop = Callable[[Array], bool]
+Stop = Callable[[int, Array], bool]
 
 
 @dataclass(frozen=True, eq=False)
 class _Clock:
-    """Steps of the physics, of the servo and of the sensors.
+    """Steps of the physics and of the sensors.
 
     Attributes:
         step: [s]
         per_sample: steps between two sensor samples.
-        per_command: steps between two commands.
         settle: steps before the motion starts, a multiple of ``per_sample``.
         samples: number of sensor samples.
     """
 
     step: float
     per_sample: int
-    per_command: int
     settle: int
     samples: int
 
 
-def execute(virtual: VirtualRobot, motion: Motion, *, settle_s: float = SETTLE_S, stop: Stop | None = None) -> Recording:
+def execute(
+    virtual: VirtualRobot, motion: Motion, *, settle_s: float = SETTLE_S, stop: Stop | None = None
+) -> Recording:
     """Run one motion from rest.
 
-    The robot is put on the ground in the motion's first posture and held there for ``settle_s``, then follows
-    the motion's joint positions and velocities with ``kp (q_cmd - q) + kd (v_cmd - v)``, clipped at the torque
-    limits, without feedforward. The integrator is semi-implicit: the torques, accelerations and contact forces
-    recorded are those that the step at that instant really applied, so that they and the second difference of
-    the positions satisfy the equations of motion.
+    The robot is put on the ground in the motion's first posture and held there for ``settle_s``, then
+    follows the motion's joint positions and velocities with ``kp (q_cmd - q) + kd (v_cmd - v)``, clipped at
+    the torque limits, without feedforward. The integrator is semi-implicit: the torques, accelerations and
+    contact forces recorded are those that the step at that instant really applied, so that they and the
+    second difference of the positions satisfy the equations of motion.
 
     Args:
         virtual: the robot.
         motion: the motion, of the same joints.
         settle_s: how long the first posture is held before the recording starts [s].
-        stop: asked at every sample with ``qpos`` in MuJoCo's layout; True ends the run there.
+        stop: asked at every sample with its number and ``qpos`` in MuJoCo's layout; True ends the run there.
 
     Returns:
         The recording, shorter than the motion if it was stopped.
@@ -74,7 +74,7 @@ def execute(virtual: VirtualRobot, motion: Motion, *, settle_s: float = SETTLE_S
         )
     clock = _clock(virtual, motion, settle_s)
     world = replace(virtual.world, timestep=clock.step)
-    model = build_model(robot, virtual.phi, virtual.drives, world)
+    model = build_model(robot, virtual.truth.phi, virtual.drives, world)
     data = mujoco.MjData(model)
     data.qpos[:] = _start(robot, motion)
     positions, velocities = _commands(robot, motion, clock)
@@ -84,28 +84,25 @@ def execute(virtual: VirtualRobot, motion: Motion, *, settle_s: float = SETTLE_S
     for _ in range(clock.settle):
         mujoco.mj_step(model, data)
     for step in range((clock.samples - 1) * clock.per_sample + 1):
-        if step % clock.per_command == 0:
-            data.ctrl[:] = controls[step // clock.per_command]
+        data.ctrl[:] = controls[step]
         if step % clock.per_sample:
             mujoco.mj_step(model, data)
             continue
         track.sample(data)
-        if stop is not None and stop(data.qpos):
+        if stop is not None and stop(track.count - 1, data.qpos):
             break
     if not np.isfinite(track.qacc[: track.count]).all():
         raise MotionError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
-    return track.recording(virtual, motion.name, positions[:: clock.per_sample // clock.per_command], clock)
+    return track.recording(virtual, motion.name, positions[:: clock.per_sample], clock)
 
 
 def _clock(virtual: VirtualRobot, motion: Motion, settle_s: float) -> _Clock:
     period = 1.0 / virtual.robot.description.sensors.rate_hz
     per_sample = max(1, int(np.ceil(period / virtual.world.timestep - 1e-9)))
     step = period / per_sample
-    wanted = max(1, round(1.0 / (virtual.drives.rate_hz * step)))
-    per_command = max(divisor for divisor in range(1, per_sample + 1) if per_sample % divisor == 0 and divisor <= wanted)
     samples = int(np.floor(motion.duration / period + 1e-9)) + 1
     settle = round(settle_s / period) * per_sample
-    return _Clock(step, per_sample, per_command, settle, samples)
+    return _Clock(step, per_sample, settle, samples)
 
 
 def _start(robot: Robot, motion: Motion) -> Array:
@@ -114,9 +111,9 @@ def _start(robot: Robot, motion: Motion) -> Array:
 
 
 def _commands(robot: Robot, motion: Motion, clock: _Clock) -> tuple[Array, Array]:
-    """Joint positions and velocities at the servo's rate."""
-    count = (clock.samples - 1) * clock.per_sample // clock.per_command + 1
-    time = motion.time[0] + np.minimum(np.arange(count) * clock.per_command * clock.step, motion.duration)
+    """Joint positions and velocities at every step; drives interpolate the commands that they receive."""
+    count = (clock.samples - 1) * clock.per_sample + 1
+    time = motion.time[0] + np.minimum(np.arange(count) * clock.step, motion.duration)
     fine = interpolate(motion, robot, time)
     return fine.joint_positions(), fine.joint_velocities()
 
@@ -127,7 +124,11 @@ class _Track:
     def __init__(self, model: mujoco.MjModel, robot: Robot, clock: _Clock):
         self.model, self.robot, self.count = model, robot, 0
         n, joints = clock.samples, robot.n_joints
-        self.qpos, self.qvel, self.qacc = np.zeros((n, model.nq)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
+        self.qpos, self.qvel, self.qacc = (
+            np.zeros((n, model.nq)),
+            np.zeros((n, model.nv)),
+            np.zeros((n, model.nv)),
+        )
         self.actuator, self.coulomb = np.zeros((n, joints)), np.zeros((n, joints))
         self.contacts = np.zeros((n, len(robot.feet), 6))
         self.touches = np.zeros(n)
@@ -175,18 +176,20 @@ class _Track:
         # The implicit step applies velocity-dependent forces with the velocity at its end.
         clipped = np.abs(self.actuator[:n]) >= drives.torque_limit * (1.0 - 1e-12)
         motor = self.actuator[:n] - np.where(clipped, 0.0, drives.kd * h * a_joint)
-        friction = self.coulomb[:n] - drives.viscous * (v_joint + h * a_joint)
+        total = drives.total_coulomb
+        share = np.divide(drives.coulomb, total, out=np.zeros_like(total), where=total > 0.0)
+        gears = share * self.coulomb[:n] - drives.viscous * (v_joint + h * a_joint)
         contacts = {foot.name: self.contacts[:n, number] for number, foot in enumerate(robot.feet)}
         return Recording(
             name=name,
-            time=np.arange(n) * clock.step * clock.per_sample,
+            time=np.arange(n, dtype=np.float64) * clock.step * clock.per_sample,
             q=q,
             v=v,
             a=a,
             q_cmd=q_cmd[:n],
             tau_motor=motor,
-            tau_link=motor + friction - drives.armature * a_joint,
+            tau_link=motor + gears - drives.armature * a_joint,
             contacts=contacts,
-            wrenches=sensor_wrenches(robot, virtual.phi, q, v, a, contacts),
+            wrenches=sensor_wrenches(robot, virtual.truth.phi, q, v, a, contacts),
             touches=self.touches[:n],
         )

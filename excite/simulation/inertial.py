@@ -79,7 +79,9 @@ def principal_inertia(phi: Array, segment: str) -> PrincipalInertia:
     excess = moments[2] - moments[0] - moments[1]
     if excess > _TRIANGLE_TOLERANCE * moments[2]:
         raise UnphysicalParametersError(
-            f"the largest principal moment exceeds the sum of the others by {excess:.3g} kg·m²", segment=segment, phi=phi
+            f"the largest principal moment exceeds the sum of the others by {excess:.3g} kg·m²",
+            segment=segment,
+            phi=phi,
         )
     if excess > 0.0:
         moments = moments + np.array([excess, 0.0, 0.0])
@@ -107,8 +109,9 @@ def box_parameters(mass: float, position: Array, size: Array) -> Array:
 def deformed(phi: Array, deformation: Array, density: float) -> Array:
     """Parameters of a body after a linear deformation of its matter and a change of density.
 
-    The pseudo-inertia J transforms as ``A J Aᵀ`` under an affine map A of the body's points (Wensing, Kim and
-    Slotine 2018, RA-L 3(1), eq. 21 gives J as the density's second moment), so a physical body stays physical.
+    The pseudo-inertia J is the second moment of the density over the points ``[x y z 1]`` (Wensing, Kim and
+    Slotine 2018, RA-L 3(1)), so it becomes ``A J Aᵀ`` under an affine map A of the body's points, and a
+    physical body stays physical.
 
     Args:
         phi: ten parameters.

@@ -33,8 +33,8 @@ class World:
         self_contact: whether the robot's collision shapes push each other and the ground.
     """
 
-    timestep: float = 1e-3
-    solref: tuple[float, float] = (0.005, 1.0)
+    timestep: float = 5e-4
+    solref: tuple[float, float] = (0.01, 1.0)
     solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
     sole_friction: float = 1.0
     self_contact: bool = False
@@ -64,7 +64,9 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
 
     n = len(robot.segments)
     if np.shape(phi) != (10 * n,):
-        raise InputError(f"phi has shape {np.shape(phi)}, not ({10 * n},)", remedy="ten parameters per segment")
+        raise InputError(
+            f"phi has shape {np.shape(phi)}, not ({10 * n},)", remedy="ten parameters per segment"
+        )
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
     spec.compiler.degree = False
@@ -157,8 +159,8 @@ def _add_drive(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, drives: Dri
     import mujoco
 
     joint = body.joints[0]
-    joint.damping = [drives.viscous[index], 0.0, 0.0]
-    joint.frictionloss = drives.coulomb[index]
+    joint.damping = [drives.total_viscous[index], 0.0, 0.0]
+    joint.frictionloss = drives.total_coulomb[index]
     joint.armature = drives.armature[index]
     kp, kd, limit = (float(values[index]) for values in (drives.kp, drives.kd, drives.torque_limit))
     actuator = spec.add_actuator(
@@ -224,7 +226,7 @@ def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
         contype=0,
         conaffinity=0,
     )
-    if shape.kind == "convex":
+    if shape.vertices is not None and shape.faces is not None:
         mesh = spec.add_mesh(name=shape.name)
         mesh.uservert = np.ravel(shape.vertices)
         mesh.userface = np.ravel(shape.faces)

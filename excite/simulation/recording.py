@@ -20,7 +20,8 @@ class Recording:
         a: ``(n, nv)`` accelerations that the positions really follow.
         q_cmd: ``(n, n_joints)`` commanded joint positions.
         tau_motor: ``(n, n_joints)`` torque of the motors as delivered [N·m or N].
-        tau_link: ``(n, n_joints)`` torque that reaches the link: motor less friction and rotor inertia.
+        tau_link: ``(n, n_joints)`` torque that reaches the link: motor less friction of motor and
+            gears and less what turns the rotor.
         contacts: by foot name, ``(n, 6)``: force, and moment about the world's origin, that the ground exerts
             on the foot, in the world frame.
         wrenches: by sensor name, ``(n, 6)``: wrench on the robot through the sensor, in the sensor's frame.

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from excite.robot.robot import Array, Robot
-from excite.simulation.drives import Drives, nominal_drives
+import numpy as np
+
+from excite.robot.robot import Robot
+from excite.simulation.drives import Drives, nominal_drives, scattered_drives
 from excite.simulation.mjcf import World
 from excite.simulation.recording import Recording
+from excite.simulation.true_parameters import (
+    TrueParameters,
+    hrp2_like_changes,
+    nominal_truth,
+    scattered_parameters,
+)
 
 Reading = Callable[[Recording], Recording]
 
@@ -18,18 +26,19 @@ class VirtualRobot:
     """What is simulated in place of a real robot.
 
     Attributes:
-        robot: the nominal robot; what its description says of limits, contacts and sensors holds for the truth.
-        phi: true inertial parameters, ``(10·n_segments,)``, joint frames.
+        robot: the nominal robot; limits, contacts and sensors of its description hold for the truth too.
+        truth: true inertial parameters and what was changed to get them.
         drives: true drives.
         world: numerical settings and the ground.
-        readings: what sits between the physics and the log, applied in order before noise is added.
+        readings: what sits between the physics and the log, applied in order before noise is added; each has
+            to survive pickling.
         noise: factor on the noise of every sensor; 0 for a log without noise.
     """
 
     robot: Robot
-    phi: Array
+    truth: TrueParameters
     drives: Drives
-    world: World = World()
+    world: World = field(default_factory=World)
     readings: tuple[Reading, ...] = ()
     noise: float = 1.0
 
@@ -37,11 +46,23 @@ class VirtualRobot:
         """The same robot with one more effect on what its sensors say."""
         return replace(self, readings=(*self.readings, reading))
 
-    def silent(self) -> VirtualRobot:
+    def noiseless(self) -> VirtualRobot:
         """The same robot with sensors free of noise."""
         return replace(self, noise=0.0)
 
 
 def nominal_robot(robot: Robot) -> VirtualRobot:
     """The virtual robot that is the model: nominal parameters, declared drives."""
-    return VirtualRobot(robot, robot.nominal_parameters, nominal_drives(robot))
+    return VirtualRobot(robot, nominal_truth(robot), nominal_drives(robot))
+
+
+def changed_robot(robot: Robot, rng: np.random.Generator) -> VirtualRobot:
+    """A virtual robot that differs from its model as a used robot does.
+
+    A standing robot got parts added (:func:`~excite.simulation.true_parameters.hrp2_like_changes`); an arm
+    has inertial parameters and friction scattered about the declared ones.
+    """
+    if robot.floating:
+        return VirtualRobot(robot, hrp2_like_changes(robot, rng), nominal_drives(robot))
+    truth = scattered_parameters(robot, rng)
+    return VirtualRobot(robot, truth, scattered_drives(robot, rng))

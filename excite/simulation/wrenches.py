@@ -15,8 +15,8 @@ def sensor_wrenches(
 ) -> dict[str, Array]:
     """Wrench exerted on the robot through each sensor.
 
-    A force plate reads the whole contact wrench. A sensor in the ankle carries the foot: by Newton and Euler it
-    reads the contact wrench less what the segments beyond it need for their own motion and against gravity.
+    A force plate reads the whole contact wrench. A sensor in the ankle carries the foot: by Newton and Euler
+    it reads the contact wrench less what the segments beyond it need to move and against gravity.
 
     Args:
         robot: the robot.

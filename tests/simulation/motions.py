@@ -34,7 +34,9 @@ def standing(robot: Robot, duration: float = 1.0) -> Motion:
     return _differentiated(robot, "standing", time, np.tile(robot.rest, (len(time), 1)))
 
 
-def waving(robot: Robot, joints: dict[str, float], duration: float = 3.0, hz: float = 0.5, name: str = "waving") -> Motion:
+def waving(
+    robot: Robot, joints: dict[str, float], duration: float = 3.0, hz: float = 0.5, name: str = "waving"
+) -> Motion:
     """Sinusoids of given amplitudes [rad] about rest on some joints, the others still."""
     time = np.arange(round(duration * RATE_HZ) + 1) / RATE_HZ
     q = np.tile(robot.rest, (len(time), 1))
@@ -45,7 +47,7 @@ def waving(robot: Robot, joints: dict[str, float], duration: float = 3.0, hz: fl
 
 
 def squatting(robot: Robot, depth: float = 0.08, duration: float = 3.0, name: str = "squatting") -> Motion:
-    """G1 bends hips, knees and ankles, feet flat, centre of mass above them, and leans and turns its trunk."""
+    """G1 bends hips, knees and ankles, feet flat, mass above them, and leans and turns its trunk."""
     time = np.arange(round(duration * RATE_HZ) + 1) / RATE_HZ
     window = _window(time, duration)
     model, data = robot.model, robot.model.createData()

@@ -1,0 +1,1 @@
+"""Effects that can be injected into a virtual robot, one file each, written from the physics."""

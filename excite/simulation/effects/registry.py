@@ -1,0 +1,55 @@
+"""Injected effects by name, and the form in which the command line names them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from excite.errors import InputError, UnknownNameError
+from excite.simulation.effects.coulomb_friction import CoulombFriction
+from excite.simulation.effects.effect import InjectedEffect
+from excite.simulation.effects.payload import Payload
+from excite.simulation.effects.time_delay import TimeDelay
+from excite.simulation.effects.torque_bias import TorqueBias
+from excite.simulation.effects.torque_gain import TorqueGain
+from excite.simulation.effects.viscous_friction import ViscousFriction
+from excite.simulation.virtual_robot import VirtualRobot
+
+INJECTED_EFFECTS: dict[str, InjectedEffect] = {
+    effect.name: effect
+    for effect in (CoulombFriction(), Payload(), TimeDelay(), TorqueBias(), TorqueGain(), ViscousFriction())
+}
+
+
+def inject(virtual: VirtualRobot, texts: Iterable[str]) -> VirtualRobot:
+    """A virtual robot with effects named as ``EFFECT[:LOCATION[:VALUE]]``, one after the other.
+
+    Args:
+        virtual: the robot; left as it is.
+        texts: for example ``payload``, ``payload:torso_link`` or ``viscous_friction:joint_2:1.5``.
+
+    Returns:
+        The robot with all of them.
+
+    Raises:
+        UnknownNameError: no such effect, or the effect cannot sit at that location.
+        InputError: a text has no such form, or its value is no number or out of bounds.
+    """
+    for text in texts:
+        name, *rest = text.split(":")
+        if name not in INJECTED_EFFECTS:
+            raise UnknownNameError("effect", name, sorted(INJECTED_EFFECTS))
+        if len(rest) > 2:
+            raise InputError(f"{text!r} has too many parts", remedy="write EFFECT[:LOCATION[:VALUE]]")
+        location = rest[0] or None if rest else None
+        value = _number(rest[1], text) if len(rest) == 2 else None
+        virtual = INJECTED_EFFECTS[name].inject(virtual, location, value)
+    return virtual
+
+
+def _number(part: str, text: str) -> float:
+    try:
+        return float(part)
+    except ValueError as error:
+        raise InputError(
+            f"{part!r} in {text!r} is no number", remedy="write EFFECT[:LOCATION[:VALUE]]"
+        ) from error

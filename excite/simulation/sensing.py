@@ -1,0 +1,126 @@
+"""From what happened in a run to what the robot's sensors would have logged of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from excite.logs.log import LogHeader, SensorHeader, Trial, TrialHeader
+from excite.robot.loading import per_joint
+from excite.robot.robot import Array, Robot
+from excite.simulation.drives import nominal_drives
+from excite.simulation.recording import Recording
+from excite.simulation.virtual_robot import VirtualRobot
+
+
+def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random.Generator) -> Trial:
+    """What the sensors that ``robot.yaml`` declares say of a run.
+
+    Args:
+        virtual: the robot; its ``readings`` act on the recording first, then noise is added.
+        recording: what happened.
+        role: ``identification`` or ``validation``.
+        rng: source of the noise; numbers are drawn in a fixed order whatever the level of noise.
+
+    Returns:
+        The trial: joint positions and commands; for a floating base its pose and the contact wrenches; joint
+        torques where the robot measures them.
+    """
+    for reading in virtual.readings:
+        recording = reading(recording)
+    robot, level = virtual.robot, virtual.noise
+    sensors = robot.description.sensors
+    n, joints = len(recording.time), robot.n_joints
+    q = recording.q[:, robot.n_base_q :] + level * sensors.noise_position * rng.standard_normal((n, joints))
+    base, wrenches, tau = None, {}, None
+    if robot.floating:
+        noise = level * rng.standard_normal((n, 6))
+        base = _noisy_pose(
+            recording.q[:, :7],
+            sensors.noise_base_position * noise[:, :3],
+            sensors.noise_base_orientation * noise[:, 3:],
+        )
+    for sensor in robot.sensors:
+        sigma = np.repeat([sensor.noise_force, sensor.noise_moment], 3)
+        wrenches[sensor.name] = recording.wrenches[sensor.name] + level * sigma * rng.standard_normal((n, 6))
+    if sensors.joint_torque is not None:
+        sigma = per_joint(sensors.noise_torque, robot.joint_names, np.zeros(joints))
+        true = recording.tau_link if sensors.joint_torque == "link_side" else recording.tau_motor
+        tau = true + level * sigma * rng.standard_normal((n, joints))
+    return Trial(
+        name=recording.name,
+        role=role,
+        time=recording.time,
+        q=q,
+        tau=tau,
+        q_cmd=recording.q_cmd,
+        base=base,
+        wrenches=wrenches,
+    )
+
+
+def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
+    """The header of a log of a virtual robot: its declared sensors and servo.
+
+    The baseline that it names has rigid bodies; where joint torques are measured it also has viscous and
+    Coulomb friction, and rotor inertia where the motors' torque is measured and ``robot.yaml`` declares one.
+    """
+    description = robot.description
+    torque = description.sensors.joint_torque
+    drives = nominal_drives(robot)
+    modelled = ["rigid_body"]
+    if torque is not None:
+        modelled += ["viscous_friction", "coulomb_friction"]
+    if torque == "motor_side" and drives.armature.any():
+        modelled.append("armature")
+    return LogHeader(
+        schema="excite.log/1",
+        robot="robot.urdf",
+        base="floating" if robot.floating else "fixed",
+        gravity=description.gravity,
+        rate_hz=description.sensors.rate_hz,
+        joints=robot.joint_names,
+        torque=torque or "none",
+        controller={
+            "mode": "position",
+            "kp": dict(zip(robot.joint_names, drives.kp.tolist(), strict=True)),
+            "kd": dict(zip(robot.joint_names, drives.kd.tolist(), strict=True)),
+            "feedforward": "none",
+            "velocity_reference": "derivative of q_cmd",
+            "rate_hz": drives.rate_hz,
+            "torque_limit": dict(zip(robot.joint_names, drives.torque_limit.tolist(), strict=True)),
+        },
+        base_link=robot.base_link if robot.floating else None,
+        wrench="on_robot_in_sensor_frame" if robot.sensors else None,
+        sensors=_sensor_headers(robot),
+        modelled=tuple(modelled),
+        trials=trials,
+    )
+
+
+def _sensor_headers(robot: Robot) -> tuple[SensorHeader, ...]:
+    return tuple(
+        SensorHeader(
+            name=block.name,
+            kind=block.kind,
+            parent="world" if block.kind == "force_plate" else block.link,
+            xyz=block.xyz,
+            rpy=block.rpy,
+            foot=robot.foot(block.foot).link,
+            excludes=block.excludes,
+            noise_force=block.noise_force,
+            noise_moment=block.noise_moment,
+        )
+        for block in robot.description.sensors.wrench
+    )
+
+
+def _noisy_pose(pose: Array, position: Array, rotation: Array) -> Array:
+    """Poses ``(n, 7)`` shifted by ``position`` (world) and turned by ``rotation`` (body frame)."""
+    turned = np.array(
+        [
+            (pin.Quaternion(quaternion) * pin.Quaternion(pin.exp3(vector))).normalized().coeffs()
+            for quaternion, vector in zip(pose[:, 3:], rotation, strict=True)
+        ]
+    )
+    return np.hstack([pose[:, :3] + position, turned])

@@ -1,0 +1,101 @@
+"""Run motions on a virtual robot and log them as the real one would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from excite.errors import InputError
+from excite.logs.log import Log, Trial, TrialHeader
+from excite.motion.motion import Motion
+from excite.progress import Progress, silent
+from excite.simulation.execution import execute
+from excite.simulation.sensing import log_header, sense
+from excite.simulation.virtual_robot import VirtualRobot
+
+Role = Literal["identification", "validation"]
+
+# Pause between two trials of a session [s]: the robot returns and settles.
+_PAUSE_S = 5.0
+
+
+def simulate(
+    virtual: VirtualRobot,
+    motions: Sequence[Motion],
+    *,
+    seed: int | np.random.SeedSequence,
+    roles: Mapping[str, Role] | None = None,
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Log:
+    """Run each motion under the robot's position servo and log what its sensors say.
+
+    The noise of each trial comes from its own child of ``seed``, so that neither the number of processes nor
+    the other motions change a trial.
+
+    Args:
+        virtual: the robot.
+        motions: what to run, names all different.
+        seed: of the sensors' noise.
+        roles: by motion name, ``identification`` (the default) or ``validation``.
+        jobs: number of processes.
+        progress: told after each motion.
+
+    Returns:
+        The log, one trial a motion, complete for :func:`excite.logs.files.save_log`.
+
+    Raises:
+        InputError: no motions, two of one name, or a role for a motion that is not there.
+        MotionError: a motion is not for this robot, or the simulation diverged.
+        UnphysicalParametersError: the true parameters belong to no body.
+    """
+    names = [motion.name for motion in motions]
+    roles = dict(roles or {})
+    if not names:
+        raise InputError("no motions to simulate", remedy="name at least one")
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InputError(f"two motions are called {name!r}", remedy="rename one")
+    for name in roles:
+        if name not in names:
+            raise InputError(
+                f"a role is given to {name!r}, which is not run", remedy="motions are " + ", ".join(names)
+            )
+    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    tasks = (
+        delayed(_trial)(virtual, motion, roles.get(motion.name, "identification"), _child(root, index))
+        for index, motion in enumerate(motions)
+    )
+    trials: list[Trial] = []
+    for trial in Parallel(n_jobs=jobs, return_as="generator")(tasks):
+        trials.append(trial)
+        progress("simulate", len(trials), len(names))
+    starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
+    headers = tuple(
+        TrialHeader(
+            file=f"{trial.name}.parquet",
+            role=roles.get(trial.name, "identification"),
+            session="simulation",
+            start_s=float(start),
+        )
+        for trial, start in zip(trials, starts, strict=False)
+    )
+    dated = tuple(_dated(trial, header) for trial, header in zip(trials, headers, strict=True))
+    return Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=virtual.robot.urdf)
+
+
+def _dated(trial: Trial, header: TrialHeader) -> Trial:
+    return replace(trial, session=header.session, start_s=header.start_s)
+
+
+def _child(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
+    """The child that ``root.spawn`` would give, without changing ``root``."""
+    return np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, index), pool_size=root.pool_size)
+
+
+def _trial(virtual: VirtualRobot, motion: Motion, role: Role, seed: np.random.SeedSequence) -> Trial:
+    return sense(virtual, execute(virtual, motion), role, np.random.default_rng(seed))

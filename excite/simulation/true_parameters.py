@@ -1,0 +1,206 @@
+"""True inertial parameters of virtual robots: what was added to the model, and what scatters about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import InputError
+from excite.robot.robot import Array, Robot
+from excite.simulation.inertial import box_parameters, deformed
+
+# A hand or head is the first segment, from the tip inwards, that carries at least this much [kg].
+_LIGHTEST_END = 0.2
+
+
+@dataclass(frozen=True)
+class AddedPart:
+    """A part that the robot carries and its model does not have.
+
+    Attributes:
+        what: readable name of the part.
+        segment: index of the segment in ``Robot.segments``.
+        link: link of the segment.
+        mass: [kg]
+        position: its centre in the frame of the segment's joint [m].
+        size: edges of the box that it is, along that frame's axes [m].
+    """
+
+    what: str
+    segment: int
+    link: str
+    mass: float
+    position: tuple[float, float, float]
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class TrueParameters:
+    """Inertial parameters of a virtual robot and how they came to differ from the model's.
+
+    Attributes:
+        phi: ``(10·n_segments,)``, pinocchio's order, joint frames.
+        parts: what was added.
+        scatter: relative scatter of every segment's parameters, 0 for none.
+    """
+
+    phi: Array
+    parts: tuple[AddedPart, ...] = ()
+    scatter: float = 0.0
+
+    @property
+    def changed_links(self) -> tuple[str, ...]:
+        """Links that carry added parts, each once, in the robot's order."""
+        return tuple(link for _, link in sorted({(part.segment, part.link) for part in self.parts}))
+
+    @property
+    def added_mass(self) -> float:
+        """Mass of all parts together [kg]."""
+        return float(sum(part.mass for part in self.parts))
+
+
+def nominal_truth(robot: Robot) -> TrueParameters:
+    """The model's own parameters."""
+    return TrueParameters(robot.nominal_parameters.copy())
+
+
+def with_part(truth: TrueParameters, part: AddedPart) -> TrueParameters:
+    """The same robot carrying one more part.
+
+    Raises:
+        InputError: mass or size is not positive.
+    """
+    if part.mass <= 0.0 or min(part.size) <= 0.0:
+        raise InputError(
+            f"part {part.what!r} has mass {part.mass} kg and size {part.size} m", remedy="make both positive"
+        )
+    phi = truth.phi.copy()
+    phi[10 * part.segment :][:10] += box_parameters(part.mass, np.array(part.position), np.array(part.size))
+    return TrueParameters(phi, (*truth.parts, part), truth.scatter)
+
+
+def hrp2_like_changes(
+    robot: Robot, rng: np.random.Generator, *, added_mass: float = 5.0, scatter: float = 0.0
+) -> TrueParameters:
+    """Changes like those of the HRP-2 of Jovic et al. (2016, T-RO, section VII) since its CAD model.
+
+    A computer was put into the trunk, cameras into the head, force sensors and grippers into the hands, 5 kg
+    in total. The trunk is the segment at which arms (and head) part, hands and head are the tree's ends that
+    are no feet. A robot whose head is no segment of its own gets the cameras' mass in the trunk as well.
+    Feet stay as they are.
+
+    Args:
+        robot: a robot with feet.
+        rng: places the parts within a few centimetres.
+        added_mass: mass of all parts [kg].
+        scatter: relative scatter of the other parameters, as in :func:`scattered_parameters`.
+
+    Returns:
+        The true parameters.
+
+    Raises:
+        InputError: the robot has no ends beside its feet.
+    """
+    hands, heads, trunk = _places(robot)
+    weights = [("computer", trunk, 3.4 if heads else 4.0)]
+    weights += [("cameras", head, 0.6 / len(heads)) for head in heads]
+    weights += [("force sensor and gripper", hand, 1.0 / len(hands)) for hand in hands]
+    scale = added_mass / sum(weight for _, _, weight in weights)
+    truth = scattered_parameters(robot, rng, scatter=scatter) if scatter > 0.0 else nominal_truth(robot)
+    for what, segment, weight in weights:
+        truth = with_part(truth, _placed(robot, rng, what, segment, weight * scale))
+    return truth
+
+
+def scattered_parameters(robot: Robot, rng: np.random.Generator, *, scatter: float = 0.05) -> TrueParameters:
+    """Parameters scattered as by manufacture: each segment's matter is rescaled, stretched and shifted.
+
+    Args:
+        robot: the robot; its feet and what lies beyond its ankle sensors stay nominal.
+        rng: source of the scatter.
+        scatter: standard deviation of the mass's logarithm, of the stretch, and of the shift of the centre of
+            mass in units of the radius of gyration.
+
+    Returns:
+        Physical parameters.
+    """
+    fixed = {foot.joint - 1 for foot in robot.feet} | {
+        index for sensor in robot.sensors for index in sensor.excludes
+    }
+    phi = robot.nominal_parameters.copy()
+    for index in range(len(robot.segments)):
+        density = float(np.exp(scatter * rng.standard_normal()))
+        stretch, shift = scatter * rng.standard_normal((3, 3)), scatter * rng.standard_normal(3)
+        if index in fixed:
+            continue
+        block = phi[10 * index : 10 * index + 10]
+        body = pin.Inertia.FromDynamicParameters(block)
+        radius = np.sqrt(np.trace(body.inertia) / (2.0 * body.mass))
+        linear = np.eye(3) + 0.5 * (stretch + stretch.T)
+        affine = np.eye(4)
+        affine[:3, :3], affine[:3, 3] = linear, body.lever - linear @ body.lever + shift * radius
+        phi[10 * index : 10 * index + 10] = deformed(block, affine, density)
+    return TrueParameters(phi, (), scatter)
+
+
+def _places(robot: Robot) -> tuple[list[int], list[int], int]:
+    """Segments of the hands, of the heads, and the trunk."""
+    parents = [robot.model.parents[segment.joint] - 1 for segment in robot.segments]
+    paths = [_path(parents, index) for index in range(len(parents))]
+    masses = robot.nominal_parameters[::10]
+    carried = [sum(masses[j] for j, path in enumerate(paths) if i in path) for i in range(len(parents))]
+    feet = {foot.joint - 1 for foot in robot.feet}
+    ends: list[int] = []
+    for leaf in sorted(set(range(len(parents))) - set(parents)):
+        path = paths[leaf]
+        if feet & set(path):
+            continue
+        end = next((index for index in path if carried[index] >= _LIGHTEST_END), path[-1])
+        if end not in ends:
+            ends.append(end)
+    heads = [end for end in ends if _is_head(robot.segments[end].name + robot.segments[end].link)]
+    hands = [end for end in ends if end not in heads]
+    if not hands:
+        raise InputError(f"{robot.name} has no hands to put anything into", remedy="use scattered_parameters")
+    shared = set.intersection(*(set(paths[end][1:]) for end in ends))
+    if not shared:
+        raise InputError(f"{robot.name} has no trunk to put anything into", remedy="use scattered_parameters")
+    return hands, heads, max(shared)
+
+
+def _is_head(name: str) -> bool:
+    return "head" in name.lower() or "neck" in name.lower()
+
+
+def _path(parents: list[int], index: int) -> list[int]:
+    """Segments from one to the base, itself first."""
+    path = []
+    while index >= 0:
+        path.append(index)
+        index = parents[index]
+    return path
+
+
+def _placed(robot: Robot, rng: np.random.Generator, what: str, segment: int, mass: float) -> AddedPart:
+    """A part behind the trunk's centre of mass, or at the end of a hand or head (at rest, x ahead, z up)."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    joint = robot.segments[segment].joint
+    com = robot.model.inertias[joint].lever
+    if what == "computer":
+        offset, spread, size = np.array([-0.07, 0.0, 0.05]), np.array([0.01, 0.02, 0.03]), (0.08, 0.20, 0.20)
+        away = data.oMi[joint].rotation.T @ (offset + spread * rng.uniform(-1.0, 1.0, 3))
+    else:
+        length, size = max(float(np.linalg.norm(com)), 1e-6), (0.06, 0.06, 0.06)
+        away = 0.03 * com / length + 0.01 * rng.uniform(-1.0, 1.0, 3)
+    position = com + away
+    return AddedPart(
+        what,
+        segment,
+        robot.segments[segment].link,
+        mass,
+        (float(position[0]), float(position[1]), float(position[2])),
+        size,
+    )
