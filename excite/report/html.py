@@ -31,9 +31,16 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
     """A table; numbers stand on the right, ``True`` and ``False`` read yes and no."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in headers)
+    rows = list(rows)
+    numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(headers))]
+    classes = [' class="number"' if flag else "" for flag in numeric]
+    head = "".join(f"<th{kind}>{escape(text)}</th>" for kind, text in zip(classes, headers, strict=True))
     body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in rows)
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _is_number(value: Cell) -> bool:
+    return not isinstance(value, (str, bool))
 
 
 def _cell(value: Cell) -> str:

@@ -19,7 +19,8 @@ body { margin: 0; background: var(--page); color: var(--ink);
   font: 16px/1.55 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif; }
 header, main, footer { max-width: 1080px; margin: 0 auto; padding: 0 16px; }
 header { padding-top: 36px; }
-h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3em; letter-spacing: -.01em; }
+header p { margin: 0; }
+h1 { font-size: 1.9rem; line-height: 1.2; margin: 0; letter-spacing: -.01em; }
 h2 { font-size: 1.25rem; margin: 0 0 .3em; }
 h3 { font-size: 1rem; margin: 1.4em 0 .4em; }
 p { margin: .3em 0 .8em; max-width: 75ch; }
@@ -30,10 +31,11 @@ a { color: var(--identified); }
 section { background: var(--paper); border: 1px solid var(--grid); border-radius: 10px;
   padding: 22px 24px; margin: 0 0 18px; }
 .tiles { display: grid; gap: 12px; margin: 0 0 18px;
-  grid-template-columns: repeat(auto-fit, minmax(180px, 1fr)); }
+  grid-template-columns: repeat(auto-fit, minmax(225px, 1fr)); }
 .tile { background: var(--paper); border: 1px solid var(--grid); border-radius: 10px; padding: 14px 16px; }
 .tile b { display: block; font-size: 1.4rem; line-height: 1.25; }
-.tile span { color: var(--muted); font-size: .9rem; }
+.tile span { color: var(--muted); font-size: .88rem; line-height: 1.4; display: block; }
+.tile b span { display: inline; }
 .tile b span { font-size: 1.2rem; }
 .good { color: var(--good); } .tile b .good { color: var(--good); }
 .bad { color: var(--bad); } .tile b .bad { color: var(--bad); }
@@ -43,12 +45,13 @@ figure svg { display: block; width: 100%; height: auto; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; min-width: 50%; }
 th { text-align: left; font-weight: 600; color: var(--muted); vertical-align: bottom; }
 th, td { padding: 4px 16px 4px 0; border-bottom: 1px solid var(--grid); }
-td.number { text-align: right; white-space: nowrap; }
+.number { text-align: right; } td.number { white-space: nowrap; }
 th:last-child, td:last-child { padding-right: 0; }
 details { margin: 10px 0; }
 summary { cursor: pointer; color: var(--identified); }
 footer { padding-bottom: 48px; font-size: .88rem; }
-@media (max-width: 560px) { section { padding: 16px 14px; } h1 { font-size: 1.5rem; } }
+@media (max-width: 560px) { section { padding: 16px 14px; } header p { margin: 0; }
+h1 { font-size: 1.5rem; } }
 @media print { body { background: none; } section, .tile { break-inside: avoid; border: 0; }
   nav { display: none; } }
 """.replace("LIGHT", css_variables(dark=False)).replace("DARK", css_variables(dark=True))
@@ -77,12 +80,13 @@ def render(findings: Findings) -> str:
     links = "".join(
         f'<a href="#{part.identifier}">{escape(part.title)}</a>' for part, _ in shown if part.title
     )
-    title = f"Excitation and identification of {robot_title(findings)}"
+    robot = robot_title(findings)
+    title = f"{robot}: excitation and identification"
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
-        f"<header><h1>{escape(title)}</h1><nav>{links}</nav></header>\n"
+        f"<header><p>Excitation and identification</p><h1>{escape(robot)}</h1><nav>{links}</nav></header>\n"
         f"<main>{''.join(html for _, html in shown)}</main>\n{_footer(findings)}\n</body>\n</html>\n"
     )
 

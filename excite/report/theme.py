@@ -81,7 +81,6 @@ def draw(paint: Callable[[Figure], None], height_in: float, width_in: float = WI
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         FigureCanvasAgg(figure)
         paint(figure)
-        figure.draw_without_rendering()
     return figure
 
 

@@ -21,6 +21,11 @@ _TITLES = {
 _MAX_POINTS = 3000
 
 
+def channel_label(channel: str) -> str:
+    """A channel's name for reading: ``force x`` for ``fx``; a joint's own name otherwise."""
+    return _TITLES.get(channel, channel.removesuffix("_joint").replace("_", " "))
+
+
 def plot_forces(data: ForceComparison) -> Figure:
     """One panel a channel, forces left and moments right for a wrench; its title says how the RMSE fell."""
     n = len(data.channels)
@@ -36,29 +41,22 @@ def plot_forces(data: ForceComparison) -> Figure:
                 axes.set_visible(False)
                 continue
             time = data.time[shown]
-            axes.plot(time, data.measured[shown, i], color=INK.light, lw=1.0, label="measured")
-            axes.plot(
-                time,
-                data.nominal[shown, i],
-                color=NOMINAL.light,
-                lw=1.0,
-                ls=(0, (4, 2)),
-                label="nominal model",
-            )
-            axes.plot(
-                time, data.identified[shown, i], color=IDENTIFIED.light, lw=1.0, label="identified model"
-            )
+            for values, color, line, label in (
+                (data.measured, INK, "-", "measured"),
+                (data.nominal, NOMINAL, (0, (4, 2)), "nominal model"),
+                (data.identified, IDENTIFIED, "-", "identified model"),
+            ):
+                axes.plot(time, values[shown, i], color=color.light, lw=1.0, ls=line, label=label)
             before, after = (
                 _rmse(data.measured[:, i] - model[:, i]) for model in (data.nominal, data.identified)
             )
-            axes.set_title(
-                f"{_TITLES.get(data.channels[i], data.channels[i])}   RMSE {before:.3g} → {after:.3g}"
-            )
+            name = channel_label(data.channels[i])
+            axes.set_title(f"{name}, RMSE {before:.3g} → {after:.3g} {data.units[i]}")
             axes.set_ylabel(f"[{data.units[i]}]")
             axes.margins(x=0.0)
         for axes in grid[-1]:
             axes.set_xlabel("time [s]")
-        if n % 2 and not down_columns:
+        if n % 2 and rows > 1:
             grid[-2, 1].set_xlabel("time [s]")
             grid[-2, 1].tick_params(labelbottom=True)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)

@@ -98,7 +98,7 @@ def _row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, 
 def _title(motion: Motion) -> str:
     aims = [joint.removesuffix("_joint").replace("_", " ") for joint in motion.metadata.targets]
     aim = f", aimed at {', '.join(aims[:4])}" + (" …" if len(aims) > 4 else "") if aims else ""
-    return f"{motion.name}   ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
+    return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
 
 
 def _draw_posture(axes: Axes, drawn: Picture, view: View, offset: Array, width: float) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, section, table
-from excite.report.plots.forces import plot_forces
+from excite.report.plots.forces import channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
 
@@ -48,6 +48,6 @@ def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
     for channel, row in channels.items():
         before, after = row.get("reference_rmse"), row["rmse"]
         change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if before else "–"
-        rows.append((channel, before, after, change, row.get("reference_cc"), row.get("cc")))
+        rows.append((channel_label(channel), before, after, change, row.get("reference_cc"), row.get("cc")))
     headers = ("channel", "RMSE nominal", "RMSE identified", "change", "CC nominal", "CC identified")
     return table(headers, rows)

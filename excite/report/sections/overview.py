@@ -44,7 +44,7 @@ def _check(findings: Findings) -> Iterator[str]:
 def _conditioning(findings: Findings) -> Iterator[str]:
     change = findings.data.conditioning
     if change is not None:
-        label = f"condition number of the base columns, {change.before_label} → {change.after_label}"
+        label = f"condition number of the base columns: {change.before_label} → {change.after_label}"
         yield tile(f"{number(change.full_before)} → {number(change.full_after)}", label)
     elif findings.plan is not None:
         yield tile(number(findings.plan["conditioning"]["full"]), "condition number of the base columns")
@@ -63,7 +63,7 @@ def _fit(findings: Findings) -> Iterator[str]:
     judged = [row for row in channels.values() if row.get("reference_rmse") is not None]
     if judged:
         better = sum(row["rmse"] < row["reference_rmse"] for row in judged)
-        label = "validation channels that the identified model predicts better than the nominal one"
+        label = "validation channels are predicted better than by the nominal model"
         yield tile(f"{better} of {len(judged)}", label, good=better == len(judged))
 
 

@@ -1,0 +1,34 @@
+"""Numbers and cells as a reader sees them."""
+
+from __future__ import annotations
+
+import doctest
+
+import pytest
+
+from excite.report import html
+
+
+def test_examples_in_docstrings():
+    assert doctest.testmod(html).failed == 0
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-0.00123, "−0.00123"),
+        (99999.0, "99999"),
+        (123456.0, "1.23 · 10⁵"),
+        (-2.5e-7, "−2.50 · 10⁻⁷"),
+        (float("nan"), "–"),
+    ],
+)
+def test_numbers(value, text):
+    assert html.number(value) == text
+
+
+def test_text_is_escaped_and_numeric_columns_stand_right():
+    page = html.table(("<name>", "value"), [("a & b", 1.0), ("c", None)])
+    assert "&lt;name&gt;" in page and "a &amp; b" in page and "<name>" not in page
+    assert page.count('class="number"') == 3

@@ -1,0 +1,153 @@
+"""The page: complete, self-contained, and honest about what it lacks."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from excite.errors import InputError
+from excite.report.folder import read_folder
+from excite.report.page import render, report
+from excite.report.sections.registry import SECTIONS
+from tests.report.sample import sample_folder
+
+_VOID = {"meta", "br", "hr", "img", "input", "link"}
+
+
+class _Outline(HTMLParser):
+    """Ids, link targets, addresses, and whether every element is closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.targets: list[str] = []
+        self.addresses: list[str] = []
+        self.drawings = 0
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in _VOID:
+            self.open.append(tag)
+        self._attributes(tag, attrs)
+
+    def handle_startendtag(self, tag, attrs):
+        self._attributes(tag, attrs)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def _attributes(self, tag, attrs):
+        self.drawings += tag == "svg"
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value)
+            if name in {"href", "xlink:href", "src"}:
+                (self.targets if value.startswith("#") else self.addresses).append(value)
+
+
+@pytest.fixture(scope="module")
+def folder(g1, tmp_path_factory) -> Path:
+    return sample_folder(tmp_path_factory.mktemp("results"), g1, n_motions=2)
+
+
+@pytest.fixture(scope="module")
+def page(folder, tmp_path_factory) -> str:
+    path = report(folder, tmp_path_factory.mktemp("out"))
+    assert path.name == "report.html" and [file.name for file in path.parent.iterdir()] == [path.name]
+    return path.read_text(encoding="utf-8")
+
+
+def _outline(page: str) -> _Outline:
+    outline = _Outline()
+    outline.feed(page)
+    assert outline.open == []
+    return outline
+
+
+def test_the_page_is_well_formed_and_needs_no_network(page):
+    outline = _outline(page)
+    assert outline.addresses == []
+    assert not re.search(r"url\((?!#)", page) and "@import" not in page and "<script" not in page
+    assert len(set(outline.ids)) == len(outline.ids)
+    assert {target[1:] for target in outline.targets} <= set(outline.ids)
+
+
+def test_every_section_and_every_figure_is_there(page):
+    outline = _outline(page)
+    assert {part.identifier for part in SECTIONS} <= set(outline.ids)
+    assert outline.drawings == 6
+    assert "Left out" not in page
+
+
+@pytest.mark.parametrize(
+    "fact",
+    [
+        "118 of 140",
+        "1 of 2",
+        "self_collision",
+        "212",
+        "181 of 190",
+        "−76 %",
+        "triangle inequality",
+        "clipped in 12 samples &lt;of trial_03&gt;",
+        "−0.00400",
+    ],
+)
+def test_the_numbers_of_the_files_are_on_the_page(fact, page):
+    assert fact in page
+
+
+def test_same_folder_same_bytes(folder, page):
+    assert render(read_folder(folder)) == page
+
+
+def test_a_folder_with_a_plan_alone_says_what_is_missing(folder, tmp_path):
+    shutil.copy(folder / "plan.json", tmp_path)
+    shutil.copytree(folder / "motions", tmp_path / "motions")
+    page = report(tmp_path).read_text(encoding="utf-8")
+    outline = _outline(page)
+    assert {"motions", "excitation", "stages"} <= set(outline.ids)
+    assert not {"safety", "certainty", "forces", "masses", "parameters"} & set(outline.ids)
+    for name in ("check.json", "identification.json", "campaign.json", "report_data.npz"):
+        assert name in page
+
+
+def test_motions_that_are_gone_are_said_to_be(folder, tmp_path):
+    shutil.copy(folder / "plan.json", tmp_path)
+    page = report(tmp_path).read_text(encoding="utf-8")
+    assert "pictures of motion motions/motion_00.parquet" in page
+    assert _outline(page).drawings == 0
+
+
+def test_a_robot_of_ones_own_is_found_by_its_file_or_left_out(folder, tmp_path):
+    plan = json.loads((folder / "plan.json").read_text())
+    plan["robot"] = "robot_of_my_own"
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    page = report(tmp_path).read_text(encoding="utf-8")
+    assert "robot_of_my_own" in page and "pictures of the robot: unknown robot" in page
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("plan.json", "{", "is no JSON"),
+        ("check.json", "[]", "schema is None"),
+        ("campaign.json", '{"schema": "excite.campaign/9"}', "schema is 'excite.campaign/9'"),
+        ("other.txt", "", "holds none of"),
+    ],
+)
+def test_bad_folders_are_one_error_and_leave_no_page(name, text, message, tmp_path):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=re.escape(message)):
+        report(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_no_folder_is_an_error(tmp_path):
+    with pytest.raises(InputError, match="is no folder"):
+        report(tmp_path / "nowhere")

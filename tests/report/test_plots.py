@@ -1,0 +1,127 @@
+"""Figures: what they draw, read back from the drawing."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.report.data import ForceComparison
+from excite.report.plots.activity import peak_speed_share
+from excite.report.plots.body import front_view, picture, shape_points
+from excite.report.plots.conditioning import plot_conditioning
+from excite.report.plots.forces import plot_forces
+from excite.report.plots.masses import plot_masses
+from excite.report.plots.rsd import plot_rsd
+from excite.report.plots.snapshots import choose_motions, different_instants, plot_snapshots
+from excite.report.theme import ROLES, to_png, to_svg
+from excite.robot.collision import Shape
+from tests.report.sample import sample_data, sample_motion
+
+
+@pytest.fixture(scope="module")
+def data(g1):
+    return sample_data(g1)
+
+
+def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
+    axes = plot_conditioning(data.conditioning).axes[0]
+    assert axes.get_xscale() == "log"
+    before, after = axes.containers
+    ends = [bar.get_x() + bar.get_width() for bar in after]
+    np.testing.assert_allclose(ends, data.conditioning.after)
+    assert before[-1].get_x() + before[-1].get_width() == axes.get_xlim()[1]
+    assert "not excited" in [text.get_text() for text in axes.texts]
+
+
+def test_masses_show_all_three_and_mark_what_changed(data):
+    axes = plot_masses(data.masses).axes[0]
+    nominal, identified = axes.containers
+    np.testing.assert_allclose([bar.get_width() for bar in nominal], data.masses.nominal)
+    np.testing.assert_allclose([bar.get_width() for bar in identified], data.masses.identified)
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), data.masses.true)
+    bold = [label.get_text() for label in axes.get_yticklabels() if label.get_fontweight() == "bold"]
+    assert bold == [name for name, flag in zip(data.masses.names, data.masses.changed, strict=True) if flag]
+    assert not plot_masses(dataclasses.replace(data.masses, true=None)).axes[0].lines
+
+
+@pytest.mark.parametrize("n_channels", [1, 6, 7])
+def test_forces_have_a_panel_a_channel_with_unit_and_rmse(n_channels):
+    time = np.linspace(0.0, 1.0, 9000)
+    measured = np.zeros((len(time), n_channels))
+    names = tuple(f"joint{i}" for i in range(n_channels))
+    data = ForceComparison("t", names, ("N·m",) * n_channels, time, measured, measured + 2.0, measured - 0.5)
+    panels = [axes for axes in plot_forces(data).axes if axes.get_visible()]
+    assert [axes.get_title("left") for axes in panels] == [f"{name}, RMSE 2 → 0.5 N·m" for name in names]
+    assert {axes.get_ylabel() for axes in panels} == {"[N·m]"}
+    assert all(len(line.get_xdata()) <= 3000 for axes in panels for line in axes.lines)
+
+
+def test_rsd_points_fall_where_they_belong():
+    steps = [{"n_motions": 3, "rsd_percent": {"a": 1.0, "b": 40.0, "c": None}, "not_met": ["b", "c"]}]
+    axes = plot_rsd(steps, target_percent=15.0).axes[0]
+    met, missed = axes.lines[:2]
+    assert list(met.get_ydata()) == [1.0]
+    np.testing.assert_array_equal(missed.get_ydata(), [40.0, np.nan])
+    assert "1 of 3" in axes.get_xticklabels()[0].get_text()
+    assert "target 15 %" in [text.get_text() for text in axes.texts]
+
+
+def test_a_picture_stands_on_the_ground_with_its_mass_over_its_feet(g1):
+    view = front_view()
+    drawn = picture(g1, g1.rest, frozenset(foot.name for foot in g1.feet), view)
+    com = pin.centerOfMass(g1.model, g1.model.createData(), g1.rest) * [1.0, 1.0, 0.0]
+    np.testing.assert_allclose(drawn.com, view.flat((com - [*g1.rest[:2], 0.0])[None])[0])
+    low, high = drawn.support.min(axis=0), drawn.support.max(axis=0)
+    assert (low < drawn.com).all() and (drawn.com < high).all()
+    assert len(drawn.soles) == 2 and len(drawn.bones) >= g1.n_joints // 2 and len(drawn.hulls) > 15
+    assert picture(g1, g1.rest, frozenset(), view).support is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "extent"),
+    [
+        ("sphere", (0.1,), (0.2, 0.2, 0.2)),
+        ("box", (0.1, 0.2, 0.3), (0.1, 0.2, 0.3)),
+        ("cylinder", (0.1, 0.5), (0.2, 0.2, 0.5)),
+        ("capsule", (0.1, 0.5), (0.2, 0.2, 0.7)),
+    ],
+)
+def test_round_shapes_have_their_size(kind, size, extent):
+    points = shape_points(Shape("s", "l", 1, pin.SE3.Identity(), kind, size))
+    np.testing.assert_allclose(np.ptp(points, axis=0), extent, rtol=0.03)
+
+
+def test_instants_differ_and_are_in_order(g1):
+    motion = sample_motion(g1, 1)
+    instants = different_instants(motion, 5)
+    assert instants[0] == 0 and (np.diff(instants) > 0).all() and len(instants) == 5
+    postures = motion.joint_positions()[instants]
+    chosen = min(np.linalg.norm(a - b) for i, a in enumerate(postures) for b in postures[:i])
+    even = motion.joint_positions()[np.linspace(0, motion.n_samples - 1, 5).astype(int)]
+    assert chosen > min(np.linalg.norm(a - b) for i, a in enumerate(even) for b in even[:i])
+
+
+def test_each_generator_is_shown_first(g1):
+    motions = [sample_motion(g1, seed, n=20) for seed in (0, 3, 6, 1, 4, 2)]
+    names = [motion.name for motion in choose_motions(motions, 4)]
+    assert {"motion_00", "motion_01", "motion_02"} < set(names) and len(names) == 4
+    assert choose_motions(motions, 10) == motions
+
+
+def test_speed_share_is_of_the_limit(g1):
+    motion = sample_motion(g1, 0)
+    scaled = dataclasses.replace(motion, v=motion.v * 0.0 + 0.5 * g1.limits.velocity.min())
+    share = peak_speed_share(g1, [scaled])
+    assert share.shape == (g1.n_joints, 1) and share.max() == pytest.approx(0.5)
+
+
+def test_drawings_follow_the_page_and_pictures_are_light(g1):
+    figure = plot_snapshots(g1, [sample_motion(g1, 0)], n_postures=2)
+    svg = to_svg(figure, "one", "what it shows")
+    assert 'aria-label="what it shows"' in svg and "var(--identified)" in svg
+    assert not any(role.light in svg for role in ROLES)
+    assert 'id="one-' in svg and svg == to_svg(figure, "one", "what it shows")
+    assert to_png(figure, dpi=20).startswith(b"\x89PNG")
