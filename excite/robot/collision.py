@@ -59,7 +59,7 @@ _MODELS: dict[str, pin.GeometryModel] = {}
 def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
     """Convex shapes of a robot from what ``collision`` in its ``robot.yaml`` says.
 
-    Meshes become convex hulls of at most 48 corners that contain every corner of the mesh
+    Meshes become convex hulls of at most 96 corners that contain every corner of the mesh
     (:func:`~excite.robot.meshes.convex_hull`). Shapes authored in ``robot.yaml`` are added to those
     of the URDF's ``collision`` or ``visual`` elements, or stand alone with ``geometry: authored``.
     A ``table_height`` adds a 4 m × 4 m × 1 m block below the base.
@@ -204,7 +204,7 @@ def _solid(
             ) from error
         return Shape(name, link, joint, pose, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
-        return Shape(name, link, joint, pose, "box", tuple(_floats(solid.get("size", ""))))
+        return Shape(name, link, joint, pose, "box", tuple(_floats(solid.get("size", "")).tolist()))
     if solid.tag == "sphere":
         return Shape(name, link, joint, pose, "sphere", (float(solid.get("radius", "nan")),))
     if solid.tag in {"cylinder", "capsule"}:

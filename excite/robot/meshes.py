@@ -24,8 +24,8 @@ class Hull:
     Attributes:
         vertices: corners, ``(n, 3)`` [m].
         faces: triangles as rows of vertex indices, ``(m, 3)``, anticlockwise seen from outside.
-        inflation: factor by which the corners were moved away from the centre so that the polyhedron
-            contains every point that it was built from; 1 for the exact hull.
+        inflation: largest factor by which the polyhedron was stretched so that it contains every point
+            that it was built from; 1 for the exact hull.
     """
 
     vertices: Array
@@ -34,7 +34,7 @@ class Hull:
 
 
 def mesh_points(path: Path) -> Array:
-    """Distinct corners of a mesh file, ``(n, 3)``, in the file's own unit and frame.
+    """Corners of a mesh file, once for each triangle that they belong to, ``(n, 3)``, in the file's own unit and frame.
 
     STL is read here; any other format (Collada, OBJ) goes through coal's loader.
 
@@ -52,7 +52,7 @@ def mesh_points(path: Path) -> Array:
         raise RobotError(
             "mesh has no corners or one that is not finite", source=path, remedy="export it again"
         )
-    return np.unique(points, axis=0)
+    return points
 
 
 def _stl_points(content: bytes) -> Array:
@@ -72,13 +72,14 @@ def _assimp_points(path: Path) -> Array:
     return np.array(coal.MeshLoader().load(str(path), np.ones(3)).vertices())
 
 
-def convex_hull(points: Array, max_vertices: int = 48, slack: float = 0.01) -> Hull:
+def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> Hull:
     """A convex polyhedron of few corners that contains all ``points``.
 
     Corners of the exact hull are added where the polyhedron so far falls short of the points, measured
     as the factor by which it would have to grow about its centre (affine-invariant, so a thin part is
     treated like a thick one). It stops at ``max_vertices`` or when that factor is below ``1 + slack``;
-    then the polyhedron is grown by the factor that remains, so that it is never smaller than the mesh.
+    then the polyhedron is stretched along its principal axes, along the longest as little as can be, until
+    it contains every point: it is never smaller than the mesh.
 
     Args:
         points: ``(n, 3)`` [m].
@@ -94,19 +95,37 @@ def convex_hull(points: Array, max_vertices: int = 48, slack: float = 0.01) -> H
         raise ValueError("the points lie in a plane and have no convex hull") from error
     corners = points[exact.vertices]
     centre = corners.mean(axis=0)
-    corners = corners - centre
+    axes = np.linalg.svd(corners - centre, full_matrices=False)[2]
+    corners = (corners - centre) @ axes.T
     if len(corners) <= max_vertices:
-        return _polyhedron(corners, centre, 1.0)
+        return _polyhedron(corners, np.ones(3), axes, centre)
     chosen = _extremes(corners)
     while True:
         planes = _planes(corners[chosen])
         reach = (corners @ planes[:, :3].T) / -planes[:, 3]
         factor = float(reach.max())
         if factor <= 1.0 + slack or len(chosen) >= max_vertices:
-            return _polyhedron(corners[chosen], centre, max(1.0, factor) * (1.0 + 1e-9))
+            return _polyhedron(corners[chosen], _stretch(corners, planes, factor), axes, centre)
         worst = np.argsort(-reach.max(axis=0), kind="stable")[:6]
         new = np.unique(reach.argmax(axis=0)[worst])
         chosen = np.union1d(chosen, new[: max_vertices - len(chosen)])
+
+
+def _stretch(corners: Array, planes: Array, factor: float) -> Array:
+    """Growth along each axis, ``(3,)``, after which the polyhedron of ``planes`` contains all corners.
+
+    Growth by ``factor`` along all axes suffices; along one axis after the other, the longest first, it is
+    reduced as far as the growth along the other two allows.
+    """
+    stretch = np.full(3, max(1.0, factor) * (1.0 + 1e-9))
+    terms = corners[:, None, :] * planes[None, :, :3]
+    for axis in range(3):
+        others = [other for other in range(3) if other != axis]
+        room = -planes[:, 3] - (terms[:, :, others] / stretch[others]).sum(axis=2)
+        outward = terms[:, :, axis] > 0.0
+        needed = terms[:, :, axis][outward] / room[outward]
+        stretch[axis] = max(1.0, float(needed.max(initial=1.0))) * (1.0 + 1e-9)
+    return stretch
 
 
 def _extremes(corners: Array) -> Faces:
@@ -127,12 +146,12 @@ def _planes(corners: Array) -> Array:
     return ConvexHull(corners).equations
 
 
-def _polyhedron(corners: Array, centre: Array, inflation: float) -> Hull:
-    hull = ConvexHull(corners * inflation)
+def _polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
+    hull = ConvexHull(corners * stretch @ axes + centre)
     used = np.sort(hull.vertices)
     faces = np.searchsorted(used, hull.simplices).astype(np.int64)
     vertices = hull.points[used]
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     faces[inward] = faces[inward][:, [0, 2, 1]]
-    return Hull(vertices + centre, faces, inflation)
+    return Hull(vertices, faces, float(stretch.max()))
