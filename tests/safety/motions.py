@@ -2,14 +2,53 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 from scipy.interpolate import make_interp_spline
 
 from excite.motion.motion import Motion
+from excite.robot.collision import collision_model
+from excite.robot.loading import build_robot
 from excite.robot.robot import Foot, Robot
 
 RATE_HZ = 200.0
+
+
+def with_neighbours_ignored(robot: Robot) -> Robot:
+    """The robot with every pair of links left out that is closer than twice the collision margin at rest."""
+    geometry, block = collision_model(robot), robot.description.collision
+    model_data, data = robot.model.createData(), geometry.createData()
+    pin.updateGeometryPlacements(robot.model, model_data, geometry, data, robot.rest)
+    close = []
+    for k, pair in enumerate(geometry.collisionPairs):
+        if pin.computeDistance(geometry, data, k).min_distance < 2.0 * block.margin:
+            names = (geometry.geometryObjects[pair.first].name, geometry.geometryObjects[pair.second].name)
+            close.append(tuple(name.rsplit("_", 1)[0] for name in names))
+    block = block.model_copy(update={"ignored_pairs": (*block.ignored_pairs, *close)})
+    return build_robot(robot.description.model_copy(update={"collision": block}), robot.source)
+
+
+def moved_base(motion: Motion, offset: np.ndarray) -> Motion:
+    """The motion with the base shifted by ``(n, 3)`` [m] in the world; joints as they were, base level."""
+    path = make_interp_spline(motion.time, offset, k=5)
+    q, v, a = motion.q.copy(), motion.v.copy(), motion.a.copy()
+    q[:, :3] += offset
+    v[:, :3] += path(motion.time, 1)
+    a[:, :3] += path(motion.time, 2)
+    return replace(motion, q=q, v=v, a=a)
+
+
+def moved_joint(robot: Robot, motion: Motion, joint: str, offset: np.ndarray) -> Motion:
+    """The motion with an offset ``(n,)`` [rad] added to one joint, v and a with it."""
+    path = make_interp_spline(motion.time, offset, k=5)
+    column = robot.joint_index(joint)
+    q, v, a = motion.q.copy(), motion.v.copy(), motion.a.copy()
+    q[:, robot.n_base_q + column] += offset
+    v[:, robot.n_base_v + column] += path(motion.time, 1)
+    a[:, robot.n_base_v + column] += path(motion.time, 2)
+    return replace(motion, q=q, v=v, a=a)
 
 
 def smooth(phase: np.ndarray) -> np.ndarray:
@@ -18,12 +57,9 @@ def smooth(phase: np.ndarray) -> np.ndarray:
     return s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
 
 
-def bump(time: np.ndarray, centre: float, width: float) -> np.ndarray:
-    """A smooth hill of height one and full width ``2·width`` around ``centre``."""
-    return smooth(1.0 - np.abs(time - centre) / width) if width else np.zeros_like(time)
-
-
-def joint_motion(robot: Robot, time: np.ndarray, joints: np.ndarray, base: np.ndarray | None = None) -> Motion:
+def joint_motion(
+    robot: Robot, time: np.ndarray, joints: np.ndarray, base: np.ndarray | None = None
+) -> Motion:
     """A motion through joint positions ``(n, n_joints)`` and base positions ``(n, 3)``, base kept level.
 
     Velocities and accelerations are those of a quintic spline through the positions.
@@ -39,9 +75,9 @@ def joint_motion(robot: Robot, time: np.ndarray, joints: np.ndarray, base: np.nd
     return Motion("made", robot.name, robot.joint_names, time, q, v, a, contacts)
 
 
-def arm_motion(robot: Robot, duration: float = 2.0, amplitude: float = 0.2, rate_hz: float = RATE_HZ) -> Motion:
+def arm_motion(robot: Robot, duration: float = 2.0, amplitude: float = 0.03) -> Motion:
     """Every joint of an arm swings about its rest posture and comes back."""
-    time = np.linspace(0.0, duration, round(duration * rate_hz) + 1)
+    time = np.linspace(0.0, duration, round(duration * RATE_HZ) + 1)
     window = smooth(4.0 * time / duration) * smooth(4.0 * (1.0 - time / duration))
     frequency = 1.0 + 0.2 * np.arange(robot.n_joints)
     swing = amplitude * window[:, None] * np.sin(2.0 * np.pi * frequency * time[:, None])
@@ -94,5 +130,6 @@ def squat(robot: Robot, depth: float = 0.08, sway: float = 0.03, duration: float
     """One squat with a sideways sway and an arm that swings, at rest at both ends."""
     time = np.arange(round(duration * RATE_HZ) + 1) / RATE_HZ
     shape = smooth(2.0 * time / duration) * smooth(2.0 * (1.0 - time / duration))
-    pelvis = np.column_stack([0.0 * shape, sway * shape * np.sin(2.0 * np.pi * time / duration), -depth * shape])
+    side = sway * shape * np.sin(2.0 * np.pi * time / duration)
+    pelvis = np.column_stack([0.0 * shape, side, -depth * shape])
     return standing_motion(robot, pelvis, {"right_elbow_joint": 0.3 * shape})

@@ -1,0 +1,34 @@
+"""Robots and good motions that the tests of the checks start from."""
+
+from __future__ import annotations
+
+import pytest
+
+from excite.motion.motion import Motion
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from tests.safety.motions import arm_motion, squat, with_neighbours_ignored
+
+
+@pytest.fixture(scope="session")
+def humanoid(g1: Robot) -> Robot:
+    """G1 without the pairs of links that are neighbours at rest."""
+    return with_neighbours_ignored(g1)
+
+
+@pytest.fixture(scope="session")
+def arm() -> Robot:
+    """UR10 without the pairs of links that are neighbours at rest."""
+    return with_neighbours_ignored(load_robot("ur10"))
+
+
+@pytest.fixture(scope="session")
+def squatting(humanoid: Robot) -> Motion:
+    """A squat with both soles where they are at rest."""
+    return squat(humanoid)
+
+
+@pytest.fixture(scope="session")
+def swinging(arm: Robot) -> Motion:
+    """Every joint of the arm swings about its rest posture."""
+    return arm_motion(arm)
