@@ -34,7 +34,7 @@ class Hull:
 
 
 def mesh_points(path: Path) -> Array:
-    """Corners of a mesh file, once for each triangle that they belong to, ``(n, 3)``, in the file's own unit and frame.
+    """Corners of a mesh file, ``(n, 3)``, in its own unit and frame; shared corners may be repeated.
 
     STL is read here; any other format (Collada, OBJ) goes through coal's loader.
 
@@ -44,7 +44,7 @@ def mesh_points(path: Path) -> Array:
     try:
         content = path.read_bytes() if path.suffix.lower() == ".stl" else b""
         points = _stl_points(content) if content else _assimp_points(path)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError) as error:
         raise RobotError(
             f"mesh cannot be read ({error})", source=path, remedy="check the mesh's path and format"
         ) from error

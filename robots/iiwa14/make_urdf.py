@@ -62,7 +62,7 @@ LEAST = 1.0e-4
 
 
 def consistent(moments: tuple[float, ...]) -> np.ndarray:
-    """Moments ``(3, 3)`` whose second-moment matrix ½tr(I)1 − I is positive definite, nearest to the table's."""
+    """Moments ``(3, 3)`` nearest to the table's whose second moments ½tr(I)1 − I are positive definite."""
     xx, xy, xz, yy, yz, zz = moments
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     second = 0.5 * np.trace(inertia) * np.eye(3) - inertia
@@ -79,13 +79,13 @@ def urdf() -> str:
     lines = [
         '<?xml version="1.0"?>',
         "<!-- KUKA LBR iiwa 14 R820, written by make_urdf.py, where every number has its source. -->",
-        "<!-- Origin where axes 1 and 2 cross, 0.36 m above the foot; collision capsules are in robot.yaml. -->",
+        "<!-- Origin where axes 1 and 2 cross, 0.36 m above the foot; collision shapes are in robot.yaml. -->",
         '<robot name="iiwa14">',
         '  <link name="base"/>',
     ]
     for i in range(7):
         inertia = consistent(MOMENTS[i])
-        change = np.abs(inertia - consistent_input(i)).max()
+        change = np.abs(inertia - printed(i)).max()
         note = f"; moments moved by at most {change:.1e} for the triangle inequality" if change > 0 else ""
         xyz = (A[i], -math.sin(ALPHA[i]) * D[i], math.cos(ALPHA[i]) * D[i])
         lines += [
@@ -112,7 +112,7 @@ def urdf() -> str:
     return "\n".join([*lines, "</robot>", ""])
 
 
-def consistent_input(link: int) -> np.ndarray:
+def printed(link: int) -> np.ndarray:
     """Moments of a link as the table prints them, ``(3, 3)``; ``link`` counts from 0."""
     xx, xy, xz, yy, yz, zz = MOMENTS[link]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
