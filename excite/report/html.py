@@ -29,6 +29,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa} · 10{raised}".replace("-", "−")
 
 
+def condition(value: float | None) -> float:
+    """A condition number from JSON, which writes an infinite one, of what nothing excites, as null."""
+    return math.inf if value is None else value
+
+
 def table(headers: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
     """A table; numbers stand on the right, ``True`` and ``False`` read yes and no."""
     rows = list(rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from excite.report.folder import Findings
-from excite.report.html import figure, folded, number, paragraph, section, table
+from excite.report.html import condition, figure, folded, number, paragraph, section, table
 from excite.report.plots.conditioning import plot_conditioning
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -27,10 +27,10 @@ class Excitation(Section):
             svg = to_svg(plot_conditioning(change), "conditioning", "Condition number of each segment")
             content.append(figure(svg))
         if plan is not None:
-            full, log_det = number(plan["full"]), number(plan["log_det"])
+            full, log_det = number(condition(plan["full"])), number(plan["log_det"])
             numbers = f"the condition number is {full}, the log-determinant of the information {log_det}."
             content.append(paragraph(f"Over all {plan['n_base_parameters']} base parameters {numbers}"))
-            rows = [(row["segment"], row["condition"]) for row in plan["segments"]]
+            rows = [(row["segment"], condition(row["condition"])) for row in plan["segments"]]
             listing = table(("segment", "condition number"), rows)
             content.append(folded("Condition number of each segment", listing))
         return section(self.identifier, self.title, lead, *content)

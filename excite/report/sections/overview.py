@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from excite.report.folder import Findings
-from excite.report.html import number, tile
+from excite.report.html import condition, number, tile
 from excite.report.sections.section import Section
 
 
@@ -47,7 +47,9 @@ def _conditioning(findings: Findings) -> Iterator[str]:
         label = f"condition number of the base columns: {change.before_label} → {change.after_label}"
         yield tile(f"{number(change.full_before)} → {number(change.full_after)}", label)
     elif findings.plan is not None:
-        yield tile(number(findings.plan["conditioning"]["full"]), "condition number of the base columns")
+        yield tile(
+            number(condition(findings.plan["conditioning"]["full"])), "condition number of the base columns"
+        )
 
 
 def _certainty(findings: Findings) -> Iterator[str]:

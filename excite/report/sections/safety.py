@@ -13,8 +13,8 @@ _MARGINS = {
     "joint_velocity_rad_s": "joint velocity [rad/s]",
     "joint_acceleration_rad_s2": "joint acceleration [rad/s²]",
     "joint_torque_nm": "joint torque [N·m]",
-    "self_collision_m": "self-collision [m]",
-    "zmp_m": "ZMP [m]",
+    "self_collision_m": "distance between bodies [m]",
+    "zmp_m": "ZMP to the edge of support [m]",
 }
 
 
@@ -30,10 +30,10 @@ class Safety(Section):
             return ""
         motions = findings.check["motions"]
         lead = (
-            "A margin is the distance to the limit at the worst instant, by a check that shares nothing "
-            "with the repairs; it must be positive, and one that could not be computed counts as unsafe."
+            "What is left to each limit at the worst instant, by a check that is independent of the repairs; "
+            "it must not be negative, and a margin that could not be computed counts as unsafe."
         )
-        named = [name for name in _MARGINS if any(name in motion["margins"] for motion in motions)]
+        named = [name for name in _MARGINS if any(_applies(name, motion) for motion in motions)]
         smallest = table(("margin", "smallest", "in motion"), [_smallest(name, motions) for name in named])
         every = folded(
             f"Margins of all {len(motions)} motions",
@@ -45,10 +45,14 @@ class Safety(Section):
         return section(self.identifier, self.title, lead, smallest, every, _violations(motions))
 
 
+def _applies(name: str, motion: dict[str, Any]) -> bool:
+    return name in motion["margins"] and name not in motion.get("not_applicable", ())
+
+
 def _smallest(name: str, motions: list[dict[str, Any]]) -> tuple[Cell, ...]:
     computed = [m for m in motions if m["margins"].get(name) is not None]
     if not computed:
-        return (_MARGINS[name], None, "not computed or not applicable")
+        return (_MARGINS[name], None, "not computed")
     worst = min(computed, key=lambda m: m["margins"][name])
     return (_MARGINS[name], float(worst["margins"][name]), worst["motion"])
 
