@@ -56,7 +56,7 @@ def plot_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     )
     low, high = points.min(axis=0), points.max(axis=0)
     width, height = high - low
-    left = 0.0
+    ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
     row_height_in = min(2.6, 1.08 * WIDTH_IN / n_postures * height / width + 0.3)
 
     def paint(figure: Figure) -> None:
@@ -64,8 +64,8 @@ def plot_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
             figure.subplots(len(rows), 1, squeeze=False)[:, 0], rows, motions, strict=True
         ):
             for i, (time, drawn) in enumerate(row):
-                x = left + i * 1.06 * width
-                _draw_posture(axes, drawn, view, np.array([x, 0.0]), width)
+                x = i * 1.06 * width
+                _draw_posture(axes, drawn, view, np.array([x, 0.0]), width, ground)
                 axes.text(
                     x, low[1] - 0.07 * height, f"{time:.1f} s", ha="center", va="top", color=MUTED.light
                 )
@@ -101,8 +101,9 @@ def _title(motion: Motion) -> str:
     return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
 
 
-def _draw_posture(axes: Axes, drawn: Picture, view: View, offset: Array, width: float) -> None:
+def _draw_posture(axes: Axes, drawn: Picture, view: View, offset: Array, width: float, ground: float) -> None:
     tile = 0.42 * width * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+    tile[:, 2] = ground
     axes.fill(*(view.flat(tile) + offset).T, color=GROUND.light, lw=0)
     if drawn.support is not None:
         axes.fill(*(drawn.support + offset).T, facecolor=TRUE.light, alpha=0.45, lw=0)
