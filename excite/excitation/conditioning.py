@@ -16,6 +16,7 @@ from excite.errors import InputError, MotionError
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import BaseParameters, base_parameters, structural_base_parameters
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
+from excite.regressor.factor import r_factor
 from excite.robot.robot import Array, Robot
 
 # Singular values below this share of the largest are rounding: the regressor lacks rank there.
@@ -117,7 +118,7 @@ def motion_factor(
             None.
 
     Raises:
-        MotionError: the motion's joints are not the robot's.
+        MotionError: the motion's joints are not the robot's, or it holds NaN.
         InputError: bad rate or standard deviations.
     """
     if motion.joint_names != robot.joint_names or motion.floating != robot.floating:
@@ -126,6 +127,8 @@ def motion_factor(
         )
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise InputError(f"rate of {rate_hz} Hz", field="rate_hz", remedy="use a positive rate")
+    if not all(np.isfinite(values).all() for values in (motion.q, motion.v, motion.a)):
+        raise MotionError("holds NaN or infinity", source=motion.name)
     columns = measured_columns(robot)
     sampled = motion.resampled(robot, rate_hz)
     rows = regressor_rows(robot, columns, sampled.q, sampled.v, sampled.a)
@@ -137,9 +140,7 @@ def motion_factor(
             )
         rows /= row_std[:, None]
     rows = rows.reshape(-1, rows.shape[2])
-    if not np.isfinite(rows).all():
-        raise MotionError("holds NaN or infinity", source=motion.name)
-    matrix = np.linalg.qr(rows, mode="r")
+    matrix = r_factor(rows)
     return MotionFactor((motion.name,), columns, matrix, len(rows), rate_hz, row_std)
 
 
@@ -161,7 +162,7 @@ def stack_factors(factors: Sequence[MotionFactor]) -> MotionFactor:
     return MotionFactor(
         motions=tuple(name for factor in factors for name in factor.motions),
         columns=first.columns,
-        matrix=np.linalg.qr(np.vstack([factor.matrix for factor in factors]), mode="r"),
+        matrix=r_factor(np.vstack([factor.matrix for factor in factors])),
         n_rows=sum(factor.n_rows for factor in factors),
         rate_hz=first.rate_hz,
         row_std=first.row_std,
@@ -229,7 +230,7 @@ def segment_conditions(
         within = base_parameters(base.matrix[:, columns], [base.names[c] for c in columns])
         used = columns[within.independent]
         # The factor is triangular: below the segment's last column there is nothing.
-        block = np.linalg.qr(factor.matrix[: used[-1] + 1, used], mode="r")
+        block = r_factor(factor.matrix[: used[-1] + 1, used])
         values = np.linalg.svd(block, compute_uv=False)
         full_rank = len(values) == len(used) and values[-1] > RANK_TOLERANCE * values[0]
         condition = float(values[0] / values[-1]) if full_rank else np.inf

@@ -11,6 +11,7 @@ from scipy.linalg import solve_triangular
 
 from excite.errors import InputError
 from excite.regressor.columns import measured_columns, regressor_rows
+from excite.regressor.factor import r_factor
 from excite.robot.robot import Array, Robot
 
 # Coefficients this close to 0, 1 or -1 are these; what rounding leaves is far smaller.
@@ -83,7 +84,7 @@ def base_parameters(rows: Array, names: Sequence[str], tol: float = 1e-8) -> Bas
     if not np.isfinite(rows).all():
         raise InputError("regressor holds NaN or infinity", remedy="check the motion")
     if rows.shape[0] > rows.shape[1]:
-        rows = np.linalg.qr(rows, mode="r")
+        rows = r_factor(rows)
     norms = np.linalg.norm(rows, axis=0)
     present = norms > tol * norms.max(initial=0.0)
     if not present.any():

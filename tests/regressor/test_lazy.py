@@ -1,0 +1,32 @@
+"""Compilation at first call."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numba
+import pytest
+
+from excite.regressor.lazy import LazyKernel
+
+
+def double(x):
+    return 2 * x
+
+
+def test_importing_the_kernels_does_not_import_numba() -> None:
+    code = "import sys, excite.excitation.selection; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_without_a_folder_for_the_cache_it_compiles_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    genuine = numba.njit
+
+    def njit(*, cache: bool = False, **options):
+        if cache:
+            raise RuntimeError("cannot cache function 'double': no locator available")
+        return genuine(**options)
+
+    monkeypatch.setattr(numba, "njit", njit)
+    assert LazyKernel(double)(21) == 42
