@@ -55,8 +55,10 @@ def plot_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
         [part for row in rows for _, drawn in row for part in (*drawn.hulls, *drawn.bones, *drawn.soles)]
     )
     low, high = points.min(axis=0), points.max(axis=0)
-    width, height = high - low
+    width = high[0] - low[0]
     ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
+    low[1] = min(low[1], _tile(view, width, ground)[:, 1].min())
+    height = high[1] - low[1]
     row_height_in = min(2.6, 1.08 * WIDTH_IN / n_postures * height / width + 0.3)
 
     def paint(figure: Figure) -> None:
@@ -101,10 +103,15 @@ def _title(motion: Motion) -> str:
     return f"{motion.name} ({motion.metadata.generator.replace('_', ' ')}{aim}; {motion.duration:.1f} s)"
 
 
+def _tile(view: View, width: float, ground: float) -> Array:
+    """Outline of the piece of ground under one posture, in picture coordinates [m]."""
+    half = 0.42 * width
+    corners = [[half, half], [-half, half], [-half, -half], [half, -half]]
+    return view.flat(np.array([[x, y, ground] for x, y in corners]))
+
+
 def _draw_posture(axes: Axes, drawn: Picture, view: View, offset: Array, width: float, ground: float) -> None:
-    tile = 0.42 * width * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
-    tile[:, 2] = ground
-    axes.fill(*(view.flat(tile) + offset).T, color=GROUND.light, lw=0)
+    axes.fill(*(_tile(view, width, ground) + offset).T, color=GROUND.light, lw=0)
     if drawn.support is not None:
         axes.fill(*(drawn.support + offset).T, facecolor=TRUE.light, alpha=0.45, lw=0)
     for outline in drawn.hulls:
