@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.errors import InputError, MotionError
 from excite.motion.motion import Motion
@@ -196,7 +197,7 @@ def conditioning(
         log_det=float(2.0 * np.log(values).sum()) if complete else -np.inf,
         n_base_parameters=base.rank,
         rank=rank,
-        segments=segment_conditions(robot, factor, base),
+        segments=segment_conditions(factor, segment_columns(robot, factor.columns, base)),
         factor=factor,
         base=base,
     )
@@ -216,25 +217,35 @@ def base_singular_values(factor: MotionFactor, base: BaseParameters) -> Array:
     return np.concatenate([found, np.zeros(base.rank - len(found))])
 
 
-def segment_conditions(
-    robot: Robot, factor: MotionFactor, base: BaseParameters
-) -> tuple[SegmentCondition, ...]:
-    """Condition number of each segment's sub-regressor; see :func:`conditioning`."""
-    conditions = []
+def segment_columns(robot: Robot, columns: Columns, base: BaseParameters) -> dict[str, NDArray[np.int64]]:
+    """Structurally independent columns of each segment, by name, for segments that have any.
+
+    Raises:
+        InputError: the base parameters are of other columns.
+    """
+    if base.names != columns.names:
+        raise InputError("base parameters of other columns than the regressor's", source=robot.name)
+    found = {}
     for index, segment in enumerate(robot.segments):
-        columns = factor.columns.of_segment(index)
-        if len(columns) == 0 or not base.matrix[:, columns].any():
-            continue
-        # Y = Y_base · matrix with independent Y_base: dependence of the matrix's columns is that of the
-        # regressor's.
-        within = base_parameters(base.matrix[:, columns], [base.names[c] for c in columns])
-        used = columns[within.independent]
+        own = columns.of_segment(index)
+        if base.matrix[:, own].any():
+            # Y = Y_base · matrix with Y_base of full rank: the matrix's columns depend as the regressor's do.
+            within = base_parameters(base.matrix[:, own], [base.names[c] for c in own])
+            found[segment.name] = own[within.independent]
+    return found
+
+
+def segment_conditions(
+    factor: MotionFactor, columns: Mapping[str, NDArray[np.int64]]
+) -> tuple[SegmentCondition, ...]:
+    """Condition number of each segment's sub-regressor; ``columns`` are from :func:`segment_columns`."""
+    conditions = []
+    for name, used in columns.items():
         # The factor is triangular: below the segment's last column there is nothing.
-        block = r_factor(factor.matrix[: used[-1] + 1, used])
-        values = np.linalg.svd(block, compute_uv=False)
+        values = np.linalg.svd(r_factor(factor.matrix[: used[-1] + 1, used]), compute_uv=False)
         full_rank = len(values) == len(used) and values[-1] > RANK_TOLERANCE * values[0]
         condition = float(values[0] / values[-1]) if full_rank else np.inf
-        conditions.append(SegmentCondition(segment.name, condition, float(values[-1]), len(used)))
+        conditions.append(SegmentCondition(name, condition, float(values[-1]), len(used)))
     return tuple(conditions)
 
 

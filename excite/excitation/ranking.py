@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.errors import InputError, UnknownNameError
-from excite.excitation.conditioning import MotionFactor, segment_conditions
+from excite.excitation.conditioning import MotionFactor, segment_columns, segment_conditions
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Array, Robot
 
@@ -63,7 +63,10 @@ def rank(robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | N
     if not factors:
         raise InputError("no motion to rank", remedy="hand over at least one")
     base = base if base is not None else structural_base_parameters(robot)
-    table = [segment_conditions(robot, factor, base) for factor in factors]
+    columns = segment_columns(robot, factors[0].columns, base)
+    if any(factor.columns.names != base.names for factor in factors):
+        raise InputError("factors of different robots", remedy="rank motions of one robot")
+    table = [segment_conditions(factor, columns) for factor in factors]
     return Ranking(
         motions=tuple(" + ".join(factor.motions) for factor in factors),
         segments=tuple(cell.segment for cell in table[0]),

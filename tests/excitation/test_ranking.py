@@ -35,9 +35,17 @@ def test_equals_are_told_apart_by_strength_then_name_then_place() -> None:
     assert ranking.best("arm") == (2, 3, 1, 0)
 
 
-def test_faults(panda: Robot) -> None:
+def test_faults(panda: Robot, g1: Robot) -> None:
     with pytest.raises(InputError, match="no motion"):
         rank(panda, [])
+    own, other = (
+        motion_factor(panda, sines(panda, "m", 0)),
+        motion_factor(g1, sines(g1, "m", 0, duration=1.0)),
+    )
+    with pytest.raises(InputError, match="different robots"):
+        rank(panda, [own, other])
+    with pytest.raises(InputError, match="other columns"):
+        rank(panda, [other])
     ranking = rank(panda, [motion_factor(panda, sines(panda, "motion", 0))])
     with pytest.raises(UnknownNameError, match="tail"):
         ranking.best("tail")
