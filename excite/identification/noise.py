@@ -78,7 +78,7 @@ class NoiseModel:
         return np.maximum(1.0, diagonal[0] + 2.0 * diagonal[1:].sum(axis=0))
 
     def spectrum(self, n_fft: int) -> Array:
-        """Spectral matrices ``(n_fft//2 + 1, n_channels, n_channels)`` of the scaled noise, positive semidefinite."""
+        """Spectral matrices of the scaled noise, ``(n_fft//2 + 1, n_channels, n_channels)``, all PSD."""
         n_lags = len(self.autocovariance)
         padded = np.zeros((n_fft, *self.autocovariance.shape[1:]))
         padded[:n_lags] += self.autocovariance.transpose(0, 2, 1)
@@ -145,7 +145,9 @@ def _correlation_length(covariance: Array, n_samples: int) -> int:
     )
     # Autocorrelations of correlated noise scatter as 1/√(independent samples), not 1/√(samples).
     independent = n_samples / max(1.0, 1.0 + 2.0 * float((diagonal[1:] ** 2).sum(axis=0).max()))
-    outside = np.flatnonzero((diagonal > 2.5 / np.sqrt(max(independent, 1.0))).any(axis=1))
+    # White noise must pass all of these looks together: the greatest of k deviates is near √(2 ln k).
+    band = (np.sqrt(2.0 * np.log(diagonal.size)) + 1.0) / np.sqrt(max(independent, 1.0))
+    outside = np.flatnonzero((diagonal > band).any(axis=1))
     return int(2 * outside[-1]) if len(outside) else 0
 
 
@@ -189,7 +191,7 @@ def whitened_factor(
     """Triangular factor of the rows after the noise has been made white, ``(≤ k, k)``.
 
     Each trial is taken to the frequency domain and multiplied by ``S(f)^{-1/2}``; frequencies and channel
-    combinations in which the noise has less than a thousandth of its greatest power, which a filter has
+    combinations in which the noise has less than a fiftieth of its greatest power, which a filter has
     removed from both sides, are dropped. Least squares on the result is generalised least squares.
 
     Args:
@@ -202,7 +204,7 @@ def whitened_factor(
     factor = np.zeros((0, columns.shape[1]))
     for grid in grids:
         values, vectors = np.linalg.eigh(noise.spectrum(grid.n_samples))
-        usable = values > 1e-3 * values.max()
+        usable = values > 2e-2 * values.max()
         root = np.where(usable, 1.0 / np.sqrt(np.where(usable, values, 1.0)), 0.0)
         kept = usable.any(axis=1)
         double = np.full(len(values), 2.0)

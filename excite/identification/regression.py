@@ -126,7 +126,7 @@ def square_factor(rows: Array) -> Array:
     return square
 
 
-def prior_std(problem: IdentificationProblem, relative: float) -> Array:
+def prior_std(problem: IdentificationProblem, relative: float | Array) -> Array:
     """How far each parameter may lie from its nominal value, ``(n_params,)``, one standard deviation.
 
     A segment of mass ``m`` and radius ``r`` (distance of the centre of mass from the joint frame's origin,
@@ -136,7 +136,8 @@ def prior_std(problem: IdentificationProblem, relative: float) -> Array:
 
     Args:
         problem: the problem.
-        relative: share of a segment's mass, for example 0.5 (Jovic 2016: CAD off by up to 50 %).
+        relative: share of a segment's mass, for example 0.5 (Jovic 2016: CAD off by up to 50 %), or one for
+            each segment ``(n_segments,)``.
     """
     inertial = problem.prior[: problem.n_inertial].reshape(-1, 10)
     mass = np.maximum(inertial[:, 0], _SMALLEST_MASS)
@@ -145,7 +146,8 @@ def prior_std(problem: IdentificationProblem, relative: float) -> Array:
     gyration = np.nan_to_num(np.trace(central, axis1=1, axis2=2) / (2.0 * mass))
     radius = np.maximum(np.sqrt((center**2).sum(axis=1) + np.maximum(gyration, 0.0)), _SMALLEST_RADIUS)
     powers = np.array([0] + [1] * 3 + [2] * 6)
-    body = relative * mass[:, None] * radius[:, None] ** powers
+    spread = np.broadcast_to(np.asarray(relative, dtype=float), mass.shape)
+    body = (spread * mass)[:, None] * radius[:, None] ** powers
     drives = problem.Y[:, problem.n_inertial :]
     signal = max(float(np.sqrt(np.mean(problem.y**2))), 1e-9)
     power = np.sqrt((drives**2).sum(axis=0) / max(1, problem.n_rows // len(problem.channel_names)))

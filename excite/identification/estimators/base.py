@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
+from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.robot.robot import Array
 
 

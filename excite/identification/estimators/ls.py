@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
+from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import least_squares, regression
-from excite.identification.estimators.settings import EstimatorSettings
 
 
 class LeastSquares(Estimator):

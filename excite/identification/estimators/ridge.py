@@ -11,8 +11,8 @@ from scipy.linalg import solve_triangular
 from excite.errors import NoSolutionError
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.regression import Regression, prior_std, square_factor
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.regression import Regression, prior_std, square_factor
 from excite.robot.robot import Array
 
 
@@ -72,7 +72,7 @@ def ridge(rows: Regression, settings: EstimatorSettings) -> Ridge:
     problem = rows.problem
     if not np.isfinite(rows.factor).all():
         raise NoSolutionError("the rows are not finite", remedy=SolveStatus.NOT_FINITE.value)
-    scales = prior_std(problem, settings.prior_spread)
+    scales = prior_std(problem, settings.spreads(problem.robot))
     frozen = np.zeros(problem.n_params, dtype=bool)
     for segment in problem.unmeasured:
         frozen[problem.robot.parameter_columns(segment)] = True

@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+import numpy as np
+
 from excite.errors import InputError
-from excite.robot.robot import Array
+from excite.robot.robot import Array, Robot
 
 
 def _setting(default: float | None, unit: str, low: float, high: float, what: str) -> Any:
@@ -29,8 +31,9 @@ class EstimatorSettings:
         inertia_floor: the ε of eq. (13) of Jovic et al. 2016, relative, so that it fits hands and trunks.
         sphere_subdivisions: 5 gives the 10 242 vectors of Jovic et al. 2016.
         symmetry: None imposes none, 0 equality.
-        com_boxes: by link, lower and upper corner of the box of its centre of mass in the joint frame [m];
-            None takes those of the robot.
+        com_boxes: lower and upper corner of the box of each segment's centre of mass in its joint frame,
+            ``(n_segments, 2, 3)`` [m]; None takes uniform boxes of the nominal mass and inertia.
+        segment_spread: ``prior_spread`` of single segments, by link.
     """
 
     alpha: float = _setting(1.0, "1", 1e-12, 1e12, "weight of the nominal model against the data")
@@ -41,7 +44,12 @@ class EstimatorSettings:
     )
     sphere_subdivisions: int = _setting(5, "1", 0, 6, "subdivisions of the icosahedron of the inertia rows")
     symmetry: float | None = _setting(None, "1", 0.0, 1.0, "largest relative left/right difference")
-    com_boxes: Mapping[str, tuple[Array, Array]] | None = None
+    com_boxes: Array | None = None
+    segment_spread: Mapping[str, float] = field(default_factory=dict)
+
+    def spreads(self, robot: Robot) -> Array:
+        """Spread of each segment's mass about the nominal one, as share of it, ``(n_segments,)``."""
+        return np.array([self.segment_spread.get(s.link, self.prior_spread) for s in robot.segments])
 
     def __post_init__(self) -> None:
         """Check every bound.

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
+from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, least_squares, prior_std, regression
-from excite.identification.estimators.settings import EstimatorSettings
 
 
 class WeightedLeastSquares(Estimator):
@@ -23,9 +23,9 @@ class WeightedLeastSquares(Estimator):
     title: ClassVar[str] = "least squares, channels weighted by their residuals"
 
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses ``prior_spread`` as the metric among equal solutions."""
+        """See :meth:`Estimator.estimate`; uses the spreads as the metric among equal solutions."""
         rows = iterate_weights(regression(problem))
-        scales = prior_std(problem, settings.prior_spread)
+        scales = prior_std(problem, settings.spreads(problem.robot))
         parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
         weighted = problem.residual(parameters) / rows.std[problem.channel]
         residual = float(np.sqrt(np.mean(weighted**2)))

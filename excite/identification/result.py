@@ -1,0 +1,208 @@
+"""What an identification says."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from excite.identification.changes import Changes
+from excite.identification.consistency import Consistency
+from excite.identification.inertia import FILE_ORDER
+from excite.identification.validation import ChannelFit
+from excite.robot.robot import Array
+
+SCHEMA = "excite.identification/1"
+
+
+@dataclass(frozen=True)
+class BaseParameter:
+    """A base parameter and how well it is known.
+
+    Attributes:
+        name: the parameter that stands for it, such as ``Izz(torso)``.
+        expression: the whole combination in words.
+        link: link of that parameter, None for a drive's.
+        value: [SI].
+        std: standard deviation [SI], valid for filtered and correlated noise.
+        rsd_percent: ``100·std/|value|``.
+    """
+
+    name: str
+    expression: str
+    link: str | None
+    value: float
+    std: float
+    rsd_percent: float
+
+
+@dataclass(frozen=True)
+class TotalMassReport:
+    """Total mass as it was known from several sides [kg]; None where a side says nothing.
+
+    Attributes:
+        identified: sum of the identified masses.
+        nominal: sum of the model's masses.
+        measured: what the measured forces say.
+        measured_std: its standard deviation.
+        weighed: what the scale said.
+    """
+
+    identified: float
+    nominal: float
+    measured: float | None
+    measured_std: float | None
+    weighed: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Identified parameters, their quality, and how well they predict.
+
+    Attributes:
+        robot: name of the robot.
+        method: registry name of the estimator.
+        status: advice on how the solve ended.
+        n_samples: instants that were used.
+        links: links of the segments, in model order.
+        segments: readable names of the segments.
+        unmeasured: links that the sensors do not see; their parameters are nominal.
+        parameters: ``(10·n_segments,)`` identified, pinocchio's order, joint frames [SI].
+        nominal: ``(10·n_segments,)`` of the model.
+        drive_names: names of the drives' parameters.
+        drives: ``(n_drives,)`` identified [SI].
+        base: base parameters.
+        structural_rank: number of base parameters that free motion would determine; None if not known.
+        essential: base parameters that are left after the negligible ones were removed, re-estimated.
+        consistency: physical consistency of ``parameters``.
+        fit: by channel, on the identification trials.
+        validation: by channel, on the validation trials; empty where there are none.
+        changes: segments that are not what the model says.
+        total_mass: the total mass from all sides.
+        warnings: what a careful reader should know, one sentence each.
+    """
+
+    robot: str
+    method: str
+    status: str
+    n_samples: int
+    links: tuple[str, ...]
+    segments: tuple[str, ...]
+    unmeasured: tuple[str, ...]
+    parameters: Array
+    nominal: Array
+    drive_names: tuple[str, ...]
+    drives: Array
+    base: tuple[BaseParameter, ...]
+    structural_rank: int | None
+    essential: tuple[BaseParameter, ...]
+    consistency: Consistency
+    fit: dict[str, ChannelFit]
+    validation: dict[str, ChannelFit]
+    changes: Changes
+    total_mass: TotalMassReport
+    warnings: tuple[str, ...]
+
+    @property
+    def all_parameters(self) -> Array:
+        """Inertial and drives' parameters, ``(n_params,)``, in the order of the problem's columns."""
+        return np.concatenate([self.parameters, self.drives])
+
+    @property
+    def masses(self) -> Array:
+        """Identified masses of the segments, ``(n_segments,)`` [kg]."""
+        return self.parameters[::10].copy()
+
+    def to_json(self) -> dict:
+        """The document ``excite.identification/1``; what is infinite or not known is null."""
+        return _finite(
+            {
+                "schema": SCHEMA,
+                "robot": self.robot,
+                "method": self.method,
+                "status": self.status,
+                "n_samples": self.n_samples,
+                "standard_parameters": self._standard_parameters(),
+                "drive_parameters": dict(zip(self.drive_names, self.drives.tolist(), strict=True)),
+                "base_parameters": [asdict(item) for item in self.base],
+                "n_structural_base_parameters": self.structural_rank,
+                "essential": [asdict(item) for item in self.essential],
+                "consistency": {
+                    **asdict(self.consistency),
+                    "inconsistent": list(self.consistency.inconsistent),
+                },
+                "fit": {name: asdict(item) for name, item in self.fit.items()},
+                "validation": {name: asdict(item) for name, item in self.validation.items()},
+                "changed_segments": [
+                    {**asdict(item), "tied_with": list(item.tied_with)} for item in self.changes.segments
+                ],
+                "changes": {"explained": self.changes.explained, "dispersion": self.changes.dispersion},
+                "total_mass": asdict(self.total_mass),
+                "unmeasured": list(self.unmeasured),
+                "warnings": list(self.warnings),
+            }
+        )
+
+    def _standard_parameters(self) -> dict:
+        ten = self.parameters.reshape(-1, 10)
+        return {
+            link: {
+                "mass": float(row[0]),
+                "first_moment": row[1:4].tolist(),
+                "inertia": row[4:][list(FILE_ORDER)].tolist(),
+                "nominal_mass": float(nominal),
+                "name": name,
+            }
+            for link, name, row, nominal in zip(
+                self.links, self.segments, ten, self.nominal[::10], strict=True
+            )
+        }
+
+    def summary(self) -> str:
+        """The result in words and a table, for a terminal."""
+        lines = [
+            f"{self.robot}, method {self.method}: {len(self.base)} base parameters"
+            + (f" of {self.structural_rank}" if self.structural_rank is not None else "")
+            + f" from {self.n_samples} samples",
+            f"total mass {self.total_mass.identified:.3f} kg (nominal {self.total_mass.nominal:.3f} kg)",
+        ]
+        for title, fits in (("identification trials", self.fit), ("validation trials", self.validation)):
+            if fits:
+                lines += ["", *_fit_table(title, fits)]
+        lines += ["", *self._change_lines()]
+        lines += [f"note: {text}" for text in self.warnings]
+        return "\n".join(lines)
+
+    def _change_lines(self) -> list[str]:
+        if not self.changes.segments:
+            return ["changed segments: none found"]
+        return ["changed segments:"] + [
+            f"  {item.segment}: {item.mass_change_kg:+.3f} ± {item.std_kg:.3f} kg"
+            + (f" (or {', '.join(item.tied_with)})" if item.tied_with else "")
+            for item in self.changes.segments
+        ]
+
+
+def _fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:
+    width = max(len(name) for name in [*fits, "channel"])
+    lines = [f"{title}, RMSE (correlation):", f"  {'channel':{width}}  {'identified':>20}  {'nominal':>20}"]
+    for name, fit in fits.items():
+        identified = f"{fit.rmse:.3f} {fit.unit} ({_cc(fit.cc)})"
+        nominal = f"{fit.reference_rmse:.3f} {fit.unit} ({_cc(fit.reference_cc)})"
+        lines.append(f"  {name:{width}}  {identified:>20}  {nominal:>20}")
+    return lines
+
+
+def _cc(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
+
+
+def _finite(value: object) -> object:
+    """A copy in which numbers that JSON cannot hold are None."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value

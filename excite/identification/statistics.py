@@ -1,0 +1,112 @@
+"""Base parameters with intervals that hold for filtered noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from excite.identification.noise import NoiseModel, estimate_noise, sandwich_meat
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import RANK_TOLERANCE, Regression
+from excite.regressor.base_parameters import BaseParameters, base_parameters
+from excite.regressor.columns import PARAMETERS
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True, eq=False)
+class BaseStatistics:
+    """Least-squares base parameters and their covariance.
+
+    With ``X = QR`` the weighted base columns and ``Σ`` the covariance of the weighted noise,
+    ``cov = R⁻¹ (QᵀΣQ) R⁻ᵀ``: the sandwich that is right whatever the rows' weights and correlations are. For
+    white noise it is eq. (7) of Xu et al. 2020.
+
+    Attributes:
+        base: which combinations the rows determine.
+        estimate: ``(n_base,)`` least-squares values [SI].
+        factor: ``R``, ``(n_base, n_base)``.
+        meat: ``QᵀΣQ``, ``(n_base, n_base)``, corrected for the degrees of freedom taken by the fit.
+        rotated: ``Qᵀy``, ``(n_base,)``.
+        noise: noise model of the residuals, corrected likewise.
+        white_std: ``(n_base,)`` what eq. (7) says, as if all rows were independent.
+    """
+
+    base: BaseParameters
+    estimate: Array
+    factor: Array
+    meat: Array
+    rotated: Array
+    noise: NoiseModel
+    white_std: Array
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of ``estimate``, ``(n_base, n_base)``."""
+        return _sandwich(self.factor, self.meat)
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of ``estimate``, ``(n_base,)``."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def rsd_percent(self, values: Array) -> Array:
+        """Relative standard deviation ``100 σ/|value|`` of each base parameter, infinite at zero."""
+        return relative_percent(self.std, values)
+
+
+def base_statistics(rows: Regression) -> BaseStatistics:
+    """Least squares on the base parameters of weighted rows, with the covariance of correlated noise.
+
+    Args:
+        rows: the rows, weighted as the estimate to be judged was.
+
+    Raises:
+        InputError: the rows are zero or not finite.
+    """
+    problem = rows.problem
+    n = problem.n_params
+    base = base_parameters(rows.factor[:, :n], parameter_labels(problem), RANK_TOLERANCE)
+    columns = base.independent
+    r = np.linalg.qr(rows.factor[:, [*columns, n]], mode="r")
+    factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
+    estimate = solve_triangular(factor, rotated)
+    residual = problem.y - problem.Y[:, columns] @ estimate
+    noise = estimate_noise(problem, rows.grids, residual)
+    # Weighted noise has this standard deviation per row: one where the weights are the residual's own.
+    relative = (noise.std / rows.std)[problem.channel]
+    q = solve_triangular(factor, (problem.Y[:, columns] / rows.std[problem.channel, None]).T, trans="T").T
+    meat = sandwich_meat(problem, rows.grids, q * relative[:, None], noise)
+    # The fit takes tr(QᵀΣQ) of the noise's power tr(Σ) with it; for white noise that is n − b instead of n.
+    power = float(relative @ relative)
+    correction = 1.0 / max(1.0 - float(np.trace(meat)) / power, 1e-3)
+    variance = power / max(problem.n_rows - base.rank, 1)
+    return BaseStatistics(
+        base=base,
+        estimate=estimate,
+        factor=factor,
+        meat=meat * correction,
+        rotated=rotated,
+        noise=noise.scaled(correction),
+        white_std=np.sqrt(variance * np.diag(_sandwich(factor, np.eye(base.rank)))),
+    )
+
+
+def parameter_labels(problem: IdentificationProblem) -> tuple[str, ...]:
+    """Readable names of the columns, ``Izz(torso)``, ``viscous(joint1)``: those of the regressor room."""
+    labels = [f"{name}({segment.name})" for segment in problem.robot.segments for name in PARAMETERS]
+    drives = (name.partition(".") for name in problem.parameter_names[problem.n_inertial :])
+    return (*labels, *(f"{term}({joint})" for term, _, joint in drives))
+
+
+def _sandwich(factor: Array, meat: Array) -> Array:
+    inverse = solve_triangular(factor, np.eye(len(factor)))
+    return inverse @ meat @ inverse.T
+
+
+def relative_percent(std: Array, values: Array) -> Array:
+    """``100 σ/|value|``, infinite where the value is zero."""
+    size = np.abs(values)
+    return np.where(size > 0.0, 100.0 * std / np.where(size > 0.0, size, 1.0), np.inf)
