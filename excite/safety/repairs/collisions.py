@@ -1,0 +1,59 @@
+"""A fast search for self-collisions along a path, used by repairs; the verdict has its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from excite.robot.collision import collision_model
+from excite.robot.robot import Array, Robot
+
+# Distance beyond the required margin that repairs keep, so that nothing happens between their samples [m].
+EXTRA = 0.004
+# Pairs that rest close together get this share of their spare distance as extra instead.
+_SHARE = 0.25
+
+
+class CollisionProbe:
+    """Finds the first configuration in which two bodies are closer than the robot's collision margin allows."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._model = robot.model
+        self._data = robot.model.createData()
+        self._geometry = collision_model(robot).copy()
+        self._state = self._geometry.createData()
+        self._set_margins(robot)
+        self._manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
+            self._model, self._geometry, self._state
+        )
+
+    def _set_margins(self, robot: Robot) -> None:
+        margin = robot.description.collision.margin
+        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, robot.rest)
+        for k in range(len(self._geometry.collisionPairs)):
+            distance = pin.computeDistance(self._geometry, self._state, k).min_distance
+            extra = min(EXTRA, _SHARE * max(0.0, distance - margin))
+            self._state.collisionRequests[k].security_margin = margin + extra
+
+    def collides(self, q: Array) -> bool:
+        """Whether one configuration ``(nq,)`` comes too close."""
+        return bool(pin.computeCollisions(self._model, self._data, self._manager, q, True))
+
+    def first(self, q: Array) -> int | None:
+        """Row of the first of configurations ``(n, nq)`` that comes too close, None if none does."""
+        for i, row in enumerate(q):
+            if self.collides(row):
+                return i
+        return None
+
+    def culprit(self, q: Array) -> str:
+        """Names of the two closest bodies of a configuration, as ``LINK - LINK``."""
+        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, q)
+        spare = [
+            pin.computeDistance(self._geometry, self._state, k).min_distance
+            - self._state.collisionRequests[k].security_margin
+            for k in range(len(self._geometry.collisionPairs))
+        ]
+        pair = self._geometry.collisionPairs[int(np.argmin(spare))]
+        names = (self._geometry.geometryObjects[i].name for i in (pair.first, pair.second))
+        return " - ".join(name.rsplit("_", 1)[0] for name in names)

@@ -1,0 +1,68 @@
+"""What passes from repair to repair, and how one gives up."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+from excite.motion.generators.candidate import Candidate
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+from excite.safety.repairs.path import MotionPath
+from excite.safety.repairs.time_law import TimeLaw
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """Why a candidate was given up.
+
+    Attributes:
+        candidate: its name.
+        reason: short and countable, such as ``self_collision`` or ``zmp``.
+        where: joint, foot or pair of links.
+        time_s: time in the motion [s], None where it has no time law yet.
+    """
+
+    candidate: str
+    reason: str
+    where: str
+    time_s: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A candidate on its way through the repairs; each fills in or replaces a part.
+
+    Attributes:
+        candidate: the candidate, perhaps with other control points than the generator drew.
+        path: the whole robot's path, once the base and legs are known.
+        law: path parameter over time, once the path has a time law.
+        motion: the samples, in the end.
+    """
+
+    candidate: Candidate
+    path: MotionPath | None = None
+    law: TimeLaw | None = None
+    motion: Motion | None = None
+
+    def rejected(self, reason: str, where: str, time_s: float | None = None) -> Rejection:
+        """A rejection of this draft's candidate."""
+        return Rejection(self.candidate.name, reason, where, time_s)
+
+
+class Repair(ABC):
+    """Makes a draft safer, or gives it up; it never judges the result.
+
+    Attributes:
+        name: registry name, also the name of the stage in timings.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+
+    @abstractmethod
+    def repair(self, draft: Draft) -> Draft | Rejection:
+        """The repaired draft; ``draft`` itself is left as it is. The result depends on nothing else."""

@@ -1,0 +1,99 @@
+"""A time law for a path: as fast as the limits allow (toppra), then smoothed; and transfers (ruckig)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from excite.robot.robot import Array, Robot
+from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.rows import PathLimits, Rows, Shares
+from excite.safety.repairs.time_law import TimeLaw
+
+# Shortest time that the path parameter takes for one unit [s], where nothing else limits it.
+_FASTEST = 0.12
+# Width of the kernel that smooths the time law, and the step of its samples [s].
+_KERNEL = 0.14
+_STEP = 0.0025
+
+
+class Retiming(Repair):
+    """Runs the path as fast as velocity, acceleration, torque, ZMP and friction allow, with bounded jerk.
+
+    toppra (Pham and Pham 2018) gives the fastest speed profile, whose acceleration jumps; the convolution of
+    ``s(t)`` with a smooth positive kernel of 0.14 s takes the jumps away. What the smoothing may violate the
+    next repair takes back. Curves with a speed of their own keep it, with soft starts and stops.
+    """
+
+    name: ClassVar[str] = "retiming"
+
+    def __init__(self, robot: Robot, shares: Shares) -> None:
+        super().__init__(robot)
+        self._shares = shares
+
+    def repair(self, draft: Draft) -> Draft | Rejection:
+        """A draft with a time law, or the rejection ``no_time_law``."""
+        if draft.path is None:
+            return draft.rejected("no_path", "path")
+        speed = draft.candidate.speed
+        if speed is not None:
+            law = TimeLaw(np.linspace(0.0, 1.0, 5) * draft.candidate.length / speed, np.linspace(0.0, 1.0, 5) * draft.candidate.length, (speed, speed))
+            return replace(draft, law=law)
+        limits = PathLimits(draft.candidate, draft.path, self._shares)
+        rate = fastest_rate(draft.path.s, limits.rows(draft.path.s), limits.speed_bound())
+        if rate is None:
+            return draft.rejected("no_time_law", "path")
+        return replace(draft, law=smoothed_law(draft.path.s, rate))
+
+
+def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
+    """The largest ``ṡ`` at each of the knots ``(n,)`` under rows and a bound, or None if there is none."""
+    import toppra
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import LinearConstraint
+
+    class RowConstraint(LinearConstraint):
+        """The rows as toppra takes them: a u + b x + c = w, F w ≤ g."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.identical = True
+
+        def compute_constraint_params(self, path, gridpoints, *args, **kwargs):  # noqa: ANN001, ANN002, ANN003, ANN202
+            top = np.minimum(bound, 1.0 / _FASTEST) ** 2
+            xbound = np.column_stack([np.zeros(len(s)), top])
+            m = rows.static.shape[1]
+            return rows.driven, rows.curved, rows.static, np.eye(m), np.zeros(m), None, xbound
+
+    path = toppra.SplineInterpolator([0.0, float(s[-1])], [[0.0], [1.0]])
+    problem = TOPPRA([RowConstraint()], path, gridpoints=s, solver_wrapper="seidel")
+    _, rate, _ = problem.compute_parameterization(0.0, 0.0)
+    if rate is None or not np.isfinite(rate).all():
+        return None
+    return np.asarray(rate)
+
+
+def smoothed_law(s: Array, rate: Array) -> TimeLaw:
+    """The time law of a speed profile, convolved with a smooth kernel.
+
+    Args:
+        s: knots, ``(n,)``.
+        rate: ``ṡ`` at the knots, ``(n,)``, not twice zero in a row; ``ṡ²`` is linear in between.
+    """
+    step = 2.0 * np.diff(s) / (rate[:-1] + rate[1:])
+    knots = np.r_[0.0, np.cumsum(step)]
+    half = int(round(0.5 * _KERNEL / _STEP))
+    n = int(np.ceil(knots[-1] / _STEP)) + 1
+    time = np.arange(n) * _STEP
+    i = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(s) - 2)
+    tau = np.minimum(time - knots[i], step[i])
+    slope = (rate[i + 1] - rate[i]) / step[i]
+    values = np.minimum(s[i] + rate[i] * tau + 0.5 * slope * tau**2, s[-1])
+    values = np.concatenate([np.full(2 * half, s[0]), values, np.full(2 * half, s[-1])])
+    kernel = np.sin(np.linspace(0.0, np.pi, 2 * half + 1)) ** 2
+    smooth = np.convolve(values, kernel / kernel.sum(), mode="valid")
+    smooth[0], smooth[-1] = s[0], s[-1]
+    smooth = np.minimum(np.maximum.accumulate(smooth), s[-1])
+    return TimeLaw(np.arange(len(smooth)) * _STEP, smooth)

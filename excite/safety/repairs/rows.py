@@ -1,0 +1,282 @@
+"""What speed along a path is allowed to be: linear rows in ``(s̈, ṡ²)``, and a bound on ``ṡ``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from excite.motion.generators.bodyparts import leg_joints
+from excite.motion.generators.candidate import Candidate
+from excite.robot.loading import per_joint
+from excite.robot.robot import Array, Robot
+from excite.safety.repairs.path import MotionPath
+
+
+@dataclass(frozen=True)
+class Shares:
+    """How much of each limit repairs use, so that the verdict finds a margin.
+
+    Attributes:
+        velocity: of the joint velocity (Jovic et al. 2015, section II.B: 80 %).
+        acceleration: of the joint acceleration.
+        torque: of the joint torque, for joints outside legs.
+        leg_torque: of the joint torque in legs, where the sharing of the load is an assumption.
+        jerk: of the joint jerk.
+        friction: of the friction coefficient.
+        weight: smallest share of the weight that the ground carries.
+        zmp: distance of the zero-moment point from the support polygon's edge [m].
+        zmp_inradius: where the polygon is narrow, that distance is at most this share of its inradius.
+    """
+
+    velocity: float = 0.8
+    acceleration: float = 0.92
+    torque: float = 0.85
+    leg_torque: float = 0.75
+    jerk: float = 1.0
+    friction: float = 0.7
+    weight: float = 0.5
+    zmp: float = 0.04
+    zmp_inradius: float = 0.72
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """``static + curved·ṡ² + driven·s̈ ≤ 0`` at path parameters; each row is relative to its limit.
+
+    Attributes:
+        labels: what each column limits, as ``(reason, where)``.
+        static: ``(n, m)``.
+        curved: ``(n, m)``.
+        driven: ``(n, m)``.
+    """
+
+    labels: tuple[tuple[str, str], ...]
+    static: Array
+    curved: Array
+    driven: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PathLimits:
+    """Everything that limits the speed along a path.
+
+    Quantities that are smooth in ``s`` are computed at the path's knots and interpolated between them.
+
+    Attributes:
+        candidate: says which feet carry, where.
+        path: the path.
+        shares: margins.
+    """
+
+    candidate: Candidate
+    path: MotionPath
+    shares: Shares
+
+    @property
+    def _robot(self) -> Robot:
+        return self.path.robot
+
+    @cached_property
+    def _legs(self) -> dict[str, list[int]]:
+        return {foot.name: list(leg_joints(self._robot, foot)) for foot in self._robot.feet}
+
+    @cached_property
+    def _soles(self) -> dict[str, Array]:
+        """Sole corners at rest, where a carrying foot always is, ``(n_corners, 3)`` [m]."""
+        data = self._robot.model.createData()
+        pin.forwardKinematics(self._robot.model, data, self._robot.rest)
+        return {
+            foot.name: np.array([data.oMi[foot.joint].act(corner) for corner in foot.sole])
+            for foot in self._robot.feet
+        }
+
+    @cached_property
+    def _dynamics(self) -> tuple[Array, Array]:
+        """Generalised forces and world contact wrench at the knots, each ``(n, 3, …)`` for 1, ṡ², s̈."""
+        robot, knots = self._robot, self.path.knots
+        model, data = robot.model, robot.model.createData()
+        nothing = np.zeros(model.nv)
+        tau = np.empty((len(knots.s), 3, model.nv))
+        for i in range(len(knots.s)):
+            q, twist, curvature = knots.q[i], knots.twist[i], knots.curvature[i]
+            tau[i, 0] = pin.rnea(model, data, q, nothing, nothing)
+            tau[i, 1] = pin.rnea(model, data, q, twist, curvature)
+            tau[i, 2] = pin.rnea(model, data, q, nothing, twist)
+        tau[:, 1:] -= tau[:, :1]
+        wrench = np.zeros((len(knots.s), 3, 6))
+        if robot.feet:
+            rotation = Rotation.from_quat(knots.q[:, 3:7]).as_matrix()
+            wrench[..., :3] = np.einsum("nij,nkj->nki", rotation, tau[..., :3])
+            moment = np.einsum("nij,nkj->nki", rotation, tau[..., 3:6])
+            wrench[..., 3:] = moment + np.cross(knots.q[:, None, :3], wrench[..., :3])
+            self._carry(tau, wrench)
+        armature = per_joint(robot.description.drives.armature, robot.joint_names, np.zeros(robot.n_joints))
+        n_base = robot.n_base_v
+        tau[:, 1, n_base:] += armature * knots.curvature[:, n_base:]
+        tau[:, 2, n_base:] += armature * knots.twist[:, n_base:]
+        return tau[..., n_base:], wrench
+
+    def _carry(self, tau: Array, wrench: Array) -> None:
+        """Take the contact forces' torques off ``tau``, the load shared by the nearness of the feet."""
+        robot, knots = self._robot, self.path.knots
+        data = robot.model.createData()
+        centres = {name: corners.mean(axis=0) for name, corners in self._soles.items()}
+        point = np.column_stack([-wrench[:, 0, 4], wrench[:, 0, 3]]) / wrench[:, 0, 2:3]
+        carried = np.column_stack([self.candidate.supports(knots.s, foot.name) for foot in robot.feet])
+        share = _load_shares(point, np.array([centres[foot.name] for foot in robot.feet]), carried)
+        middle = share @ np.array([centres[foot.name] for foot in robot.feet])
+        about_middle = wrench[..., 3:] - np.cross(middle[:, None], wrench[..., :3])
+        for k, foot in enumerate(robot.feet):
+            force = share[:, k, None, None] * wrench[..., :3]
+            moment = share[:, k, None, None] * about_middle
+            for i in np.flatnonzero(share[:, k] > 0.0):
+                jacobian = pin.computeJointJacobian(robot.model, data, knots.q[i], foot.joint)
+                pose = data.oMi[foot.joint]
+                shifted = moment[i] + np.cross(centres[foot.name] - pose.translation, force[i])
+                local = np.hstack([force[i] @ pose.rotation, shifted @ pose.rotation])
+                tau[i] -= local @ jacobian
+
+    def speed_bound(self) -> Array:
+        """Largest ``ṡ`` at the knots that the joint velocities allow, ``(n,)``; infinite where none moves."""
+        limit = self.shares.velocity * self._robot.limits.velocity
+        twist = np.abs(self.path.knots.twist[:, self._robot.n_base_v :])
+        with np.errstate(divide="ignore"):
+            return (limit / twist).min(axis=1)
+
+    def rows(self, s: Array) -> Rows:
+        """The rows at path parameters ``(n,)``."""
+        robot = self._robot
+        sample = self.path.knots if s is self.path.s else self.path.sample(s)
+        tau, wrench = (_interpolate(self.path.s, values, s) for values in self._dynamics)
+        n_base = robot.n_base_v
+        limit = self.shares.acceleration * robot.limits.acceleration
+        blocks = [
+            _two_sided(
+                np.stack(
+                    [np.zeros((len(s), robot.n_joints)), sample.curvature[:, n_base:], sample.twist[:, n_base:]], 1
+                )
+                / limit
+            )
+        ]
+        share = np.full(robot.n_joints, self.shares.torque)
+        for leg in self._legs.values():
+            share[leg] = self.shares.leg_torque
+        viscous = per_joint(robot.description.drives.viscous, robot.joint_names, np.zeros(robot.n_joints))
+        coulomb = per_joint(robot.description.drives.coulomb, robot.joint_names, np.zeros(robot.n_joints))
+        # Friction is bounded by that at the velocity limit, so that the rows stay linear.
+        friction = coulomb + viscous * self.shares.velocity * robot.limits.velocity
+        torque = np.maximum(share * robot.limits.torque - friction, 0.3 * robot.limits.torque)
+        blocks.append(_two_sided(tau / torque))
+        labels = [(kind, j) for kind in ("joint_acceleration", "joint_torque") for j in robot.joint_names * 2]
+        if robot.feet:
+            contact, names = self._contact_rows(s, wrench)
+            blocks.append(contact)
+            labels += names
+        stacked = np.concatenate(blocks, axis=2)
+        return Rows(tuple(labels), stacked[:, 0], stacked[:, 1], stacked[:, 2])
+
+    def _contact_rows(self, s: Array, wrench: Array) -> tuple[Array, list[tuple[str, str]]]:
+        """ZMP inside the polygon, friction with torsion, enough load; relative to the weight, ``(n, 3, m)``."""
+        carried = np.column_stack([self.candidate.supports(s, foot.name) for foot in self._robot.feet])
+        # At the border between two phases the smaller support counts.
+        single = [phase for phase in self.candidate.phases if len(phase.feet) < len(self._robot.feet)]
+        for phase in single:
+            inside = (s >= phase.start) & (s <= phase.end)
+            carried[inside] = [foot.name in phase.feet for foot in self._robot.feet]
+        weight = self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
+        patterns, member = np.unique(carried, axis=0, return_inverse=True)
+        supports = [self._support(row) for row in patterns]
+        n_edges = max(len(support.normals) for support in supports)
+        rows = np.zeros((len(s), 3, n_edges + 9))
+        for k, support in enumerate(supports):
+            at = member.ravel() == k
+            w = wrench[at] / weight
+            rows[at, :, : len(support.normals)] = _zmp_rows(w, support)
+            rows[at, :, n_edges:-1] = _friction_rows(w, support, self.shares.friction)
+            rows[at, :, -1] = -w[..., 2]
+            rows[at, 0, -1] += self.shares.weight
+        labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
+        return rows, labels
+
+    def _support(self, carried: Array) -> _Support:
+        feet = [foot for foot, carries in zip(self._robot.feet, carried, strict=True) if carries]
+        corners = np.vstack([self._soles[foot.name][:, :2] for foot in feet])
+        hull = ConvexHull(corners)
+        # Qhull's equations: outward unit normal and offset, n·x + c ≤ 0 inside; one for each edge.
+        equations = np.unique(np.round(hull.equations, 9), axis=0)
+        centre = corners.mean(axis=0)
+        inradius = float(-(equations[:, :2] @ centre + equations[:, 2]).max())
+        margin = min(self.shares.zmp, self.shares.zmp_inradius * inradius)
+        radius = float(np.mean([np.linalg.norm(c - centre, axis=1).mean() for c in _by_foot(corners, feet)]))
+        friction = min(foot.friction for foot in feet)
+        return _Support(equations[:, :2], equations[:, 2] + margin, centre, radius, friction)
+
+
+@dataclass(frozen=True, eq=False)
+class _Support:
+    """A support polygon: ``normals @ x + offsets ≤ 0`` inside, shrunk by the margin.
+
+    Attributes:
+        normals: outward, ``(m, 2)``.
+        offsets: ``(m,)`` [m].
+        centre: mean of the corners, ``(2,)`` [m].
+        radius: mean distance of the corners from ``centre`` [m], the lever arm of torsional friction.
+        friction: coefficient.
+    """
+
+    normals: Array
+    offsets: Array
+    centre: Array
+    radius: float
+    friction: float
+
+
+def _by_foot(corners: Array, feet: list) -> list[Array]:
+    return np.split(corners, np.cumsum([len(foot.sole) for foot in feet])[:-1])
+
+
+def _zmp_rows(w: Array, support: _Support) -> Array:
+    """``n·(f_z p) + c f_z ≤ 0`` with ``f_z p = (−m_y, m_x)``, per metre of margin scaled to order one."""
+    point = np.stack([-w[..., 4], w[..., 3]], axis=-1)
+    return 10.0 * (point @ support.normals.T + w[..., 2:3] * support.offsets)
+
+
+def _friction_rows(w: Array, support: _Support, share: float) -> Array:
+    """``±f_x ± f_y ± m_z/r ≤ μ f_z``, with the vertical moment about the polygon's centre."""
+    vertical = w[..., 5] - (support.centre[0] * w[..., 1] - support.centre[1] * w[..., 0])
+    parts = np.stack([w[..., 0], w[..., 1], vertical / support.radius], axis=-1)
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    return parts @ signs.T - share * support.friction * w[..., 2:3]
+
+
+def _load_shares(point: Array, centres: Array, carried: Array) -> Array:
+    """Share of the load on each foot, ``(n, n_feet)``, from where it acts between two feet's centres."""
+    if len(centres) == 2:
+        line = centres[1, :2] - centres[0, :2]
+        second = np.clip((point - centres[0, :2]) @ line / (line @ line), 0.0, 1.0)
+        share = np.column_stack([1.0 - second, second])
+    else:
+        share = np.full(carried.shape, 1.0 / len(centres))
+    share = np.where(carried, np.maximum(share, 1e-9), 0.0)
+    return share / share.sum(axis=1, keepdims=True)
+
+
+def _two_sided(values: Array) -> Array:
+    """Rows for ``|Σ| ≤ 1`` from ``(n, 3, m)`` values relative to their limits: ``(n, 3, 2m)``."""
+    rows = np.concatenate([values, -values], axis=2)
+    rows[:, 0] -= 1.0
+    return rows
+
+
+def _interpolate(knots: Array, values: Array, s: Array) -> Array:
+    """Linear interpolation of ``(n, …)`` values along their first axis."""
+    if s is knots:
+        return values
+    i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
+    u = ((s - knots[i]) / (knots[i + 1] - knots[i])).reshape(-1, *([1] * (values.ndim - 1)))
+    return (1.0 - u) * values[i] + u * values[i + 1]

@@ -1,0 +1,79 @@
+"""From path and time law to the samples of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.metadata import version
+from typing import ClassVar
+
+import numpy as np
+
+from excite.motion.generators.bodyparts import rest_joints
+from excite.motion.motion import Motion, MotionMetadata
+from excite.robot.robot import Array, Robot
+from excite.safety.repairs.collisions import CollisionProbe
+from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.transfers import Transfer, transfer
+
+_VERSIONS = ("excite", "pin", "placo", "toppra", "ruckig", "numpy", "scipy")
+# A start this far from rest needs a transfer [rad or m].
+_NEAR = 1e-9
+
+
+class Sampling(Repair):
+    """Samples the motion at the robot's rate, with a transfer from and to rest where it starts elsewhere."""
+
+    name: ClassVar[str] = "sampling"
+
+    def __init__(self, robot: Robot, probe: CollisionProbe) -> None:
+        super().__init__(robot)
+        self._probe = probe
+        self._versions = {package: version(package) for package in _VERSIONS}
+
+    def repair(self, draft: Draft) -> Draft | Rejection:
+        """A draft with a motion, or the rejection ``self_collision`` of a transfer."""
+        if draft.path is None or draft.law is None:
+            return draft.rejected("no_time_law", "path")
+        rate = self.robot.description.sensors.rate_hz
+        n = round(draft.law.duration * rate)
+        time = np.arange(n + 1) / rate
+        s, speed, acceleration = (draft.law.evaluate(time, order) for order in range(3))
+        sample = draft.path.sample(s)
+        q = sample.q
+        v = sample.twist * speed[:, None]
+        a = sample.twist * acceleration[:, None] + sample.curvature * speed[:, None] ** 2
+        contacts = {foot.name: draft.candidate.supports(s, foot.name) for foot in self.robot.feet}
+        rest = rest_joints(self.robot)
+        if not self.robot.floating and np.abs(q[0] - rest).max() > _NEAR:
+            there, back = transfer(self.robot, rest, q[0], rate), transfer(self.robot, q[-1], rest, rate)
+            for part in (there, back):
+                collision = self._probe.first(part.q)
+                if collision is not None:
+                    return draft.rejected("self_collision", f"transfer, {self._probe.culprit(part.q[collision])}")
+            q, v, a = _joined(there, (q, v, a), back)
+            time = np.arange(len(q)) / rate
+        candidate = draft.candidate
+        motion = Motion(
+            name=candidate.name,
+            robot=self.robot.name,
+            joint_names=self.robot.joint_names,
+            time=time,
+            q=q,
+            v=v,
+            a=a,
+            contacts=contacts,
+            metadata=MotionMetadata(
+                generator=candidate.generator,
+                seed=candidate.seed,
+                targets=candidate.targets,
+                robot_hash=self.robot.hash,
+                versions=self._versions,
+            ),
+        )
+        return replace(draft, motion=motion)
+
+
+def _joined(there: Transfer, middle: tuple[Array, Array, Array], back: Transfer) -> list[Array]:
+    """Positions, velocities and accelerations one after the other, shared samples once."""
+    parts = ((there.q, there.v, there.a), middle, (back.q, back.v, back.a))
+    return [np.vstack([parts[0][k][:-1], parts[1][k], parts[2][k][1:]]) for k in range(3)]

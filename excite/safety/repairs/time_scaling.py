@@ -1,0 +1,103 @@
+"""Uniform scaling of the time law: the closed form that keeps every limit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from excite.robot.robot import Array, Robot
+from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.path import MotionPath
+from excite.safety.repairs.rows import PathLimits, Shares
+from excite.safety.repairs.time_law import TimeLaw
+
+# Speed factors that are worth it: below the first the motion would hardly excite anything.
+_SLOWEST, _FASTEST = 0.3, 1.6
+# Samples per sample of the robot at which the limits are evaluated.
+_FINER = 2
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """The largest uniform speed factor, and what stops it from being larger.
+
+    Attributes:
+        factor: ``k``; 0 where even standing still on the path breaks a limit.
+        reason: what limits it.
+        where: joint or feet.
+        time: time in the unscaled law at which it does [s].
+    """
+
+    factor: float
+    reason: str
+    where: str
+    time: float
+
+
+class TimeScaling(Repair):
+    """Runs the whole motion slower (or faster) by one factor, so that ZMP, friction and all limits hold.
+
+    With ``k`` times the speed dynamic terms grow with ``k²`` and static ones stay, so each row at each sample
+    gives one bound ``k² ≤ −static/dynamic``; velocities give ``k``, jerks ``k³``.
+    """
+
+    name: ClassVar[str] = "time_scaling"
+
+    def __init__(self, robot: Robot, shares: Shares) -> None:
+        super().__init__(robot)
+        self._shares = shares
+
+    def repair(self, draft: Draft) -> Draft | Rejection:
+        """A draft whose law keeps the limits and takes a whole number of samples; or the limiting reason."""
+        if draft.path is None or draft.law is None:
+            return draft.rejected("no_time_law", "path")
+        rate = self.robot.description.sensors.rate_hz
+        limits = PathLimits(draft.candidate, draft.path, self._shares)
+        scaling = largest_factor(limits, draft.law, _FINER * rate)
+        if scaling.factor < _SLOWEST:
+            return draft.rejected(scaling.reason, scaling.where, scaling.time)
+        fastest = 1.0 if draft.candidate.speed is not None else _FASTEST
+        samples = int(np.ceil(draft.law.duration / min(scaling.factor, fastest) * rate))
+        return replace(draft, law=draft.law.faster(draft.law.duration * rate / samples))
+
+
+def largest_factor(limits: PathLimits, law: TimeLaw, rate_hz: float) -> Scaling:
+    """The largest factor by which a law may be sped up, from samples at ``rate_hz``."""
+    n = int(np.ceil(law.duration * rate_hz)) + 1
+    time = np.linspace(0.0, law.duration, n)
+    s, speed, acceleration = (law.evaluate(time, order) for order in range(3))
+    rows = limits.rows(s)
+    dynamic = rows.curved * speed[:, None] ** 2 + rows.driven * acceleration[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        square = np.where(dynamic > 1e-12, -rows.static / dynamic, np.inf)
+    square = np.where(rows.static > 0.0, 0.0, square)
+    worst = np.unravel_index(int(np.argmin(square)), square.shape)
+    reason, where = rows.labels[worst[1]]
+    best = Scaling(float(np.sqrt(max(0.0, square[worst]))), reason, where, float(time[worst[0]]))
+    others = _rate_bounds(limits, law, time, s, speed, acceleration)
+    return min([best, *others], key=lambda scaling: scaling.factor)
+
+
+def _rate_bounds(
+    limits: PathLimits, law: TimeLaw, time: Array, s: Array, speed: Array, acceleration: Array
+) -> list[Scaling]:
+    """Bounds from velocity and jerk of the joints."""
+    path: MotionPath = limits.path
+    robot, shares = path.robot, limits.shares
+    sample = path.sample(s)
+    n_base = robot.n_base_v
+    velocity = np.abs(sample.twist[:, n_base:] * speed[:, None])
+    a = sample.curvature[:, n_base:] * speed[:, None] ** 2 + sample.twist[:, n_base:] * acceleration[:, None]
+    jerk = np.abs(np.diff(a, axis=0)) / (time[1] - time[0])
+    found = []
+    for reason, values, limit, power in (
+        ("joint_velocity", velocity, shares.velocity * robot.limits.velocity, 1.0),
+        ("joint_jerk", jerk, shares.jerk * robot.limits.jerk, 1.0 / 3.0),
+    ):
+        ratio = values / limit
+        row, joint = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+        factor = float(max(ratio[row, joint], 1e-12) ** -power)
+        found.append(Scaling(factor, reason, robot.joint_names[joint], float(time[row])))
+    return found

@@ -1,0 +1,108 @@
+"""Throw out control points that would make the robot hit itself, before anything dear is computed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from excite.motion.generators.candidate import Candidate, Draws
+from excite.motion.generators.curves import Curve, SplineCurve
+from excite.robot.robot import Array, Robot
+from excite.safety.repairs.collisions import CollisionProbe
+from excite.safety.repairs.draft import Draft, Rejection, Repair
+
+# Samples in a span; a span takes 0.2 s or more, and between samples the probe's extra margin holds.
+SAMPLES_PER_SPAN = 12
+# Draws at one control point before stepping back to the one before, and in all.
+_TRIES, _BUDGET = 25, 500
+# From this try on draws are pulled towards rest, ever harder.
+_FREE_TRIES, _PULL = 10, 0.88
+_SHRINK, _SHRINK_TRIES = 0.85, 10
+
+
+class Waypoints(Repair):
+    """Redraws control points whose span collides, with the base and legs at rest.
+
+    A control point of a uniform cubic B-spline completes one span, so the check of a span is the check of
+    the very path that will be run. Curves whose points must not be redrawn are shrunk about their start.
+    """
+
+    name: ClassVar[str] = "waypoints"
+
+    def __init__(self, robot: Robot, probe: CollisionProbe) -> None:
+        super().__init__(robot)
+        self._probe = probe
+
+    def repair(self, draft: Draft) -> Draft | Rejection:
+        """A draft whose posture does not collide, or the rejection ``self_collision``."""
+        candidate = draft.candidate
+        if isinstance(candidate.posture, SplineCurve) and candidate.draws is not None:
+            walk = _Walk(self, candidate, candidate.posture, candidate.draws)
+            posture: Curve | None = walk.run()
+        else:
+            posture = self._shrink(candidate)
+        if posture is None:
+            return draft.rejected("self_collision", "control points")
+        return replace(draft, candidate=replace(candidate, posture=posture))
+
+    def _shrink(self, candidate: Candidate) -> Curve | None:
+        curve = candidate.posture
+        for _ in range(_SHRINK_TRIES):
+            if self.free(curve.evaluate(np.linspace(0.0, curve.length, 300))):
+                return curve
+            curve = curve.shrunk(_SHRINK)
+        return None
+
+    def free(self, joints: Array) -> bool:
+        """Whether joint positions ``(n, n_joints)`` do not collide with the base at rest."""
+        q = np.tile(self.robot.rest, (len(joints), 1))
+        q[:, self.robot.n_base_q :] = joints
+        return self._probe.first(q) is None
+
+
+class _Walk:
+    """Control points in order, each redrawn until its span is free, with steps back out of dead ends."""
+
+    def __init__(self, owner: Waypoints, candidate: Candidate, curve: SplineCurve, draws: Draws) -> None:
+        self._owner, self._draws = owner, draws
+        self._control = curve.control.copy()
+        self._rest = curve.control[0]
+        self._rng = np.random.default_rng([candidate.seed, 1])
+        self._tries = np.zeros(len(self._control), dtype=int)
+
+    def run(self) -> SplineCurve | None:
+        """The free curve, or None if there is none within the budget."""
+        i, spent, back = 3, 0, 1
+        while i < len(self._control):
+            drawn = self._draws.first <= i < self._draws.stop
+            if self._free(i):
+                i += 1
+                continue
+            spent += 1
+            if spent > _BUDGET:
+                return None
+            if drawn and self._tries[i] < _TRIES:
+                self._redraw(i)
+                continue
+            # A dead end: further and further back, until a way out is found.
+            self._tries[i] = 0
+            i = max(self._draws.first, min(i, self._draws.stop) - back)
+            back = min(back + 1, 5)
+            self._redraw(i)
+        return SplineCurve(self._control)
+
+    def _redraw(self, i: int) -> None:
+        pull = _PULL ** max(0, int(self._tries[i]) - _FREE_TRIES)
+        self._control[i] = self._rest + pull * (self._draws.draw(self._rng) - self._rest)
+        self._tries[i] += 1
+
+    def _free(self, i: int) -> bool:
+        """Whether the point, the way to it and the span that it completes are free, cheapest first."""
+        control = self._control
+        u = np.linspace(1.0, 0.0, 6, endpoint=False)[:, None]
+        if not self._owner.free(control[i - 1] + u * (control[i] - control[i - 1])):
+            return False
+        span = SplineCurve(control[i - 3 : i + 1])
+        return self._owner.free(span.evaluate(np.linspace(0.0, 1.0, SAMPLES_PER_SPAN, endpoint=False)))
