@@ -127,6 +127,22 @@ def coal_geometry(shape: Shape) -> coal.CollisionGeometry:
     return geometry
 
 
+def shape_points(shape: Shape) -> Array:
+    """Corners of a shape, or of the box around it, in the frame of its joint, ``(n, 3)`` [m]."""
+    if shape.vertices is not None:
+        points = shape.vertices
+    else:
+        radius, length = shape.size[0], shape.size[-1]
+        half = {
+            "box": 0.5 * np.array(shape.size),
+            "sphere": np.full(3, radius),
+            "cylinder": np.array([radius, radius, 0.5 * length]),
+            "capsule": np.array([radius, radius, 0.5 * length + radius]),
+        }[shape.kind]
+        points = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return points @ shape.placement.rotation.T + shape.placement.translation
+
+
 def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str]]:
     links = {shape.link for shape in shapes}
     for pair in robot.description.collision.ignored_pairs:

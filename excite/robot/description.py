@@ -223,6 +223,13 @@ def read_description(path: Path) -> RobotDescription:
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or None
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        if first["input"] is None:
+            raise RobotError(
+                f"is not filled in{more}",
+                source=path,
+                field=field,
+                remedy="give a value; the comment beside it says which",
+            ) from error
         raise RobotError(
             f"{first['msg']}, got {_shorten(first['input'])}{more}",
             source=path,

@@ -35,8 +35,9 @@ def load_robot(name_or_path: str | Path) -> Robot:
             source=path,
             remedy=f"run `excite init-robot {path}` and fill in what it asks for",
         )
-    description = read_description(path)
-    return build_robot(description, path)
+    robot = build_robot(read_description(path), path)
+    _rest_within_limits(robot)
+    return robot
 
 
 def build_robot(description: RobotDescription, path: Path) -> Robot:
@@ -66,6 +67,20 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
         segments=segments,
         rest=_rest(model, description, joint_names, feet),
     )
+
+
+def _rest_within_limits(robot: Robot) -> None:
+    q, limits = robot.rest[robot.n_base_q :], robot.limits
+    outside = (q < limits.position_lower) | (q > limits.position_upper)
+    if outside.any():
+        index = int(np.argmax(outside))
+        name, low, high = robot.joint_names[index], limits.position_lower[index], limits.position_upper[index]
+        raise RobotError(
+            f"is {q[index]:.4g}, outside {low:.4g} … {high:.4g}",
+            source=robot.source,
+            field=f"posture.joints.{name}",
+            remedy="choose an angle inside the limits less their margin",
+        )
 
 
 def _model_path(description: RobotDescription, path: Path) -> Path:
@@ -120,6 +135,10 @@ def _known_joints(description: RobotDescription, names: tuple[str, ...], path: P
     }.items():
         if block is not None:
             named[f"{field}.joints"] = dict(block.joints)
+    for field, full in {"kp": description.controller.kp, "kd": description.controller.kd}.items():
+        _covers(full, names, f"controller.{field}", path)
+    if description.sensors.noise_torque is not None:
+        _covers(description.sensors.noise_torque, names, "sensors.noise_torque", path)
     for field, joints in named.items():
         for joint in joints:
             if joint not in names:
@@ -129,6 +148,14 @@ def _known_joints(description: RobotDescription, names: tuple[str, ...], path: P
                     field=field,
                     remedy="the model has " + ", ".join(names),
                 )
+
+
+def _covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
+    """A block without default must name every joint."""
+    missing = [name for name in names if block.default is None and name not in block.joints]
+    if missing:
+        remedy = f"give a default or {field}.joints.{missing[0]}"
+        raise RobotError(f"says nothing about joint {missing[0]!r}", source=path, field=field, remedy=remedy)
 
 
 def per_joint(block: PerJoint | None, names: tuple[str, ...], fallback: Array) -> Array:

@@ -50,22 +50,7 @@ def check_inertials(
     Raises:
         RobotError: names the link and what to do.
     """
-    inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
-    faults: dict[str, RobotError] = {}
-    for name, inertial in inertials.items():
-        fault = None if inertial is None else _impossible(inertial.moments, strict=False)
-        if fault:
-            faults[name] = RobotError(
-                fault,
-                source=path,
-                field=f"link {name!r}/inertial/inertia",
-                remedy=_remedy(name, "correct the moments"),
-            )
-    for name, members in _bodies(inertials, joints, floating).items():
-        fault = _body_fault([inertials[member] for member in members])
-        if fault and not faults.keys() & set(members):
-            inertia = _remedy(name, "give the link an <inertial> with mass and moments")
-            faults[name] = RobotError(fault, source=path, field=f"link {name!r}/inertial", remedy=inertia)
+    faults = inertial_faults(root, joints, floating, path)
     for name, error in faults.items():
         if name not in acknowledged:
             raise error
@@ -77,6 +62,33 @@ def check_inertials(
                 field=f"link {name!r}",
                 remedy="remove it from model.acknowledged in robot.yaml",
             )
+
+
+def inertial_faults(
+    root: ElementTree.Element, joints: dict[str, ElementTree.Element], floating: bool, path: Path
+) -> dict[str, RobotError]:
+    """Links whose inertial is missing or impossible and may be acknowledged, with the error each would raise.
+
+    Arguments as for :func:`check_inertials`.
+
+    Raises:
+        RobotError: a fault that cannot be acknowledged: a number that is none, a negative mass.
+    """
+    inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    faults: dict[str, RobotError] = {}
+    for name, inertial in inertials.items():
+        fault = None if inertial is None else _impossible(inertial.moments, strict=False)
+        if fault:
+            remedy = _remedy(name, "correct the moments")
+            faults[name] = RobotError(
+                fault, source=path, field=f"link {name!r}/inertial/inertia", remedy=remedy
+            )
+    for name, members in _bodies(inertials, joints, floating).items():
+        fault = _body_fault([inertials[member] for member in members])
+        if fault and not faults.keys() & set(members):
+            remedy = _remedy(name, "give the link an <inertial> with mass and moments")
+            faults[name] = RobotError(fault, source=path, field=f"link {name!r}/inertial", remedy=remedy)
+    return faults
 
 
 def _remedy(link: str, mend: str) -> str:
