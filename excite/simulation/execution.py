@@ -12,7 +12,7 @@ from excite.errors import MotionError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Array, Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
-from excite.simulation.mjcf import GROUND, build_model
+from excite.simulation.mjcf import build_model
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
 from excite.simulation.wrenches import sensor_wrenches
@@ -132,7 +132,6 @@ class _Track:
         self.actuator, self.coulomb = np.zeros((n, joints)), np.zeros((n, joints))
         self.contacts = np.zeros((n, len(robot.feet), 6))
         self.touches = np.zeros(n)
-        self.ground = model.geom(GROUND).id if robot.feet else -1
         self.foot_of_body = np.full(model.nbody, -1)
         for number, foot in enumerate(robot.feet):
             self.foot_of_body[foot.joint] = number
@@ -153,18 +152,18 @@ class _Track:
 
     def _contact(self, data: mujoco.MjData, row: int) -> None:
         contact = data.contact
-        active = np.flatnonzero(contact.efc_address >= 0)
-        if not len(active):
+        # Only soles on the ground exert forces; MuJoCo orders a plane before a sphere, and the first axis
+        # of a contact's frame points from the first to the second.
+        soles = np.flatnonzero(contact.efc_address >= 0)
+        self.touches[row] = data.ncon - len(soles)
+        if not len(soles):
             return
-        first, second = contact.geom1[active], contact.geom2[active]
-        foot = self.foot_of_body[self.model.geom_bodyid[second]]
-        sole = (first == self.ground) & (foot >= 0) & (contact.dim[active] == 3)
-        self.touches[row] = np.count_nonzero(~sole)
-        rows = contact.efc_address[active[sole], None] + np.arange(3)
-        frames = contact.frame[active[sole]].reshape(-1, 3, 3)
+        foot = self.foot_of_body[self.model.geom_bodyid[contact.geom2[soles]]]
+        rows = contact.efc_address[soles, None] + np.arange(3)
+        frames = contact.frame[soles].reshape(-1, 3, 3)
         forces = np.einsum("kij,ki->kj", frames, data.efc_force[rows])
-        moments = np.cross(contact.pos[active[sole]], forces)
-        np.add.at(self.contacts[row], foot[sole], np.hstack([forces, moments]))
+        moments = np.cross(contact.pos[soles], forces)
+        np.add.at(self.contacts[row], foot, np.hstack([forces, moments]))
 
     def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: _Clock) -> Recording:
         """The recording in pinocchio's conventions."""

@@ -12,6 +12,8 @@ from excite.robot.robot import Array
 
 # Share of the largest principal moment by which rounding may break the triangle inequality.
 _TRIANGLE_TOLERANCE = 1e-9
+# What stands for a segment without mass [kg], which a joint between two axes at one point may have.
+_MASSLESS = 1e-9
 
 
 class UnphysicalParametersError(InputError):
@@ -56,7 +58,7 @@ def principal_inertia(phi: Array, segment: str) -> PrincipalInertia:
         segment: name of the segment, for the error.
 
     Returns:
-        The body.
+        The body; a segment whose parameters are all zero gets a microgramme's mass, so that it can move.
 
     Raises:
         UnphysicalParametersError: a value is not finite, the mass is not positive, a principal moment about
@@ -64,6 +66,8 @@ def principal_inertia(phi: Array, segment: str) -> PrincipalInertia:
     """
     if not np.isfinite(phi).all():
         raise UnphysicalParametersError("a value is not finite", segment=segment, phi=phi)
+    if not phi.any():
+        return PrincipalInertia(_MASSLESS, np.zeros(3), np.full(3, _MASSLESS * 1e-3), np.eye(3))
     mass = float(phi[0])
     if mass <= 0.0:
         raise UnphysicalParametersError(f"mass is {mass:.6g} kg", segment=segment, phi=phi)

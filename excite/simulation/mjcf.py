@@ -30,14 +30,15 @@ class World:
         solref: time constant [s] and damping ratio of the contacts' reference dynamics.
         solimp: impedance of the contacts at zero and full depth, and the depth between them [m].
         sole_friction: factor on every sole's friction coefficient.
-        self_contact: whether the robot's collision shapes push each other and the ground.
+        watch_touches: whether contacts between the robot's collision shapes, and of them with the ground, are
+            found; they exert no force, so that shapes that overlap from the start do no harm.
     """
 
     timestep: float = 5e-4
     solref: tuple[float, float] = (0.01, 1.0)
     solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
     sole_friction: float = 1.0
-    self_contact: bool = False
+    watch_touches: bool = False
 
 
 def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco.MjSpec:
@@ -92,7 +93,7 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
         )
     for foot in robot.feet:
         _add_sole(bodies[foot.joint], foot, world)
-    if world.self_contact:
+    if world.watch_touches:
         _add_shapes(spec, bodies, robot)
     return spec
 
@@ -161,6 +162,10 @@ def _add_drive(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, drives: Dri
     joint = body.joints[0]
     joint.damping = [drives.total_viscous[index], 0.0, 0.0]
     joint.frictionloss = drives.total_coulomb[index]
+    # Stop within one step where friction suffices: MuJoCo's default reference lets friction push a joint that
+    # slows down faster than the reference would.
+    joint.solref_friction = [-1.0, -1.0 / spec.option.timestep]
+    joint.solimp_friction = [0.99, 0.99, 0.001, 0.5, 2.0]
     joint.armature = drives.armature[index]
     kp, kd, limit = (float(values[index]) for values in (drives.kp, drives.kd, drives.torque_limit))
     actuator = spec.add_actuator(
@@ -181,7 +186,7 @@ def _add_sole(body: mujoco.MjsBody, foot: Foot, world: World) -> None:
 
     for number, corner in enumerate(foot.sole):
         body.add_geom(
-            name=f"{foot.name}_{number}",
+            name=f"{foot.name}.sole.{number}",
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
             size=[SOLE_RADIUS, 0.0, 0.0],
             pos=corner + SOLE_RADIUS * foot.placement.rotation[:, 2],
@@ -196,16 +201,21 @@ def _add_sole(body: mujoco.MjsBody, foot: Foot, world: World) -> None:
 
 
 def _add_shapes(spec: mujoco.MjSpec, bodies: list, robot: Robot) -> None:
-    """Collision shapes, and the pairs of them that may meet."""
+    """Collision shapes, and the pairs of them that must not meet."""
     shapes = collision_shapes(robot)
     for shape in shapes:
         _add_shape(spec, bodies[shape.joint], shape)
     for pair in collision_model(robot).collisionPairs:
-        spec.add_pair(geomname1=shapes[pair.first].name, geomname2=shapes[pair.second].name)
+        _watch(spec, shapes[pair.first].name, shapes[pair.second].name)
     soles = {foot.joint for foot in robot.feet}
     for shape in shapes if robot.feet else ():
         if shape.joint not in soles:
-            spec.add_pair(geomname1=GROUND, geomname2=shape.name)
+            _watch(spec, GROUND, shape.name)
+
+
+def _watch(spec: mujoco.MjSpec, first: str, second: str) -> None:
+    """Find contacts of two shapes as soon as they overlap, with no force down to a metre's depth."""
+    spec.add_pair(geomname1=first, geomname2=second, margin=-1.0, gap=1.0)
 
 
 def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:

@@ -19,7 +19,8 @@ class Recording:
         v: ``(n, nv)`` velocities.
         a: ``(n, nv)`` accelerations that the positions really follow.
         q_cmd: ``(n, n_joints)`` commanded joint positions.
-        tau_motor: ``(n, n_joints)`` torque of the motors as delivered [N·m or N].
+        tau_motor: ``(n, n_joints)`` torque of the motors as delivered [N·m or N]. Viscous friction and the
+            servo's damping act with the velocity at the end of the integration step.
         tau_link: ``(n, n_joints)`` torque that reaches the link: motor less friction of motor and
             gears and less what turns the rotor.
         contacts: by foot name, ``(n, 6)``: force, and moment about the world's origin, that the ground exerts

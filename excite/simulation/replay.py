@@ -95,7 +95,7 @@ def replay(
         world=replace(
             virtual.world,
             sole_friction=virtual.world.sole_friction * (1.0 + friction_error),
-            self_contact=True,
+            watch_touches=True,
         ),
     )
     planned = _planned(robot, motion)

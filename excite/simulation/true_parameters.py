@@ -101,8 +101,10 @@ def hrp2_like_changes(
         The true parameters.
 
     Raises:
-        InputError: the robot has no ends beside its feet.
+        InputError: the robot has no feet, or no ends beside them.
     """
+    if not robot.feet:
+        raise InputError(f"{robot.name} has no feet, hands and trunk", remedy="use scattered_parameters")
     hands, heads, trunk = _places(robot)
     weights = [("computer", trunk, 3.4 if heads else 4.0)]
     weights += [("cameras", head, 0.6 / len(heads)) for head in heads]
@@ -133,9 +135,9 @@ def scattered_parameters(robot: Robot, rng: np.random.Generator, *, scatter: flo
     for index in range(len(robot.segments)):
         density = float(np.exp(scatter * rng.standard_normal()))
         stretch, shift = scatter * rng.standard_normal((3, 3)), scatter * rng.standard_normal(3)
-        if index in fixed:
-            continue
         block = phi[10 * index : 10 * index + 10]
+        if index in fixed or not block.any():
+            continue
         body = pin.Inertia.FromDynamicParameters(block)
         radius = np.sqrt(np.trace(body.inertia) / (2.0 * body.mass))
         linear = np.eye(3) + 0.5 * (stretch + stretch.T)

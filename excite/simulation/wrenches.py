@@ -31,6 +31,9 @@ def sensor_wrenches(
     """
     wrenches = {sensor.name: np.zeros((len(q), 6)) for sensor in robot.sensors}
     model, data = robot.model, robot.model.createData()
+    massive = {
+        sensor.name: [index for index in sensor.excludes if phi[10 * index] > 0.0] for sensor in robot.sensors
+    }
     gravity = np.array(robot.description.gravity)
     for row in range(len(q)):
         if robot.sensors:
@@ -38,7 +41,7 @@ def sensor_wrenches(
         for sensor in robot.sensors:
             pose = data.oMi[sensor.joint] * sensor.placement
             reading = pose.actInv(pin.Force(contacts[sensor.foot][row]))
-            for segment in sensor.excludes:
+            for segment in massive[sensor.name]:
                 needed = _needed(data, segment + 1, phi[10 * segment : 10 * segment + 10], gravity)
                 reading -= pose.actInv(data.oMi[segment + 1].act(needed))
             wrenches[sensor.name][row] = reading.vector

@@ -85,3 +85,8 @@ def _step(model: pin.Model, data: pin.Data, q: Array, targets: dict[int, pin.SE3
     step = np.zeros(model.nv)
     step[6 + legs] = np.linalg.lstsq(jacobian[:, legs], error, rcond=None)[0]
     return step
+
+
+def generator(seed: int) -> np.random.Generator:
+    """A random generator."""
+    return np.random.default_rng(seed)

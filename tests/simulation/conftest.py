@@ -1,0 +1,43 @@
+"""Virtual robots and runs shared by the tests of this folder."""
+
+from __future__ import annotations
+
+import pytest
+
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from excite.simulation.execution import execute
+from excite.simulation.recording import Recording
+from excite.simulation.virtual_robot import VirtualRobot, changed_robot
+from tests.simulation.motions import generator, squatting, waving
+
+
+@pytest.fixture(scope="session")
+def panda() -> Robot:
+    return load_robot("panda")
+
+
+@pytest.fixture(scope="session")
+def ur10() -> Robot:
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="session")
+def changed_g1(g1: Robot) -> VirtualRobot:
+    return changed_robot(g1, generator(3)).noiseless()
+
+
+@pytest.fixture(scope="session")
+def squat(changed_g1: VirtualRobot) -> Recording:
+    return execute(changed_g1, squatting(changed_g1.robot, duration=2.0))
+
+
+@pytest.fixture(scope="session", params=["panda", "ur10"])
+def arm(request: pytest.FixtureRequest) -> VirtualRobot:
+    return changed_robot(request.getfixturevalue(request.param), generator(5)).noiseless()
+
+
+@pytest.fixture(scope="session")
+def arm_run(arm: VirtualRobot) -> Recording:
+    joints = dict.fromkeys(arm.robot.joint_names, 0.4)
+    return execute(arm, waving(arm.robot, joints, duration=2.0))

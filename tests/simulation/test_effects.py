@@ -1,0 +1,118 @@
+"""Injected effects: one battery over the registry, and each effect's own law."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, UnknownNameError
+from excite.logs.vocabulary import EFFECTS
+from excite.robot.robot import Robot
+from excite.simulation.effects.registry import INJECTED_EFFECTS, inject
+from excite.simulation.execution import execute
+from excite.simulation.recording import Recording
+from excite.simulation.simulate import simulate
+from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
+from tests.simulation.motions import waving
+
+NAMES = sorted(INJECTED_EFFECTS)
+
+
+@pytest.fixture(scope="module")
+def plain(panda: Robot) -> VirtualRobot:
+    return nominal_robot(panda).noiseless()
+
+
+@pytest.fixture(scope="module")
+def plain_run(plain: VirtualRobot) -> Recording:
+    return execute(plain, _motion(plain))
+
+
+def _motion(virtual: VirtualRobot):
+    return waving(virtual.robot, dict.fromkeys(virtual.robot.joint_names, 0.3), duration=1.5)
+
+
+def _torque(virtual: VirtualRobot) -> np.ndarray:
+    return simulate(virtual, [_motion(virtual)], seed=0).trials[0].tau
+
+
+@pytest.mark.parametrize("name", NAMES)
+class TestEveryEffect:
+    def test_it_is_a_word_of_the_contract(self, name: str) -> None:
+        assert name in EFFECTS
+        assert INJECTED_EFFECTS[name].name == name
+
+    def test_its_default_changes_the_log_and_not_the_robot(self, name: str, plain: VirtualRobot) -> None:
+        before = _torque(plain)
+        changed = _torque(inject(plain, [name]))
+        assert np.abs(changed - before).max() > 1e-3
+        np.testing.assert_array_equal(_torque(plain), before)
+
+    def test_every_location_is_accepted(self, name: str, plain: VirtualRobot, g1: Robot) -> None:
+        for virtual in (plain, nominal_robot(g1)):
+            for location in INJECTED_EFFECTS[name].locations(virtual):
+                assert inject(virtual, [f"{name}:{location}"]) is not virtual
+
+    def test_an_unknown_location_is_refused(self, name: str, plain: VirtualRobot) -> None:
+        with pytest.raises(UnknownNameError, match="nowhere"):
+            inject(plain, [f"{name}:nowhere"])
+
+    def test_values_out_of_bounds_are_refused(self, name: str, plain: VirtualRobot) -> None:
+        effect = INJECTED_EFFECTS[name]
+        for value in (effect.lower - 1.0, effect.upper + 1.0, float("nan")):
+            with pytest.raises(InputError, match=name):
+                effect.inject(plain, None, value)
+
+    def test_it_survives_pickling(self, name: str, plain: VirtualRobot) -> None:
+        changed = inject(plain, [name])
+        copy = pickle.loads(pickle.dumps(changed))  # noqa: S301
+        np.testing.assert_array_equal(copy.truth.phi, changed.truth.phi)
+        assert copy.readings == changed.readings
+
+
+def test_the_form_of_the_text_is_checked(plain: VirtualRobot) -> None:
+    for text, message in (
+        ("warp", "unknown effect"),
+        ("payload:a:b:c", "too many"),
+        ("payload::much", "no number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            inject(plain, [text])
+
+
+def test_an_effect_without_a_place_is_refused(g1: Robot) -> None:
+    with pytest.raises(InputError, match="no place on g1"):
+        inject(nominal_robot(g1), ["torque_bias"])
+
+
+def test_bias_and_gain_follow_their_law(plain: VirtualRobot, plain_run: Recording) -> None:
+    biased = _torque(inject(plain, ["torque_bias:panda_joint2:1.5", "torque_gain:panda_joint4:0.8"]))
+    expected = plain_run.tau_link.copy()
+    expected[:, 1] += 1.5
+    expected[:, 3] *= 0.8
+    np.testing.assert_allclose(biased, expected, atol=1e-12)
+
+
+def test_a_delay_of_whole_samples_shifts(plain: VirtualRobot, plain_run: Recording) -> None:
+    rate = plain.robot.description.sensors.rate_hz
+    late = _torque(inject(plain, [f"time_delay:torque:{10 / rate}"]))
+    np.testing.assert_allclose(late[10:], plain_run.tau_link[:-10], atol=1e-6)
+    np.testing.assert_allclose(late[:10], np.tile(plain_run.tau_link[0], (10, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "power"), [("viscous_friction", 1), ("coulomb_friction", 0)])
+def test_friction_adds_its_torque(name: str, power: int, plain: VirtualRobot, plain_run: Recording) -> None:
+    run = execute(inject(plain, [f"{name}:panda_joint1:2.0"]), _motion(plain))
+    added = run.tau_link[:, 0] - plain_run.tau_link[:, 0]
+    moving = np.abs(run.v[:, 0]) > 0.1
+    law = 2.0 * np.sign(run.v[:, 0]) * np.abs(run.v[:, 0]) ** power
+    # The arm follows its command a little differently, so that inertial torques differ too.
+    assert np.abs(added - law)[moving].mean() < 0.1 * np.abs(law[moving]).mean()
+
+
+def test_a_payload_weighs(g1: Robot) -> None:
+    loaded = inject(nominal_robot(g1), ["payload:torso_link:2.0"])
+    assert loaded.truth.phi[::10].sum() == pytest.approx(g1.mass + 2.0)
+    assert loaded.truth.changed_links == ("torso_link",)

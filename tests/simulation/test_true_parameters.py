@@ -1,0 +1,72 @@
+"""Virtual truths stay physical and say what they changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from excite.simulation.drives import nominal_drives, scattered_drives
+from excite.simulation.inertial import principal_inertia
+from excite.simulation.true_parameters import (
+    AddedPart,
+    hrp2_like_changes,
+    nominal_truth,
+    scattered_parameters,
+    with_part,
+)
+from tests.simulation.motions import generator
+
+
+def test_five_kilograms_are_added_where_hrp2_got_them(g1: Robot) -> None:
+    truth = hrp2_like_changes(g1, generator(0))
+    assert truth.changed_links == ("torso_link", "left_wrist_yaw_link", "right_wrist_yaw_link")
+    assert truth.added_mass == pytest.approx(5.0)
+    difference = (truth.phi - g1.nominal_parameters).reshape(-1, 10)
+    assert difference[:, 0].sum() == pytest.approx(5.0)
+    changed = {g1.segments[row].link for row in np.flatnonzero(np.abs(difference).max(axis=1) > 0.0)}
+    assert changed == set(truth.changed_links)
+
+
+def test_a_robot_with_a_head_gets_cameras_in_it() -> None:
+    truth = hrp2_like_changes(load_robot("talos"), generator(0))
+    assert [part.what for part in truth.parts].count("cameras") == 1
+    assert any("head" in link for link in truth.changed_links)
+
+
+def test_same_generator_same_truth(g1: Robot) -> None:
+    first, second = (hrp2_like_changes(g1, generator(4), scatter=0.03) for _ in range(2))
+    np.testing.assert_array_equal(first.phi, second.phi)
+    assert first.parts == second.parts
+    assert not np.array_equal(first.phi, hrp2_like_changes(g1, generator(5), scatter=0.03).phi)
+
+
+@pytest.mark.parametrize("scatter", [0.02, 0.3])
+def test_scatter_keeps_bodies_physical_and_feet_nominal(g1: Robot, scatter: float) -> None:
+    truth = scattered_parameters(g1, generator(6), scatter=scatter)
+    feet = {foot.joint - 1 for foot in g1.feet}
+    for index, segment in enumerate(g1.segments):
+        block, nominal = (phi[g1.parameter_columns(index)] for phi in (truth.phi, g1.nominal_parameters))
+        principal_inertia(block, segment.name)
+        assert np.array_equal(block, nominal) == (index in feet)
+    ratio = np.log(truth.phi[::10] / g1.nominal_parameters[::10])
+    assert 0.5 * scatter < ratio[ratio != 0.0].std() < 1.5 * scatter
+
+
+def test_an_arm_has_other_friction_than_declared(panda: Robot) -> None:
+    nominal, true = nominal_drives(panda), scattered_drives(panda, generator(7))
+    assert (true.viscous > 0.0).all() and (true.coulomb > 0.0).all()
+    assert not np.isclose(true.viscous, nominal.viscous).any()
+    np.testing.assert_array_equal(true.kp, nominal.kp)
+
+
+def test_a_robot_without_hands_is_refused(panda: Robot) -> None:
+    with pytest.raises(InputError, match="scattered_parameters"):
+        hrp2_like_changes(panda, generator(0))
+
+
+def test_a_part_without_mass_is_refused(g1: Robot) -> None:
+    with pytest.raises(InputError, match="mass 0"):
+        with_part(nominal_truth(g1), AddedPart("air", 0, "pelvis", 0.0, (0.0, 0.0, 0.0), (0.1, 0.1, 0.1)))
