@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from excite.excitation.conditioning import conditioning, motion_factor
+from excite.excitation.conditioning import MotionFactor, conditioning, motion_factor
 from excite.excitation.weakness import gains, unexcited, weak_directions
 from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.columns import measured_columns, regressor_rows
+from excite.regressor.factor import r_factor
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
 
@@ -69,3 +74,57 @@ def test_gain_is_the_change_of_the_stacked_conditioning(panda: Robot) -> None:
     (gain,) = gains(lame, [second])
     assert gain.rank == lame.n_base_parameters - lame.rank > 0
     assert gain.log_det is None
+
+
+def standing(robot: Robot, feet: tuple[str, ...], n: int) -> MotionFactor:
+    """Factor of random postures, velocities and accelerations that leave the soles of these feet at rest."""
+    model, data, random = robot.model, robot.model.createData(), np.random.default_rng(0)
+    parts = tuple(foot.split("_")[0] + part for foot in feet for part in ("_hip", "_knee", "_ankle"))
+    legs = np.array([6 + j for j, name in enumerate(robot.joint_names) if name.startswith(parts)])
+    free = np.setdiff1d(np.arange(model.nv), legs)
+    planted = [robot.foot(name) for name in feet]
+    pin.forwardKinematics(model, data, robot.rest)
+    soles = [data.oMi[foot.joint] * foot.placement for foot in planted]
+
+    def jacobian(q: np.ndarray) -> np.ndarray:
+        pin.computeJointJacobians(model, data, q)
+        return np.vstack([pin.getJointJacobian(model, data, foot.joint, pin.LOCAL) for foot in planted])
+
+    samples = []
+    for _ in range(n):
+        step = random.uniform(-1.5, 1.5, model.nv)
+        step[:6] = random.uniform(-0.05, 0.05, 6) - [0.0, 0.0, 0.07, 0.0, 0.0, 0.0]
+        step[legs] = 0.0
+        q = pin.integrate(model, robot.rest, step)
+        for _ in range(25):
+            whole = jacobian(q)
+            errors = [
+                pin.log(data.oMi[foot.joint].actInv(sole * foot.placement.inverse())).vector
+                for foot, sole in zip(planted, soles, strict=True)
+            ]
+            q[legs + 1] += np.clip(np.linalg.solve(whole[:, legs], np.concatenate(errors)), -0.2, 0.2)
+        whole = jacobian(q)
+        v, a = random.normal(size=(2, model.nv))
+        v[legs] = -np.linalg.solve(whole[:, legs], whole[:, free] @ v[free])
+        pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+        drift = np.concatenate([data.a[foot.joint].vector for foot in planted])
+        a[legs] = -np.linalg.solve(whole[:, legs], whole[:, free] @ a[free] + drift)
+        samples.append((q, v, a))
+    columns = measured_columns(robot)
+    rows = regressor_rows(robot, columns, *(np.array(part) for part in zip(*samples, strict=True)))
+    return MotionFactor(feet, columns, r_factor(rows.reshape(-1, rows.shape[2])), 6 * n, 50.0)
+
+
+def test_double_support_leaves_leg_parameters_unexcited_and_one_leg_stances_do_not(g1: Robot) -> None:
+    plates = replace(g1, sensors=tuple(replace(sensor, excludes=()) for sensor in g1.sensors))
+    for robot, lacking in ((plates, 21), (g1, 7)):
+        both = conditioning(robot, [standing(robot, ("left_foot", "right_foot"), 150)])
+        assert both.n_base_parameters - both.rank == lacking
+        labels = {parameter.label for parameter in unexcited(both)}
+        assert all("hip" in label or "ankle" in label for label in labels)
+        # A sole at rest shows nothing of its foot's inertia; ankle sensors leave the foot out altogether.
+        feet = {label for label in labels if "ankle_roll" in label}
+        assert ("Ixy(left_ankle_roll_link)" in feet) == (robot is plates)
+        one_leg = conditioning(robot, [standing(robot, (foot.name,), 100) for foot in robot.feet])
+        assert one_leg.rank == one_leg.n_base_parameters
+        assert unexcited(one_leg) == ()
