@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
-from excite.motion.generators.bodyparts import leg_joints
+from excite.motion.generators.bodyparts import central_range, leg_joints, rest_joints
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
@@ -15,11 +16,18 @@ from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Array, Foot, Robot
 
 _SWINGS = (7, 11)
-# In shares of the base's height: forward and back, outwards, up (from, to).
-_FORWARD, _OUT, _UP = 0.28, (-0.03, 0.26), (0.14, 0.32)
-_TURN = (0.35, 0.45, 0.5)
-_PELVIS = (0.03, 0.12, 0.15, 0.20)
+# How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
+_REACH, _RANGE = 0.9, 0.6
+# In shares of the base's height: lowest corner of the free sole, farthest way inwards and outwards, lift at the start.
+_CLEARANCE, _INWARDS, _OUTWARDS, _LIFT = 0.06, 0.02, 0.28, 0.11
+# The base leans over the stance foot [rad], which spares the ankle, and takes this part of the shift of the whole.
+_LEAN, _BASE_SHIFT = 0.2, 0.75
+# Random pelvis motion: height [share of the base's], roll, pitch, yaw [rad].
+_PELVIS = (0.025, 0.04, 0.12, 0.20)
+# Longest distance from hip to sole, in shares of that at rest.
+_STRETCH = 0.98
 _ARMS = (0.05, 0.35)
+_DRAWS = 2000
 
 
 class LegSwing(Generator):
@@ -44,15 +52,18 @@ class LegSwing(Generator):
         if robot.joint_index(targets[0]) in leg_joints(robot, stance):
             swing, stance = stance, swing
         n = int(rng.integers(*_SWINGS))
-        lift, land = 6, 6 + n + 2
+        ground = _ground(robot, stance, swing)
+        swings = _swings(robot, swing, ground, n + 2, rng)
+        lift, land = 6, 6 + len(swings)
         m = land + 6
-        shift, outward = _ground_geometry(robot, stance, swing)
         com = np.zeros((m, 2))
-        com[3 : land + 3] = shift
+        com[3 : land + 3] = ground.shift
         foot = np.zeros((m, 6))
-        foot[lift:land] = _swings(robot, n + 2, outward, rng)
+        foot[lift:land] = swings
+        turns = np.array(_PELVIS) * [robot.rest[2], 1.0, 1.0, 1.0]
         pelvis = np.zeros((m, 4))
-        pelvis[lift + 1 : land - 1] = rng.uniform(-1.0, 1.0, size=(n, 4)) * _PELVIS
+        pelvis[3 : land + 3, 1] = ground.outward * _LEAN
+        pelvis[lift + 1 : land - 1] += rng.uniform(-1.0, 1.0, size=(len(swings) - 2, 4)) * turns
         draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
         both, one = (robot.feet[0].name, robot.feet[1].name), (stance.name,)
         # The span that starts at parameter i is the first that control point i + 3 acts on.
@@ -75,23 +86,66 @@ class LegSwing(Generator):
         )
 
 
-def _ground_geometry(robot: Robot, stance: Foot, swing: Foot) -> tuple[Array, float]:
-    """Offset that brings the centre of mass over the stance foot, and the sign of y away from it."""
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """Where feet and centre of mass are at rest.
+
+    Attributes:
+        shift: from the centre of mass to the middle of the stance sole, ``(2,)`` [m].
+        outward: sign of y from the stance foot to the free one.
+        sole: middle of the free sole, ``(3,)`` [m].
+        rotation: of the joint that carries the free foot, ``(3, 3)``.
+    """
+
+    shift: Array
+    outward: float
+    sole: Array
+    rotation: Array
+
+
+def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     data = robot.model.createData()
-    centre = pin.centerOfMass(robot.model, data, robot.rest)
+    centre = np.array(pin.centerOfMass(robot.model, data, robot.rest))
     over = data.oMi[stance.joint].act(stance.placement.translation)
-    away = data.oMi[swing.joint].act(swing.placement.translation) - over
-    return np.array(over[:2] - centre[:2]), float(np.sign(away[1]))
+    pose = data.oMi[swing.joint]
+    sole = np.array(pose.act(swing.placement.translation))
+    return _Ground(over[:2] - centre[:2], float(np.sign(sole[1] - over[1])), sole, np.array(pose.rotation))
 
 
-def _swings(robot: Robot, n: int, outward: float, rng: np.random.Generator) -> Array:
-    """Displacements of the free sole, ``(n, 6)``: first and last straight above the place where it stood."""
-    height = float(robot.rest[2])
-    low = np.array([-_FORWARD, _OUT[0], _UP[0], *(-turn for turn in _TURN)])
-    high = np.array([_FORWARD, _OUT[1], _UP[1], *_TURN])
-    points = rng.uniform(low, high, size=(n, 6))
-    points[:, :3] *= height
-    points[:, 1] *= outward
-    points[[0, -1]] = 0.0
-    points[[0, -1], 2] = _UP[0] * height
-    return points
+def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.Generator) -> Array:
+    """Displacements of the free sole, ``(n, 6)``: first and last straight above the place where it stood.
+
+    The others are where random joint positions of the free leg would bring it with the base over the stance
+    foot, so that the leg can follow; draws too low or too far inwards are thrown away.
+    """
+    points = np.zeros((n, 6))
+    points[[0, -1], 2] = _LIFT * robot.rest[2]
+    lower, upper = central_range(robot, _RANGE)
+    leg = np.array(leg_joints(robot, swing))
+    rest = rest_joints(robot)[leg]
+    lower = np.minimum(np.maximum(lower[leg], rest - _REACH), rest)
+    upper = np.maximum(np.minimum(upper[leg], rest + _REACH), rest)
+    data = robot.model.createData()
+    hip = int(robot.model.supports[swing.joint][2])
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    reach = _STRETCH * np.linalg.norm(ground.sole - data.oMi[hip].translation)
+    q = robot.rest.copy()
+    q[:2] += _BASE_SHIFT * ground.shift
+    lean = pin.Quaternion(pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0))
+    q[3:7] = (lean * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
+    found = 1
+    for _ in range(_DRAWS):
+        if found == n - 1:
+            break
+        q[robot.n_base_q + leg] = rng.uniform(lower, upper)
+        pin.forwardKinematics(robot.model, data, q)
+        pose = data.oMi[swing.joint]
+        low = (swing.sole @ pose.rotation[2]).min() + pose.translation[2]
+        sole = pose.act(swing.placement.translation)
+        moved = sole - ground.sole
+        out = ground.outward * moved[1] / robot.rest[2]
+        near = np.linalg.norm(sole - data.oMi[hip].translation) <= reach
+        if near and low > _CLEARANCE * robot.rest[2] and -_INWARDS < out < _OUTWARDS:
+            points[found] = np.r_[moved, pin.log3(pose.rotation @ ground.rotation.T)]
+            found += 1
+    return np.delete(points, range(found, n - 1), axis=0)

@@ -135,6 +135,7 @@ class PathLimits:
             force = share[:, k, None, None] * wrench[..., :3]
             moment = share[:, k, None, None] * about_middle
             for i in np.flatnonzero(share[:, k] > 0.0):
+                pin.forwardKinematics(robot.model, data, knots.q[i])
                 jacobian = pin.computeJointJacobian(robot.model, data, knots.q[i], foot.joint)
                 pose = data.oMi[foot.joint]
                 shifted = moment[i] + np.cross(centres[foot.name] - pose.translation, force[i])
@@ -191,17 +192,24 @@ class PathLimits:
         weight = self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
         patterns, member = np.unique(carried, axis=0, return_inverse=True)
         supports = [self._support(row) for row in patterns]
+        # Weight shifts end over one foot: the wider polygon before may not ask for more than that foot can give.
+        narrowest = min(support.inradius for support in map(self._support, self._all_patterns()))
+        margin = min(self.shares.zmp, self.shares.zmp_inradius * narrowest)
         n_edges = max(len(support.normals) for support in supports)
         rows = np.zeros((len(s), 3, n_edges + 9))
         for k, support in enumerate(supports):
             at = member.ravel() == k
             w = wrench[at] / weight
-            rows[at, :, : len(support.normals)] = _zmp_rows(w, support)
+            rows[at, :, : len(support.normals)] = _zmp_rows(w, support, margin)
             rows[at, :, n_edges:-1] = _friction_rows(w, support, self.shares.friction)
             rows[at, :, -1] = -w[..., 2]
             rows[at, 0, -1] += self.shares.weight
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
         return rows, labels
+
+    def _all_patterns(self) -> list[Array]:
+        """The sets of carrying feet over the whole candidate."""
+        return [np.array([foot.name in phase.feet for foot in self._robot.feet]) for phase in self.candidate.phases]
 
     def _support(self, carried: Array) -> _Support:
         feet = [foot for foot, carries in zip(self._robot.feet, carried, strict=True) if carries]
@@ -211,27 +219,28 @@ class PathLimits:
         equations = np.unique(np.round(hull.equations, 9), axis=0)
         centre = corners.mean(axis=0)
         inradius = float(-(equations[:, :2] @ centre + equations[:, 2]).max())
-        margin = min(self.shares.zmp, self.shares.zmp_inradius * inradius)
-        radius = float(np.mean([np.linalg.norm(c - centre, axis=1).mean() for c in _by_foot(corners, feet)]))
+        radius = float(np.mean([np.linalg.norm(c - c.mean(axis=0), axis=1).mean() for c in _by_foot(corners, feet)]))
         friction = min(foot.friction for foot in feet)
-        return _Support(equations[:, :2], equations[:, 2] + margin, centre, radius, friction)
+        return _Support(equations[:, :2], equations[:, 2], centre, inradius, radius, friction)
 
 
 @dataclass(frozen=True, eq=False)
 class _Support:
-    """A support polygon: ``normals @ x + offsets ≤ 0`` inside, shrunk by the margin.
+    """A support polygon: ``normals @ x + offsets ≤ 0`` inside.
 
     Attributes:
         normals: outward, ``(m, 2)``.
         offsets: ``(m,)`` [m].
         centre: mean of the corners, ``(2,)`` [m].
-        radius: mean distance of the corners from ``centre`` [m], the lever arm of torsional friction.
+        inradius: distance of the centre from the nearest edge [m].
+        radius: mean distance of the corners from their foot's centre [m], the lever arm of torsional friction.
         friction: coefficient.
     """
 
     normals: Array
     offsets: Array
     centre: Array
+    inradius: float
     radius: float
     friction: float
 
@@ -240,10 +249,10 @@ def _by_foot(corners: Array, feet: list) -> list[Array]:
     return np.split(corners, np.cumsum([len(foot.sole) for foot in feet])[:-1])
 
 
-def _zmp_rows(w: Array, support: _Support) -> Array:
-    """``n·(f_z p) + c f_z ≤ 0`` with ``f_z p = (−m_y, m_x)``, per metre of margin scaled to order one."""
+def _zmp_rows(w: Array, support: _Support, margin: float) -> Array:
+    """``n·(f_z p) + (c + margin) f_z ≤ 0`` with ``f_z p = (−m_y, m_x)``, scaled to order one."""
     point = np.stack([-w[..., 4], w[..., 3]], axis=-1)
-    return 10.0 * (point @ support.normals.T + w[..., 2:3] * support.offsets)
+    return 10.0 * (point @ support.normals.T + w[..., 2:3] * (support.offsets + margin))
 
 
 def _friction_rows(w: Array, support: _Support, share: float) -> Array:
