@@ -31,6 +31,7 @@ _PUBLIC = {
     "rank": "excite.campaign.rank",
     "plan": "excite.campaign.plan",
     "export_motion": "excite.export.export",
+    "export_motions": "excite.export.export",
     "simulate": "excite.campaign.experiment",
     "identify": "excite.identification.identify",
     "campaign": "excite.campaign.loop",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,10 @@ import numpy as np
 
 from excite.errors import InputError, MotionError, UnknownNameError
 from excite.export.registry import EXPORTERS
+from excite.motion.collection import motion_paths
+from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion, interpolate
+from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 _AT_REST = 1e-6  # [rad/s or m/s]; below it a motion that ends between two grid points may be held
@@ -50,6 +54,51 @@ def export_motion(
         path = path.with_name(path.name + exporter.suffix)
     exporter.write(motion if rate_hz is None else on_grid(motion, robot, rate_hz), path)
     return path
+
+
+def export_motions(
+    paths: Iterable[Path],
+    format: str,
+    *,
+    out: Path,
+    rate_hz: float | None = None,
+    robot: str | None = None,
+) -> list[Path]:
+    """Write motion files in a controller's format, each under its own name.
+
+    Args:
+        paths: motion files, or folders of them.
+        format: a name in ``EXPORTERS``.
+        out: folder to write to.
+        rate_hz: samples per second; None keeps each motion's own samples.
+        robot: name or file of the robot; the one that each file names where left out.
+
+    Returns:
+        The paths written, one a motion.
+
+    Raises:
+        UnknownNameError: no such format or robot.
+        MotionError: a file is malformed or not this robot's.
+        InputError: bad rate, or two motions of the same name.
+    """
+    if format not in EXPORTERS:
+        raise UnknownNameError("format", format, sorted(EXPORTERS))
+    files = motion_paths(paths)
+    names = [file.stem for file in files]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(
+            f"two motions are called {repeated[0]!r}", source="export", remedy="export them apart"
+        )
+    robots: dict[str, Robot] = {}
+    written = []
+    for file in files:
+        name = robot or motion_robot(file)
+        if name not in robots:
+            robots[name] = load_robot(name)
+        motion = load_motion(file, robots[name])
+        written.append(export_motion(motion, robots[name], format, Path(out) / file.stem, rate_hz))
+    return written
 
 
 def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:

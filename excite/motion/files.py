@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import pyarrow as pa
@@ -136,6 +137,11 @@ def load_motion(path: Path, robot: Robot) -> Motion:
     )
 
 
+def motion_robot(path: Path) -> str:
+    """Name of the robot that a motion file says it is for, empty where it says nothing; raises MotionError."""
+    return str(_read_columns(Path(path))[1].get("robot", ""))
+
+
 def _read_columns(path: Path) -> tuple[dict[str, Array], dict]:
     if path.suffix not in {".parquet", ".csv", ".npz"}:
         raise MotionError(f"unknown format {path.suffix!r}", source=path, remedy="use .parquet, .csv or .npz")
@@ -155,7 +161,7 @@ def _read_columns(path: Path) -> tuple[dict[str, Array], dict]:
             table = pa.parquet.read_table(path)
             metadata = json.loads((table.schema.metadata or {}).get(b"excite", b"{}"))
         return {name: table[name].to_numpy() for name in table.column_names}, metadata
-    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+    except (OSError, ValueError, KeyError, BadZipFile, pa.ArrowException) as error:
         text = str(error).split("\n")[0]
         raise MotionError(f"cannot be read ({text})", source=path, remedy="check that the file is complete") from error
 

@@ -11,8 +11,9 @@ import pytest
 
 from excite.atomic import atomic_folder
 from excite.errors import InputError, MotionError, UnknownNameError
-from excite.export.export import export_motion, on_grid
+from excite.export.export import export_motion, export_motions, on_grid
 from excite.export.registry import EXPORTERS
+from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 
@@ -175,3 +176,16 @@ def test_a_folder_that_fails_half_way_leaves_the_old_one(tmp_path):
         raise RuntimeError
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
     assert (tmp_path / "bag" / "part").read_text() == "old"
+
+
+def test_files_and_folders_are_exported_under_their_names(motion, g1, tmp_path):
+    for name in ("rise", "rise_again"):
+        save_motion(motion.renamed(name), tmp_path / "plan" / "motions" / f"{name}.parquet")
+    written = export_motions([tmp_path / "plan"], "npz", out=tmp_path / "out", rate_hz=50.0)
+    assert written == [tmp_path / "out" / "rise.npz", tmp_path / "out" / "rise_again.npz"]
+    assert all(path.is_file() for path in written)
+    with pytest.raises(InputError, match="two motions are called 'rise'"):
+        export_motions([tmp_path / "plan" / "motions" / "rise.parquet"] * 2, "npz", out=tmp_path / "out")
+    with pytest.raises(UnknownNameError, match="unknown robot 'g2'"):
+        export_motions([tmp_path / "plan"], "csv", out=tmp_path / "other", robot="g2")
+    assert not (tmp_path / "other").exists()

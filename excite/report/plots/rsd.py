@@ -35,7 +35,7 @@ def plot_rsd(iterations: Sequence[dict], target_percent: float | None = None) ->
         axes.set(yscale="log", ylabel="relative standard deviation [%]", xlim=(-0.6, len(iterations) - 0.4))
         labels = [
             f"iteration {i}\n{step.get('n_motions', '?')} motions\n"
-            f"{_n_met(step)} of {len(step['rsd_percent'])} parameters meet it"
+            f"{_n_met(step)} of {len({*step['rsd_percent'], *step.get('not_met', ())})} parameters meet it"
             for i, step in enumerate(iterations, start=1)
         ]
         axes.set_xticks(range(len(iterations)), labels)

@@ -55,7 +55,8 @@ def _conditioning(findings: Findings) -> Iterator[str]:
 def _certainty(findings: Findings) -> Iterator[str]:
     if findings.campaign is not None and findings.campaign["iterations"]:
         last = findings.campaign["iterations"][-1]
-        n = len(last["rsd_percent"])
+        judged = {*last["rsd_percent"], *last["not_met"]}
+        n = len(judged)
         label = "parameters meet their certainty target"
         yield tile(f"{n - len(last['not_met'])} of {n}", label, good=findings.campaign["targets_met"])
 
