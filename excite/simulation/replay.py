@@ -88,18 +88,38 @@ def replay(
         MotionError: the motion is not for this robot, or the simulation diverged.
     """
     virtual = nominal_robot(subject) if isinstance(subject, Robot) else subject
-    robot = virtual.robot
     virtual = replace(
         virtual,
         truth=replace(virtual.truth, phi=(1.0 + mass_error) * virtual.truth.phi),
-        world=replace(
-            virtual.world,
-            sole_friction=virtual.world.sole_friction * (1.0 + friction_error),
-            watch_touches=True,
-        ),
+        world=replace(virtual.world, sole_friction=virtual.world.sole_friction * (1.0 + friction_error)),
     )
+    return watched_run(virtual, motion).replay
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedRun:
+    """A run and what became of it.
+
+    Attributes:
+        recording: what happened, up to the fall if there was one.
+        replay: the judgement.
+    """
+
+    recording: Recording
+    replay: Replay
+
+
+def watched_run(virtual: VirtualRobot, motion: Motion) -> WatchedRun:
+    """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay`."""
+    robot = virtual.robot
     planned = _planned(robot, motion)
-    run = execute(virtual, motion, stop=_Fall(planned) if robot.floating else None)
+    watched = replace(virtual, world=replace(virtual.world, watch_touches=True))
+    run = execute(watched, motion, stop=_Fall(planned) if robot.floating else None)
+    return WatchedRun(run, _judge(virtual, planned, run))
+
+
+def _judge(virtual: VirtualRobot, planned: Motion, run: Recording) -> Replay:
+    robot = virtual.robot
     tilt, sink = np.zeros(1), np.zeros(1)
     if robot.floating:
         tilt, sink = _departure(run.q, planned.q[: len(run.q)])
@@ -107,7 +127,7 @@ def replay(
     slip, lift = _feet(robot, run, planned)
     saturated = np.abs(run.tau_motor) >= 0.999 * virtual.drives.torque_limit
     return Replay(
-        motion=motion.name,
+        motion=planned.name,
         fell=bool(len(fallen)),
         fell_at_s=float(run.time[fallen[0]]) if len(fallen) else None,
         max_tilt_rad=float(tilt.max()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from excite.errors import InputError
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
-from excite.simulation.execution import execute
+from excite.simulation.replay import Replay, watched_run
 from excite.simulation.sensing import log_header, sense
 from excite.simulation.virtual_robot import VirtualRobot
 
@@ -21,6 +21,28 @@ Role = Literal["identification", "validation"]
 
 # Pause between two trials of a session [s]: the robot returns and settles.
 _PAUSE_S = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What a virtual robot logged and what became of it.
+
+    Attributes:
+        log: one trial a motion; the trial of a motion in which the robot fell ends with the fall.
+        replays: one a trial.
+    """
+
+    log: Log
+    replays: tuple[Replay, ...]
+
+    @property
+    def fallen(self) -> tuple[str, ...]:
+        """Names of the motions in which the robot fell."""
+        return tuple(replay.motion for replay in self.replays if replay.fell)
+
+    def summary(self) -> str:
+        """One line a motion."""
+        return "\n".join(replay.summary() for replay in self.replays)
 
 
 def simulate(
@@ -32,6 +54,19 @@ def simulate(
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Log:
+    """The log of :func:`run_experiment`, same arguments and errors."""
+    return run_experiment(virtual, motions, seed=seed, roles=roles, jobs=jobs, progress=progress).log
+
+
+def run_experiment(
+    virtual: VirtualRobot,
+    motions: Sequence[Motion],
+    *,
+    seed: int | np.random.SeedSequence,
+    roles: Mapping[str, Role] | None = None,
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Experiment:
     """Run each motion under the robot's position servo and log what its sensors say.
 
     The noise of each trial comes from its own child of ``seed``, so that neither the number of processes nor
@@ -46,7 +81,7 @@ def simulate(
         progress: told after each motion.
 
     Returns:
-        The log, one trial a motion, complete for :func:`excite.logs.files.save_log`.
+        The log, complete for :func:`excite.logs.files.save_log`, and a judgement of each run.
 
     Raises:
         InputError: no motions, two of one name, or a role for a motion that is not there.
@@ -71,8 +106,10 @@ def simulate(
         for index, motion in enumerate(motions)
     )
     trials: list[Trial] = []
-    for trial in Parallel(n_jobs=jobs, return_as="generator")(tasks):
+    replays: list[Replay] = []
+    for trial, judgement in Parallel(n_jobs=jobs, return_as="generator")(tasks):
         trials.append(trial)
+        replays.append(judgement)
         progress("simulate", len(trials), len(names))
     starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
     headers = tuple(
@@ -85,7 +122,8 @@ def simulate(
         for trial, start in zip(trials, starts, strict=False)
     )
     dated = tuple(_dated(trial, header) for trial, header in zip(trials, headers, strict=True))
-    return Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=virtual.robot.urdf)
+    log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=virtual.robot.urdf)
+    return Experiment(log, tuple(replays))
 
 
 def _dated(trial: Trial, header: TrialHeader) -> Trial:
@@ -97,5 +135,8 @@ def _child(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, index), pool_size=root.pool_size)
 
 
-def _trial(virtual: VirtualRobot, motion: Motion, role: Role, seed: np.random.SeedSequence) -> Trial:
-    return sense(virtual, execute(virtual, motion), role, np.random.default_rng(seed))
+def _trial(
+    virtual: VirtualRobot, motion: Motion, role: Role, seed: np.random.SeedSequence
+) -> tuple[Trial, Replay]:
+    run = watched_run(virtual, motion)
+    return sense(virtual, run.recording, role, np.random.default_rng(seed)), run.replay

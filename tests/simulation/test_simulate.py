@@ -12,7 +12,7 @@ from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.simulation.recording import Recording
-from excite.simulation.simulate import simulate
+from excite.simulation.simulate import run_experiment, simulate
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 from tests.simulation.motions import squatting, standing, waving
 
@@ -77,6 +77,15 @@ def test_an_arm_logs_the_torque_that_its_sensors_see(arm: VirtualRobot, arm_run:
     np.testing.assert_array_equal(log.trials[0].tau, expected)
     assert log.header.torque == side
     assert {"rigid_body", "viscous_friction", "coulomb_friction"} <= set(log.header.modelled)
+
+
+def test_a_fall_ends_its_trial_and_is_told(g1: Robot) -> None:
+    hips = {name: 1.2 for name in g1.joint_names if "hip_pitch" in name}
+    motions = [waving(g1, hips, duration=3.0, name="leaning"), standing(g1, 0.5)]
+    experiment = run_experiment(nominal_robot(g1), motions, seed=0)
+    assert experiment.fallen == ("leaning",)
+    assert experiment.log.trials[0].time[-1] < 2.0
+    assert len(experiment.summary().splitlines()) == 2
 
 
 def test_wrong_requests_are_refused(g1: Robot) -> None:
