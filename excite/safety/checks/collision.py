@@ -54,9 +54,9 @@ class SelfCollisionCheck(Check):
     with distances d₀ and d₁ no pair comes closer than ``(d₀ + d₁ − s)/2``, where s bounds how far the joints
     between its two bodies can move any point of one body relative to the other in that time
     (:func:`~excite.safety.checks.approach.approach_rates`). Joint speeds between samples are bounded by the
-    Bézier control points of the interpolant: for joints the bound is exact. A free base matters only for
-    pairs with the world; for them it holds to the interpolant's third order in the base's rotation within a
-    step.
+    Bézier control points of the interpolant, so for joints the bound holds exactly, up to coal's tolerance of
+    1e-6 m. A free base matters only for pairs with the world; for them the bound neglects what the
+    interpolant leaves out, terms of third order in the base's rotation within a step.
 
     A motion that collides is reported with the pairs that the search met, not necessarily all of them. A
     search that ends undecided leaves the margin None.
