@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from excite.errors import LogError
-from excite.identification.kinematics import on_grid, trial_kinematics
+from excite.identification.kinematics import forces_on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
 from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
@@ -109,7 +109,9 @@ class BaseRows:
                 remedy="log it",
             )
         k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
-        readings = {name: on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()}
+        readings = {
+            name: forces_on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()
+        }
         measured = base_wrench(self.robot, k.q, readings)
         unseen = [10 * segment + i for segment in self.unmeasured for i in range(10)]
 

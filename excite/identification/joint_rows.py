@@ -10,7 +10,7 @@ from scipy.ndimage import binary_opening
 
 from excite.errors import LogError
 from excite.identification.drive_terms import DRIVE_TERMS
-from excite.identification.kinematics import TrialKinematics, on_grid, trial_kinematics
+from excite.identification.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
 from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
@@ -78,7 +78,7 @@ class JointRows:
             LogError: the trial has no torques, is too short, or stands still.
         """
         k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
-        torque = on_grid(trial.time, self._torque(trial), k.time)
+        torque = forces_on_grid(trial.time, self._torque(trial), k.time)
         joints = [self.robot.n_base_v + self.robot.joint_index(name) for name in self.header.joints]
 
         def source(part: slice) -> Array:

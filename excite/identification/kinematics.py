@@ -14,7 +14,13 @@ from excite.logs.robot import base_offset
 from excite.logs.signals.base_pose import base_motion, continuous_quaternions
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
-from excite.logs.signals.resample import is_uniform, near_samples, resample, uniform_grid
+from excite.logs.signals.resample import (
+    is_uniform,
+    near_samples,
+    resample_noisy,
+    resample_smooth,
+    uniform_grid,
+)
 from excite.logs.signals.trim import moving_span
 from excite.robot.robot import Array, Robot
 
@@ -63,7 +69,7 @@ def trial_kinematics(
     rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
     grid = trial.time if is_uniform(trial.time, rate) else uniform_grid(trial.time, rate)
     joints = central_differences(
-        lowpass(on_grid(trial.time, trial.q, grid), rate, cutoff_hz, filters.order), rate
+        lowpass(positions_on_grid(trial.time, trial.q, grid), rate, cutoff_hz, filters.order), rate
     )
     n, model = len(grid), robot.model
     q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
@@ -73,7 +79,7 @@ def trial_kinematics(
     a[:, [robot.n_base_v + i for i in columns]] = joints.second
     if robot.floating and trial.base is not None:
         pose = root_pose(trial.base, base_offset(robot, header))
-        base = base_motion(on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
+        base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
         q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
     edge = max(3, settling_samples(rate, cutoff_hz))
@@ -91,9 +97,14 @@ def trial_rate(header: LogHeader, trial: Trial) -> float:
     return (len(trial.time) - 1 + trial.cleaning.missing_rows) / span
 
 
-def on_grid(time: Array, values: Array, grid: Array) -> Array:
-    """``values`` at ``grid``; unchanged where the grid is the trial's own."""
-    return values if grid is time else resample(time, values, grid)
+def positions_on_grid(time: Array, values: Array, grid: Array) -> Array:
+    """Positions at ``grid``; unchanged where the grid is the trial's own."""
+    return values if grid is time else resample_smooth(time, values, grid)
+
+
+def forces_on_grid(time: Array, values: Array, grid: Array) -> Array:
+    """Torques, currents or wrenches at ``grid``; unchanged where the grid is the trial's own."""
+    return values if grid is time else resample_noisy(time, values, grid)
 
 
 def root_pose(pose: Array, offset: pin.SE3) -> Array:
