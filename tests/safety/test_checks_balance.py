@@ -152,13 +152,12 @@ def test_polygon_margin_of_a_square_and_of_a_line() -> None:
 def random_case(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Two feet at random, and a wrench in or out of their cone."""
     foot = np.array([[-0.05, 0.03, 0], [-0.05, -0.03, 0], [0.12, -0.03, 0], [0.12, 0.03, 0]])
-    corners = np.vstack(
-        [foot + np.array([0.0, 0.1, 0.0]), foot + np.array([rng.uniform(-0.2, 0.2), -0.1, 0.0])]
-    )
-    point = np.array([rng.uniform(-0.1, 0.2), rng.uniform(-0.2, 0.2), 0.0])
-    force = 300.0 * np.array([rng.uniform(-0.8, 0.8), rng.uniform(-0.8, 0.8), 1.0])
+    left, right = np.array([0.0, 0.1, 0.0]), np.array([rng.uniform(-0.2, 0.2), -0.1, 0.0])
+    corners = np.vstack([foot + left, foot + right])
+    point = np.array([rng.uniform(-0.06, 0.14), rng.uniform(-0.15, 0.15), 0.0])
+    force = 300.0 * np.array([*rng.uniform(-0.5, 0.5, size=2), 1.0])
     wrench = np.concatenate([force, np.cross(point, force)])
-    wrench[5] += rng.uniform(-30.0, 30.0)
+    wrench[5] += rng.uniform(-15.0, 15.0)
     return wrench, corners, np.full(8, 0.6)
 
 
