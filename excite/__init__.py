@@ -11,6 +11,8 @@ The verbs below are loaded on first use, so that ``import excite`` costs nothing
 from __future__ import annotations
 
 import importlib
+import sys
+from types import ModuleType
 from typing import Any
 
 __version__ = "0.1.0"
@@ -41,6 +43,20 @@ _PUBLIC = {
 }
 
 __all__ = ["__version__", *_PUBLIC]
+
+
+class _Package(ModuleType):
+    """Keeps the verbs ``report`` and ``campaign`` callable although rooms have the same names.
+
+    Importing a module of a room would otherwise bind the room's package over the verb.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _PUBLIC and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> Any:

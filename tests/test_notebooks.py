@@ -1,0 +1,45 @@
+"""Every notebook runs from top to bottom in a fresh kernel, and is stored without outputs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+_FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
+NOTEBOOKS = sorted(_FOLDER.glob("*.ipynb"))
+_SECONDS = 180  # for a busy machine; on an idle one each takes less than a minute
+
+
+def test_there_are_notebooks():
+    assert "excitation_quality" in {path.stem for path in NOTEBOOKS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_runs(path, tmp_path):
+    options = ["--nbmake", f"--nbmake-timeout={_SECONDS}", "-p", "no:cacheprovider", "-p", "no:xdist", "-q"]
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(_FOLDER.parent), os.environ.get("PYTHONPATH", "")]),
+        "OPENBLAS_NUM_THREADS": "1",
+        "IPYTHONDIR": str(tmp_path),
+    }
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", *options, "-c", os.devnull, str(path)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=_SECONDS + 60,
+    )
+    assert run.returncode == 0, run.stdout[-4000:] + run.stderr[-2000:]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_is_stored_without_outputs(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    ran = [cell["id"] for cell in cells if cell.get("outputs") or cell.get("execution_count")]
+    assert ran == []

@@ -1,0 +1,83 @@
+"""The README and CONTRIBUTING say what is so: commands exist, blocks run, pictures and links are there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from excite.cli.main import app
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+COMMANDS = sorted(set(re.findall(r"^(?:    )?excite ([^#\n]*[^#\s])", README, flags=re.MULTILINE)))
+PYTHON = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+
+
+def _cli() -> typer.core.TyperGroup:
+    return typer.main.get_command(app)
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_commands_in_the_readme_are_accepted_as_written(line):
+    name, *arguments = shlex.split(line)
+    command = _cli().commands[name]
+    command.make_context(name, arguments)
+
+
+def test_every_command_is_in_the_readme():
+    shown = {line.split()[0] for line in COMMANDS} | set(re.findall(r"`excite ([a-z-]+)", README))
+    assert set(_cli().commands) <= shown
+
+
+def test_verbs_named_in_the_readme_exist():
+    import excite
+
+    named = set(re.findall(r"`excite\.(\w+)`", README))
+    assert named and named <= set(excite.__all__)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", PYTHON, ids=range(len(PYTHON)))
+def test_python_blocks_run_and_print_what_is_shown(block, tmp_path):
+    run = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "plan" / "report.html").is_file()
+    assert run.stdout.strip() == _between("result").strip("`\n").removeprefix("text\n").strip()
+
+
+def test_what_one_looks_for_first_comes_first():
+    lines = README.split("\n")
+    assert lines.index("```python") < 30
+    result = lines.index("<!-- result -->")
+    assert result < 60 and lines[result + 1].startswith("```")
+    assert next(i for i, line in enumerate(lines) if line.startswith("![")) < 60
+
+
+def test_pictures_and_links_lead_somewhere():
+    targets = re.findall(r"\]\(([^)#]+)\)", README + CONTRIBUTING)
+    local = [target for target in targets if "://" not in target]
+    assert local and [target for target in local if not (ROOT / target).is_file()] == []
+
+
+def test_paths_and_targets_in_contributing_exist():
+    for path in re.findall(r"`(excite/[\w/.]+)`", CONTRIBUTING):
+        assert (ROOT / path).exists(), path
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for target in re.findall(r"`?make ([\w-]+)", README + CONTRIBUTING):
+        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
+
+
+def test_the_recipe_has_ten_lines_at_most():
+    recipe = CONTRIBUTING.split("\n## ")[1]
+    assert 3 <= len(re.findall(r"^\d+\. ", recipe, flags=re.MULTILINE)) <= 10
+
+
+def _between(name: str) -> str:
+    return re.search(rf"<!-- {name} -->\n(.*?)<!-- /{name} -->", README, flags=re.DOTALL)[1]
