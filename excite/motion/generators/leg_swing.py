@@ -17,13 +17,14 @@ from excite.robot.robot import Array, Foot, Robot
 
 _SWINGS = (7, 11)
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
-_REACH, _RANGE = 0.9, 0.6
+_REACH, _RANGE = 0.55, 0.4
 # In shares of the base's height: lowest corner of the free sole, farthest way inwards and outwards, lift at the start.
 _CLEARANCE, _INWARDS, _OUTWARDS, _LIFT = 0.06, 0.02, 0.28, 0.11
-# The base leans over the stance foot [rad], which spares the ankle, and takes this part of the shift of the whole.
-_LEAN, _BASE_SHIFT = 0.2, 0.75
+# The base leans over the stance foot [rad], which spares the ankle, goes down [share of its height], which
+# spares the other knee, and takes this part of the shift of the whole.
+_LEAN, _DOWN, _BASE_SHIFT = 0.24, 0.03, 0.7
 # Random pelvis motion: height [share of the base's], roll, pitch, yaw [rad].
-_PELVIS = (0.025, 0.04, 0.12, 0.20)
+_PELVIS = (0.02, 0.04, 0.08, 0.20)
 # Longest distance from hip to sole, in shares of that at rest.
 _STRETCH = 0.98
 _ARMS = (0.05, 0.35)
@@ -62,6 +63,7 @@ class LegSwing(Generator):
         foot[lift:land] = swings
         turns = np.array(_PELVIS) * [robot.rest[2], 1.0, 1.0, 1.0]
         pelvis = np.zeros((m, 4))
+        pelvis[3 : land + 3, 0] = -_DOWN * robot.rest[2]
         pelvis[3 : land + 3, 1] = ground.outward * _LEAN
         pelvis[lift + 1 : land - 1] += rng.uniform(-1.0, 1.0, size=(len(swings) - 2, 4)) * turns
         draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
@@ -130,7 +132,7 @@ def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.G
     pin.forwardKinematics(robot.model, data, robot.rest)
     reach = _STRETCH * np.linalg.norm(ground.sole - data.oMi[hip].translation)
     q = robot.rest.copy()
-    q[:2] += _BASE_SHIFT * ground.shift
+    q[:3] += np.r_[_BASE_SHIFT * ground.shift, -_DOWN * robot.rest[2]]
     lean = pin.Quaternion(pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0))
     q[3:7] = (lean * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
     found = 1

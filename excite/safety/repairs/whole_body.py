@@ -47,12 +47,11 @@ class WholeBody(Repair):
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft with a path; or ``unreachable``, ``joint_position``, ``self_collision``, ``foot_ground``."""
         outcome = self._attempt(draft)
-        for shrink in _SHRINKS if draft.candidate.feet else ():
-            if isinstance(outcome, Draft):
+        for factor in _SHRINKS:
+            smaller = _shrunk(draft.candidate, factor)
+            if isinstance(outcome, Draft) or smaller is None:
                 break
-            # A free leg that cannot follow swings less.
-            feet = {name: curve.shrunk(shrink) for name, curve in draft.candidate.feet.items()}
-            outcome = self._attempt(replace(draft, candidate=replace(draft.candidate, feet=feet)))
+            outcome = self._attempt(replace(draft, candidate=smaller))
         return outcome
 
     def _attempt(self, draft: Draft) -> Draft | Rejection:
@@ -86,6 +85,17 @@ class WholeBody(Repair):
                 if (foot.sole @ pose.rotation[2] + pose.translation[2]).min() < -_GROUND:
                     return foot.name
         return None
+
+
+def _shrunk(candidate: Candidate, factor: float) -> Candidate | None:
+    """The candidate with a smaller leg motion, None if it has none: a free leg swings less, else the pelvis."""
+    if candidate.feet:
+        feet = {name: curve.shrunk(factor) for name, curve in candidate.feet.items()}
+        return replace(candidate, feet=feet)
+    if candidate.pelvis is None:
+        return None
+    com = None if candidate.com is None else candidate.com.shrunk(factor)
+    return replace(candidate, pelvis=candidate.pelvis.shrunk(factor), com=com)
 
 
 def path_grid(candidate: Candidate) -> Array:
