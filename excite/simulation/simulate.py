@@ -24,7 +24,7 @@ _PAUSE_S = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Experiment:
+class SimulatedRuns:
     """What a virtual robot logged and what became of it.
 
     Attributes:
@@ -66,7 +66,7 @@ def run_experiment(
     roles: Mapping[str, Role] | None = None,
     jobs: int = 1,
     progress: Progress = silent,
-) -> Experiment:
+) -> SimulatedRuns:
     """Run each motion under the robot's position servo and log what its sensors say.
 
     The noise of each trial comes from its own child of ``seed``, so that neither the number of processes nor
@@ -123,7 +123,7 @@ def run_experiment(
     )
     dated = tuple(_dated(trial, header) for trial, header in zip(trials, headers, strict=True))
     log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=virtual.robot.urdf)
-    return Experiment(log, tuple(replays))
+    return SimulatedRuns(log, tuple(replays))
 
 
 def _dated(trial: Trial, header: TrialHeader) -> Trial:
