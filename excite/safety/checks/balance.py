@@ -38,11 +38,11 @@ class ZeroMomentPointCheck(Check):
         if not robot.feet:
             return CheckResult(applicable=False)
         violations = []
-        airborne = ~sweep.contacts.any(axis=1)
+        airborne: NDArray[np.bool_] = np.logical_not(sweep.contacts.any(axis=1))
         if airborne.any():
             violations.append(Violation("no_contact", _first(time, airborne), "feet", None, None))
         share = sweep.wrench[:, 2] / (robot.mass * np.linalg.norm(robot.model.gravity.linear))
-        light: NDArray[np.bool_] = np.logical_not(share >= MIN_WEIGHT_SHARE)
+        light = np.logical_not(share >= MIN_WEIGHT_SHARE)
         if light.any():
             value = float(share[int(np.argmax(light))])
             violations.append(Violation("weight_share", _first(time, light), "feet", value, MIN_WEIGHT_SHARE))
