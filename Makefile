@@ -16,6 +16,7 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(VENV)/.ready
+	@rm -rf out/demo
 	$(BIN)/excite demo --out out/demo --jobs $(JOBS)
 
 test: $(VENV)/.ready

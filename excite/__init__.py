@@ -18,6 +18,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
+    "ExciteError": "excite.errors",
     "Robot": "excite.robot.robot",
     "load_robot": "excite.robot.loading",
     "bundled_robots": "excite.robot.catalogue",
@@ -25,21 +26,25 @@ _PUBLIC = {
     "scaffold_description": "excite.robot.scaffold",
     "Motion": "excite.motion.motion",
     "load_motion": "excite.motion.files",
+    "load_motions": "excite.motion.collection",
     "save_motion": "excite.motion.files",
-    "check": "excite.safety.check",
-    "Log": "excite.logs.log",
-    "load_log": "excite.logs.files",
-    "save_log": "excite.logs.files",
-    "rank": "excite.campaign.rank",
     "plan": "excite.campaign.plan",
+    "check": "excite.campaign.check",
+    "rank": "excite.campaign.rank",
     "export_motion": "excite.export.export",
     "export_motions": "excite.export.export",
     "simulate": "excite.campaign.experiment",
+    "Log": "excite.logs.log",
+    "load_log": "excite.logs.files",
+    "save_log": "excite.logs.files",
+    "join_logs": "excite.logs.joined",
     "identify": "excite.identification.identify",
+    "EstimatorSettings": "excite.identification.estimators.settings",
+    "ProblemSettings": "excite.identification.settings",
     "campaign": "excite.campaign.loop",
+    "CampaignSettings": "excite.campaign.settings",
     "report": "excite.report.page",
     "demo": "excite.campaign.demo",
-    "ExciteError": "excite.errors",
 }
 
 __all__ = ["__version__", *_PUBLIC]

@@ -34,17 +34,20 @@ def command(
 ) -> None:
     """Run the whole loop until the targets are met, or say which are not and why."""
     folder = out or Path("campaign")
+    settings = excite.CampaignSettings(
+        n_candidates=candidates,
+        target_rsd=target_rsd,
+        max_iterations=max_iterations,
+        method=method,
+        seed=seed,
+        on_robot=on_robot,
+    )
     with progress_bars() as progress:
         result = excite.campaign(
             excite.load_robot(robot),
             folder,
-            n_candidates=candidates,
-            target_rsd=target_rsd,
-            max_iterations=max_iterations,
-            method=method,
-            on_robot=on_robot,
+            settings,
             resume=resume,
-            seed=seed,
             jobs=jobs,
             progress=progress,
         )

@@ -31,8 +31,13 @@ def command(
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
     """Identify the inertial parameters: values, relative standard deviations, fit, validation."""
-    result = excite.identify_logs(
-        excite.load_robot(robot), logs, method=method, total_mass=total_mass, cutoff_hz=cutoff_hz
+    loaded = excite.load_robot(robot)
+    result = excite.identify(
+        loaded,
+        excite.join_logs([excite.load_log(log, loaded) for log in logs]),
+        method,
+        settings=excite.EstimatorSettings(total_mass=total_mass),
+        problem_settings=excite.ProblemSettings(cutoff_hz=cutoff_hz),
     )
     if out is not None:
         write_json(result.to_json(), out / "identification.json")

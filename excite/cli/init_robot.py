@@ -28,9 +28,9 @@ def command(
     target = (out or file.parent) / "robot.yaml"
     if target.exists() and not force:
         raise InputError("exists already", source=target, remedy="give --force to overwrite it, or --out DIR")
-    scaffold = excite.scaffold_robot(file, target)
-    write_text(target, scaffold.text)
-    document = {"schema": "excite.init-robot/1", "file": str(target), "fill_in": list(scaffold.fill_in)}
-    lines = [f"wrote {target}", *(f"  fill in: {item}" for item in scaffold.fill_in)]
-    lines.append(f"then: excite plan {target}")
+    text = excite.scaffold_description(file, target.parent, seed=seed)
+    write_text(target, text)
+    marks = [line.partition("FILL IN:")[2].strip() for line in text.splitlines() if "FILL IN:" in line]
+    document = {"schema": "excite.init-robot/1", "file": "robot.yaml" if out else str(target), "fill_in": marks}
+    lines = [f"wrote {target}", *(f"  fill in: {mark}" for mark in marks), f"then: excite plan {target}"]
     emit("\n".join(lines), document, as_json=as_json)

@@ -1,0 +1,64 @@
+"""The verb ``check``: the independent verdict on several motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from excite.errors import InputError
+from excite.motion.motion import Motion
+from excite.progress import Progress, silent
+from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+from excite.safety.verdict import Verdict, check_document
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """Verdicts on several motions.
+
+    Attributes:
+        verdicts: one a motion, in order.
+    """
+
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def safe(self) -> bool:
+        """True if every motion is safe."""
+        return all(verdict.safe for verdict in self.verdicts)
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.check/1`` document."""
+        return check_document(self.verdicts)
+
+    def summary(self) -> str:
+        """One line a motion, then the total."""
+        unsafe = sum(not verdict.safe for verdict in self.verdicts)
+        total = f"all {len(self.verdicts)} safe" if not unsafe else f"{unsafe} of {len(self.verdicts)} unsafe"
+        return "\n".join([*(verdict.summary() for verdict in self.verdicts), total])
+
+
+def check(robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent) -> CheckReport:
+    """Judge motions independently of whatever planned them.
+
+    Args:
+        robot: the robot that shall run them.
+        motions: what to judge.
+        jobs: number of processes.
+        progress: told after each motion.
+
+    Raises:
+        InputError: no motions.
+    """
+    if not motions:
+        raise InputError("no motions to check", remedy="name at least one")
+    verdicts: list[Verdict] = []
+    tasks = (delayed(check_motion)(robot, motion) for motion in motions)
+    for verdict in Parallel(n_jobs=jobs, return_as="generator")(tasks):
+        verdicts.append(verdict)
+        progress("check", len(verdicts), len(motions))
+    return CheckReport(tuple(verdicts))

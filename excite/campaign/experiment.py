@@ -1,0 +1,169 @@
+"""The verb ``simulate``: an experiment on a virtual robot whose truth differs from the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.errors import NoSolutionError
+from excite.json_document import write_json
+from excite.logs.files import save_log
+from excite.logs.log import Log
+from excite.motion.motion import Motion
+from excite.progress import Progress, silent
+from excite.robot.robot import Robot
+from excite.simulation.effects.registry import inject as inject_effects
+from excite.simulation.replay import Replay
+from excite.simulation.simulate import Role, run_experiment
+from excite.simulation.true_parameters import TrueParameters
+from excite.simulation.virtual_robot import VirtualRobot, changed_robot, nominal_robot
+
+# Streams of random numbers of one experiment, kept apart so that one does not shift the other.
+_TRUTH_STREAM, _NOISE_STREAM = 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A log of a virtual robot, and the truth that a real one would keep to itself.
+
+    Attributes:
+        robot: the nominal robot.
+        log: what its sensors said.
+        truth: its true inertial parameters.
+        replays: what became of each motion: falls, slips, touches, tracking.
+    """
+
+    robot: Robot
+    log: Log
+    truth: TrueParameters
+    replays: tuple[Replay, ...]
+
+    @property
+    def fallen(self) -> tuple[str, ...]:
+        """Names of the motions during which it fell."""
+        return tuple(replay.motion for replay in self.replays if replay.fell)
+
+    @property
+    def fell(self) -> bool:
+        """Whether it fell in any motion."""
+        return bool(self.fallen)
+
+    def truth_json(self) -> dict[str, Any]:
+        """True masses and what was added, for comparison afterwards; no part of the log."""
+        masses = self.truth.phi[::10]
+        return {
+            "schema": "excite.truth/1",
+            "robot": self.robot.name,
+            "masses": {segment.link: float(m) for segment, m in zip(self.robot.segments, masses, strict=True)},
+            "added": [{"what": part.what, "link": part.link, "mass": part.mass} for part in self.truth.parts],
+            "parameters": self.truth.phi.tolist(),
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.simulation/1`` document."""
+        return {
+            "schema": "excite.simulation/1",
+            "robot": self.robot.name,
+            "log": "log.yaml",
+            "trials": [
+                {
+                    "trial": trial.name,
+                    "samples": len(trial.time),
+                    "fell": replay.fell,
+                    "self_collided": replay.self_collided,
+                    "slip_m": replay.max_slip_m,
+                    "tracking_error_rad": replay.max_tracking_error_rad,
+                }
+                for trial, replay in zip(self.log.trials, self.replays, strict=True)
+            ],
+            "fell": self.fell,
+        }
+
+    def summary(self) -> str:
+        """A few lines for a person."""
+        seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in self.log.trials)
+        end = f"fell in {', '.join(self.fallen)}" if self.fell else "stayed on its feet"
+        if not self.robot.floating:
+            end = "done"
+        return f"{self.robot.name}: {len(self.log.trials)} motions, {seconds:.0f} s, {end}"
+
+    def without_falls(self) -> Experiment:
+        """The same experiment without the trials in which the robot fell.
+
+        Raises:
+            NoSolutionError: it fell in every one.
+        """
+        kept = [i for i, replay in enumerate(self.replays) if not replay.fell]
+        if not kept:
+            raise NoSolutionError("the virtual robot fell in every motion", best=self, remedy="check the motions")
+        header = self.log.header.model_copy(update={"trials": tuple(self.log.header.trials[i] for i in kept)})
+        log = replace(self.log, header=header, trials=tuple(self.log.trials[i] for i in kept))
+        return replace(self, log=log, replays=tuple(self.replays[i] for i in kept))
+
+    def save(self, folder: Path) -> Path:
+        """Write the log folder and, beside the log, ``truth.json``."""
+        save_log(self.log, folder)
+        write_json(self.truth_json(), Path(folder) / "truth.json")
+        return Path(folder)
+
+
+def virtual_robot(robot: Robot, seed: int, *, nominal: bool = False, inject: Sequence[str] = ()) -> VirtualRobot:
+    """The virtual robot of a seed.
+
+    Args:
+        robot: the nominal robot.
+        seed: decides where it differs from its model.
+        nominal: give it the model's own inertial parameters and drives.
+        inject: effects as ``EFFECT[:LOCATION[:VALUE]]``.
+
+    Raises:
+        InputError: an effect is malformed; UnknownNameError: an effect or its place is unknown.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_TRUTH_STREAM,)))
+    return inject_effects(nominal_robot(robot) if nominal else changed_robot(robot, rng), inject)
+
+
+def simulate(
+    robot: Robot,
+    motions: Sequence[Motion],
+    *,
+    inject: Sequence[str] = (),
+    nominal: bool = False,
+    roles: Mapping[str, Role] | None = None,
+    seed: int = 0,
+    batch: int = 0,
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Experiment:
+    """Run motions on a virtual robot and log them.
+
+    Args:
+        robot: the nominal robot.
+        motions: what to run; every fifth, in order, is logged as validation unless ``roles`` says otherwise.
+        inject: effects as ``EFFECT[:LOCATION[:VALUE]]``.
+        nominal: give the virtual robot the model's own parameters.
+        roles: by motion name, ``identification`` or ``validation``.
+        seed: decides the virtual robot, and with ``batch`` the sensors' noise.
+        batch: number of the experiment on the same robot.
+        jobs: number of processes; the log does not depend on it.
+        progress: told after each motion.
+
+    Raises:
+        InputError: no motions, an effect is malformed; UnknownNameError: an effect or its place is unknown.
+        MotionError: a motion is not for this robot.
+    """
+    virtual = virtual_robot(robot, seed, nominal=nominal, inject=inject)
+    noise = np.random.SeedSequence(seed, spawn_key=(_NOISE_STREAM, batch))
+    chosen = dict(roles) if roles is not None else _every_fifth(motions)
+    runs = run_experiment(virtual, motions, seed=noise, roles=chosen, jobs=jobs, progress=progress)
+    return Experiment(robot, runs.log, virtual.truth, runs.replays)
+
+
+def _every_fifth(motions: Sequence[Motion]) -> dict[str, Role]:
+    if len(motions) < 5:
+        return {}
+    return {motion.name: "validation" for motion in motions[4::5]}

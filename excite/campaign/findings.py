@@ -1,0 +1,107 @@
+"""What a campaign hands to the report: curves of a validation trial, masses, the plans of all iterations."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.errors import LogError
+from excite.excitation.conditioning import Conditioning
+from excite.identification.identify import Identification
+from excite.identification.problem import build_problem
+from excite.logs.log import Log
+from excite.report.data import ConditioningComparison, ForceComparison, MassComparison
+from excite.robot.robot import Array, Robot
+
+
+def force_comparison(robot: Robot, identification: Identification, log: Log) -> ForceComparison | None:
+    """Measured, nominal and identified curves of the validation trial that moves most; None without one."""
+    if not log.role("validation"):
+        return None
+    problem = build_problem(robot, log, role="validation")
+    spread = [float(np.std(problem.y[problem.trial == i])) for i in range(len(problem.trial_names))]
+    shown = int(np.argmax(spread))
+    rows = problem.trial == shown
+    n = len(problem.channel_names)
+    order = np.lexsort((problem.channel[rows], problem.time[rows]))
+    curves = {
+        "measured": problem.y,
+        "nominal": problem.Y @ problem.prior,
+        "identified": problem.Y @ identification.all_parameters,
+    }
+    table = {name: values[rows][order].reshape(-1, n) for name, values in curves.items()}
+    return ForceComparison(
+        trial=problem.trial_names[shown],
+        channels=problem.channel_names,
+        units=problem.channel_units,
+        time=problem.time[rows][order].reshape(-1, n)[:, 0],
+        **table,
+    )
+
+
+def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:
+    """Masses of all segments; the true ones where ``truth.json`` of a virtual robot is there."""
+    changed = {item.link for item in identification.changes.segments}
+    return MassComparison(
+        names=identification.segments,
+        nominal=identification.nominal[::10].copy(),
+        identified=identification.masses,
+        true=true_masses(robot, truth) if truth is not None and truth.is_file() else None,
+        changed=np.array([link in changed for link in identification.links]),
+    )
+
+
+def true_masses(robot: Robot, path: Path) -> Array:
+    """Masses of a virtual robot, ``(n_segments,)`` [kg]; raises LogError."""
+    try:
+        masses = json.loads(path.read_text(encoding="utf-8"))["masses"]
+        return np.array([float(masses[segment.link]) for segment in robot.segments])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise LogError(f"cannot be read ({error})", source=path, remedy="simulate the motions again") from error
+
+
+def conditioning_comparison(
+    before: Conditioning, after: Conditioning, before_label: str, after_label: str
+) -> ConditioningComparison:
+    """Condition numbers of two sets of motions, side by side."""
+    return ConditioningComparison(
+        segments=tuple(segment.segment for segment in after.segments),
+        before=np.array([segment.condition for segment in before.segments]),
+        after=np.array([segment.condition for segment in after.segments]),
+        full_before=before.full,
+        full_after=after.full,
+        before_label=before_label,
+        after_label=after_label,
+    )
+
+
+def merged_plan(robot: Robot, documents: Sequence[dict[str, Any]], together: Conditioning) -> dict[str, Any]:
+    """One ``excite.plan/1`` document for all iterations, paths relative to the campaign's folder."""
+    rejected: dict[str, int] = {}
+    stages: dict[str, float] = {}
+    selected, validation = [], []
+    for number, document in enumerate(documents, start=1):
+        folder = f"iteration_{number}/"
+        for reason, count in document["candidates"]["rejected"].items():
+            rejected[reason] = rejected.get(reason, 0) + count
+        for stage in document["stages"]:
+            stages[stage["stage"]] = stages.get(stage["stage"], 0.0) + stage["seconds"]
+        selected += [{**item, "motion": folder + item["motion"]} for item in document["selected"]]
+        validation += [folder + item for item in document.get("validation", [])]
+    return {
+        "schema": documents[0]["schema"],
+        "robot": robot.name,
+        "candidates": {
+            "generated": sum(document["candidates"]["generated"] for document in documents),
+            "accepted": sum(document["candidates"]["accepted"] for document in documents),
+            "rejected": dict(sorted(rejected.items())),
+        },
+        "selected": selected,
+        "validation": validation,
+        "conditioning": dict(together.to_json()),
+        "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in stages.items()],
+    }

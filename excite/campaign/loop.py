@@ -1,0 +1,192 @@
+"""The verb ``campaign``: plan, run, identify, and again for what is not certain enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.campaign.experiment import simulate
+from excite.campaign.findings import (
+    conditioning_comparison,
+    force_comparison,
+    mass_comparison,
+    merged_plan,
+)
+from excite.campaign.journal import Journal, PlannedMotions
+from excite.campaign.plan import plan
+from excite.campaign.result import Campaign, Iteration
+from excite.campaign.settings import CampaignSettings
+from excite.campaign.targets import Miss, joints_to_aim_at, misses
+from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
+from excite.excitation.weakness import unexcited
+from excite.identification.identify import identify
+from excite.identification.result import Identification
+from excite.json_document import write_json
+from excite.logs.joined import join_logs
+from excite.logs.log import Log
+from excite.progress import Progress, silent
+from excite.report.data import ReportData, save_report_data
+from excite.robot.robot import Robot
+
+# Stream of random numbers of the plans, apart from those of the virtual robot.
+_PLAN_STREAM = 3
+
+
+def campaign(
+    robot: Robot,
+    folder: Path,
+    settings: CampaignSettings | None = None,
+    *,
+    resume: bool = False,
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Campaign:
+    """Run the loop until all targets are met or nothing more can be expected.
+
+    Each iteration plans motions (the first for every joint, later ones for the joints whose parameters miss
+    the target), runs them on the virtual robot, and identifies from all logs so far. It ends when every
+    essential parameter is certain enough, when what misses is beyond more motion, or after
+    ``max_iterations``. With ``on_robot`` it stops after each plan and waits for a recording.
+
+    Args:
+        robot: the robot.
+        folder: where everything is written.
+        settings: what is asked for; defaults if None.
+        resume: go on with the campaign that ``folder`` holds.
+        jobs: number of processes; the result does not depend on it.
+        progress: told as work proceeds.
+
+    Returns:
+        The campaign; also written to ``campaign.json``.
+
+    Raises:
+        InputError: the folder holds a campaign, or another one than asked for.
+        NoSolutionError: no candidate is safe, or the estimator failed.
+        LogError: a recorded log does not fit.
+    """
+    settings = settings or CampaignSettings()
+    journal = Journal(Path(folder))
+    journal.open(robot, settings, resume=resume)
+    state = _State(robot, settings, journal, jobs, progress)
+    targets: tuple[str, ...] = ()
+    for number in range(1, settings.max_iterations + 1):
+        planned = state.plan(number, targets)
+        log = state.run(number, planned)
+        if log is None:
+            return state.finish(awaits=journal.log_folder(number))
+        missed = state.identify(planned, log)
+        targets = joints_to_aim_at(robot, missed)
+        if not targets:
+            break
+    return state.finish()
+
+
+@dataclass
+class _State:
+    """What the iterations hand on to each other."""
+
+    robot: Robot
+    settings: CampaignSettings
+    journal: Journal
+    jobs: int
+    progress: Progress
+
+    def __post_init__(self) -> None:
+        self.factors: list[MotionFactor] = []
+        self.logs: list[Log] = []
+        self.documents: list[dict[str, Any]] = []
+        self.iterations: list[Iteration] = []
+        self.identification: Identification | None = None
+        self.conditioning: Conditioning | None = None
+
+    def plan(self, number: int, targets: Sequence[str]) -> PlannedMotions:
+        """The motions of an iteration, planned now or before."""
+        before = self.journal.planned(number, self.robot)
+        if before is not None:
+            return before
+        count = self.settings.n_candidates if number == 1 else max(1, self.settings.n_candidates // 2)
+        made = plan(
+            self.robot,
+            n_candidates=count,
+            targets=targets,
+            seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
+            prefix=f"i{number}_",
+            jobs=self.jobs,
+            progress=self.progress,
+        )
+        made.save(self.journal.iteration(number))
+        return PlannedMotions(made.motions, made.validation_motions, made.to_json())
+
+    def run(self, number: int, planned: PlannedMotions) -> Log | None:
+        """The log of an iteration: recorded before, or simulated now; None if it is to be recorded."""
+        found = self.journal.logged(number, self.robot)
+        if found is not None or self.settings.on_robot:
+            return found
+        roles = {motion.name: "identification" for motion in planned.chosen}
+        roles |= {motion.name: "validation" for motion in planned.validation}
+        experiment = simulate(
+            self.robot,
+            (*planned.chosen, *planned.validation),
+            roles=roles,
+            seed=self.settings.seed,
+            batch=number,
+            jobs=self.jobs,
+            progress=self.progress,
+        )
+        if experiment.fell:
+            experiment = experiment.without_falls()
+        experiment.save(self.journal.log_folder(number))
+        return experiment.log
+
+    def identify(self, planned: PlannedMotions, log: Log) -> tuple[Miss, ...]:
+        """Identify from all logs so far; returns what misses the target."""
+        self.factors += [motion_factor(self.robot, motion) for motion in planned.chosen]
+        self.logs.append(log)
+        self.documents.append(planned.document)
+        self.conditioning = conditioning(self.robot, self.factors)
+        self.progress("identify", len(self.iterations), self.settings.max_iterations)
+        self.identification = identify(self.robot, join_logs(self.logs), self.settings.method)
+        essential = self.identification.essential
+        missed = misses(self.robot, essential, unexcited(self.conditioning), self.settings.target_rsd)
+        trials = [trial for entry in self.logs for trial in entry.role("identification")]
+        self.iterations.append(
+            Iteration(
+                n_motions=len(planned.chosen) + len(planned.validation),
+                seconds=float(sum(trial.time[-1] - trial.time[0] for trial in trials)),
+                rsd_percent={item.name: item.rsd_percent for item in essential},
+                missed=missed,
+            )
+        )
+        self.progress("identify", len(self.iterations), self.settings.max_iterations)
+        return missed
+
+    def finish(self, awaits: Path | None = None) -> Campaign:
+        """Write and return the result."""
+        result = Campaign(
+            robot=self.robot.name,
+            target_rsd=self.settings.target_rsd,
+            iterations=tuple(self.iterations),
+            identification=self.identification,
+            conditioning=self.conditioning,
+            awaits=awaits,
+        )
+        folder = self.journal.folder
+        if self.identification is not None and self.conditioning is not None:
+            save_report_data(self._report_data(self.identification, self.conditioning), folder / "report_data.npz")
+            write_json(merged_plan(self.robot, self.documents, self.conditioning), folder / "plan.json")
+            write_json(self.identification.to_json(), folder / "identification.json")
+        write_json(result.to_json(), folder / "campaign.json")
+        return result
+
+    def _report_data(self, identification: Identification, together: Conditioning) -> ReportData:
+        log = join_logs(self.logs)
+        first = conditioning(self.robot, self.factors[:1], together.base)
+        return ReportData(
+            forces=force_comparison(self.robot, identification, log),
+            masses=mass_comparison(self.robot, identification, self.journal.log_folder(1) / "truth.json"),
+            conditioning=conditioning_comparison(first, together, "a single motion", "all chosen motions"),
+        )

@@ -1,0 +1,242 @@
+"""The verb ``plan``: generate, filter, rank, choose the best three motions for every degree of freedom."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.campaign.findings import conditioning_comparison
+from excite.errors import InputError, NoSolutionError
+from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
+from excite.excitation.ranking import rank
+from excite.excitation.selection import Selection, best_three_per_dof
+from excite.json_document import write_json
+from excite.motion.files import save_motion
+from excite.motion.generators.registry import plan_candidates
+from excite.motion.motion import Motion
+from excite.progress import Progress, silent
+from excite.regressor.base_parameters import structural_base_parameters
+from excite.report.data import ReportData, save_report_data
+from excite.robot.robot import Robot
+from excite.safety.filter import FilterReport, filter_candidates
+
+SCHEMA = "excite.plan/1"
+
+# Motions kept back for cross-validation.
+_N_VALIDATION = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Motions that were found safe and chosen because they excite the parameters.
+
+    Attributes:
+        robot: the robot.
+        generated: number of candidates.
+        rejected: by reason, how many candidates the filter refused.
+        accepted: every accepted motion, in the order of the candidates.
+        factors: R factor of each accepted motion.
+        selection: which of them go on, and for which segments.
+        validation: accepted motions that were not chosen and that judge the result, as indices.
+        conditioning: of the chosen motions together.
+        unchosen: conditioning of as many seconds of accepted motions taken as they come, for comparison.
+        stages: seconds by stage.
+    """
+
+    robot: Robot
+    generated: int
+    rejected: Mapping[str, int]
+    accepted: tuple[Motion, ...]
+    factors: tuple[MotionFactor, ...]
+    selection: Selection
+    validation: tuple[int, ...]
+    conditioning: Conditioning
+    unchosen: Conditioning
+    stages: Mapping[str, float]
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The chosen motions."""
+        return tuple(self.accepted[i] for i in self.selection.indices)
+
+    @property
+    def validation_motions(self) -> tuple[Motion, ...]:
+        """Motions for cross-validation, not among the chosen ones."""
+        return tuple(self.accepted[i] for i in self.validation)
+
+    @property
+    def chosen_factors(self) -> tuple[MotionFactor, ...]:
+        """R factors of the chosen motions."""
+        return tuple(self.factors[i] for i in self.selection.indices)
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the chosen motions together [s]."""
+        return sum(motion.duration for motion in self.motions)
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.plan/1`` document."""
+        return {
+            "schema": SCHEMA,
+            "robot": self.robot.name,
+            "candidates": {
+                "generated": self.generated,
+                "accepted": len(self.accepted),
+                "rejected": dict(sorted(self.rejected.items())),
+            },
+            "selected": [
+                {
+                    "motion": f"motions/{item.motion}.parquet",
+                    "segments": list(item.segments),
+                    "duration_s": self.accepted[item.index].duration,
+                }
+                for item in self.selection.selected
+            ],
+            "validation": [f"motions/{motion.name}.parquet" for motion in self.validation_motions],
+            "conditioning": dict(self.conditioning.to_json()),
+            "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
+        }
+
+    def summary(self) -> str:
+        """A few lines for a person."""
+        refused = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items())) or "none"
+        lines = [
+            f"{self.robot.name}: {len(self.accepted)} of {self.generated} candidates accepted (refused: {refused})",
+            f"{len(self.motions)} motions chosen, {self.duration_s:.0f} s in total",
+            f"chosen:   {self.conditioning.summary()}",
+            f"unchosen: {self.unchosen.summary()}",
+        ]
+        if self.selection.unserved:
+            lines.append("excited by no single motion: " + ", ".join(self.selection.unserved))
+        return "\n".join(lines)
+
+    def report_data(self) -> ReportData:
+        """What the report shows beside the JSON."""
+        return ReportData(
+            conditioning=conditioning_comparison(
+                self.unchosen, self.conditioning, "as many seconds, unchosen", "chosen motions"
+            )
+        )
+
+    def save(self, folder: Path) -> Path:
+        """Write the chosen and the validation motions to ``motions/``, the report's arrays, last ``plan.json``."""
+        folder = Path(folder)
+        for motion in (*self.motions, *self.validation_motions):
+            save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
+        save_report_data(self.report_data(), folder / "report_data.npz")
+        write_json(self.to_json(), folder / "plan.json")
+        return folder
+
+
+def plan(
+    robot: Robot,
+    *,
+    n_candidates: int = 140,
+    targets: Sequence[str] = (),
+    seed: int | np.random.SeedSequence = 0,
+    prefix: str = "",
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Plan:
+    """Plan excitation motions (Jovic et al. 2015, section II.B).
+
+    Args:
+        robot: the robot.
+        n_candidates: how many candidate motions to generate.
+        targets: joints to aim at; all, if empty.
+        seed: of all random numbers.
+        prefix: put before the name of every motion.
+        jobs: number of processes; the plan does not depend on it.
+        progress: told as work proceeds.
+
+    Returns:
+        The plan.
+
+    Raises:
+        NoSolutionError: no candidate was accepted; the error says why they were refused.
+        UnknownNameError: a target is no joint of the robot.
+        InputError: fewer than one candidate asked for.
+    """
+    if n_candidates < 1:
+        raise InputError(f"{n_candidates} candidates", field="n_candidates", remedy="ask for at least one")
+    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    started = time.perf_counter()
+    candidates = plan_candidates(robot, n_candidates, root, targets=targets)
+    generated = time.perf_counter()
+    report: FilterReport = filter_candidates(robot, candidates, jobs=jobs, progress=progress)
+    filtered = time.perf_counter()
+    if not report.motions:
+        refused = ", ".join(f"{count} {reason}" for reason, count in sorted(report.rejected.items()))
+        raise NoSolutionError(
+            f"none of {n_candidates} candidates is safe for {robot.name} ({refused})",
+            best=report,
+            remedy="see which limit refuses them, or ask for more candidates",
+        )
+    accepted = tuple(motion.renamed(prefix + motion.name) for motion in report.motions)
+    base = structural_base_parameters(robot)
+    factors = _factors(robot, accepted, progress)
+    ranking = rank(robot, factors, base)
+    selection = best_three_per_dof(robot, ranking)
+    indices = selection.indices
+    if not indices:
+        raise NoSolutionError(
+            f"none of the {len(accepted)} accepted motions excites any segment of {robot.name} to full rank",
+            best=report,
+            remedy="ask for more candidates",
+        )
+    chosen = conditioning(robot, [factors[i] for i in indices], base)
+    seconds = sum(accepted[i].duration for i in indices)
+    unchosen = conditioning(robot, [factors[i] for i in _first_seconds(accepted, seconds)], base)
+    ranked = time.perf_counter()
+    return Plan(
+        robot=robot,
+        generated=len(candidates),
+        rejected=report.rejected,
+        accepted=accepted,
+        factors=factors,
+        selection=selection,
+        validation=_unchosen_in_turn(accepted, indices),
+        conditioning=chosen,
+        unchosen=unchosen,
+        stages={"generate": generated - started, "filter": filtered - generated, "rank": ranked - filtered},
+    )
+
+
+def _factors(robot: Robot, motions: Sequence[Motion], progress: Progress) -> tuple[MotionFactor, ...]:
+    factors = []
+    for done, motion in enumerate(motions, start=1):
+        factors.append(motion_factor(robot, motion))
+        progress("rank", done, len(motions))
+    return tuple(factors)
+
+
+def _unchosen_in_turn(motions: Sequence[Motion], chosen: Sequence[int], count: int = _N_VALIDATION) -> tuple[int, ...]:
+    """Up to ``count`` motions that were not chosen, generators taken in turn."""
+    left = [i for i in _in_turn(motions) if i not in set(chosen)]
+    return tuple(sorted(left[:count]))
+
+
+def _first_seconds(motions: Sequence[Motion], seconds: float) -> list[int]:
+    """The first motions whose durations add up to at least ``seconds``, generators taken in turn."""
+    taken: list[int] = []
+    for index in _in_turn(motions):
+        if sum(motions[i].duration for i in taken) >= seconds:
+            break
+        taken.append(index)
+    return sorted(taken)
+
+
+def _in_turn(motions: Sequence[Motion]) -> list[int]:
+    """Indices of motions with their generators taken in turn."""
+    place: dict[str, int] = {}
+    keys = []
+    for index, motion in enumerate(motions):
+        generator = motion.metadata.generator
+        place[generator] = place.get(generator, 0) + 1
+        keys.append((place[generator], index))
+    return [index for _, index in sorted(keys)]

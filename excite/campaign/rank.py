@@ -1,0 +1,93 @@
+"""The verb ``rank``: condition numbers of motions, each alone and all together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from excite.errors import InputError
+from excite.excitation.conditioning import Conditioning, conditioning, motion_factor
+from excite.motion.motion import Motion
+from excite.progress import Progress, silent
+from excite.regressor.base_parameters import structural_base_parameters
+from excite.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class RankedMotion:
+    """One motion's own conditioning.
+
+    Attributes:
+        motion: its name.
+        duration_s: [s]
+        conditioning: of the motion alone.
+    """
+
+    motion: str
+    duration_s: float
+    conditioning: Conditioning
+
+
+@dataclass(frozen=True)
+class RankReport:
+    """Motions from the best to the worst, and all of them together.
+
+    Attributes:
+        robot: name of the robot.
+        motions: best first: highest rank, then lowest full condition number, then median segment condition.
+        together: conditioning of all motions stacked.
+    """
+
+    robot: str
+    motions: tuple[RankedMotion, ...]
+    together: Conditioning
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.rank/1`` document; ``conditioning`` as in ``excite.plan/1``."""
+        return {
+            "schema": "excite.rank/1",
+            "robot": self.robot,
+            "motions": [
+                {"motion": item.motion, "duration_s": item.duration_s, "conditioning": item.conditioning.to_json()}
+                for item in self.motions
+            ],
+            "conditioning": self.together.to_json(),
+        }
+
+    def summary(self) -> str:
+        """One line a motion, best first, then all together."""
+        lines = [f"{item.motion}: {item.conditioning.summary()}" for item in self.motions]
+        return "\n".join([*lines, f"together: {self.together.summary()}"])
+
+
+def rank(robot: Robot, motions: Sequence[Motion], *, progress: Progress = silent) -> RankReport:
+    """Rank motions by condition numbers, full (base columns) and per segment.
+
+    Args:
+        robot: the robot.
+        motions: what to rank.
+        progress: told after each motion.
+
+    Raises:
+        InputError: no motions.
+        MotionError: a motion is not for this robot.
+    """
+    if not motions:
+        raise InputError("no motions to rank", remedy="name at least one")
+    base = structural_base_parameters(robot)
+    factors, ranked = [], []
+    for done, motion in enumerate(motions, start=1):
+        factors.append(motion_factor(robot, motion))
+        ranked.append(RankedMotion(motion.name, motion.duration, conditioning(robot, factors[-1:], base)))
+        progress("rank", done, len(motions))
+    ranked.sort(key=_quality)
+    return RankReport(robot.name, tuple(ranked), conditioning(robot, factors, base))
+
+
+def _quality(item: RankedMotion) -> tuple[float, float, float, str]:
+    found = item.conditioning
+    segments = np.array([segment.condition for segment in found.segments])
+    return -found.rank, found.full, float(np.median(segments)), item.motion

@@ -1,0 +1,103 @@
+"""What a campaign has found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from excite.campaign.targets import Miss
+from excite.excitation.conditioning import Conditioning
+from excite.identification.result import Identification
+
+SCHEMA = "excite.campaign/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Iteration:
+    """One turn of plan, run, identify.
+
+    Attributes:
+        n_motions: motions run in this iteration, those for validation included.
+        seconds: motion that identification had after it, all iterations together [s].
+        rsd_percent: by essential base parameter.
+        missed: parameters that missed the target after it.
+    """
+
+    n_motions: int
+    seconds: float
+    rsd_percent: dict[str, float]
+    missed: tuple[Miss, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The iteration's entry in ``excite.campaign/1``."""
+        return {
+            "n_motions": self.n_motions,
+            "seconds": self.seconds,
+            "rsd_percent": self.rsd_percent,
+            "not_met": [miss.parameter for miss in self.missed],
+            "reasons": {miss.parameter: miss.reason.value for miss in self.missed},
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A campaign, finished or waiting for a recording.
+
+    Attributes:
+        robot: name of the robot.
+        target_rsd: what was asked for [percent].
+        iterations: in order.
+        identification: from all logs so far; None before the first log.
+        conditioning: of all chosen motions together.
+        awaits: folder that a log has to be put into before ``--resume``; None when finished.
+    """
+
+    robot: str
+    target_rsd: float
+    iterations: tuple[Iteration, ...]
+    identification: Identification | None
+    conditioning: Conditioning | None
+    awaits: Path | None = None
+
+    @property
+    def missed(self) -> tuple[Miss, ...]:
+        """Parameters that miss the target after the last iteration."""
+        return self.iterations[-1].missed if self.iterations else ()
+
+    @property
+    def targets_met(self) -> bool:
+        """Whether every essential parameter reached the target."""
+        return self.awaits is None and bool(self.iterations) and not self.missed
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.campaign/1`` document."""
+        return {
+            "schema": SCHEMA,
+            "robot": self.robot,
+            "target_rsd_percent": self.target_rsd,
+            "iterations": [iteration.to_json() for iteration in self.iterations],
+            "targets_met": self.targets_met,
+            "awaits": None if self.awaits is None else str(self.awaits),
+            "identification": None if self.identification is None else self.identification.to_json(),
+        }
+
+    def summary(self) -> str:
+        """A few lines for a person."""
+        lines = []
+        for number, item in enumerate(self.iterations, start=1):
+            below = sum(rsd <= self.target_rsd for rsd in item.rsd_percent.values())
+            lines.append(
+                f"iteration {number}: {item.n_motions} motions, {item.seconds:.0f} s in all, "
+                f"{below} of {len(item.rsd_percent)} essential parameters within {self.target_rsd:g} %"
+            )
+        if self.identification is not None:
+            lines += ["", self.identification.summary(), ""]
+        if self.awaits is not None:
+            lines.append(f"record the motions and put the log into {self.awaits}, then go on with --resume")
+        elif self.targets_met:
+            lines.append("all targets met")
+        else:
+            lines.append(f"{len(self.missed)} targets not met:")
+            lines += [f"  {miss}" for miss in self.missed]
+        return "\n".join(lines)

@@ -1,0 +1,52 @@
+"""Several logs of one robot as one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from excite.errors import InputError, LogError
+from excite.logs.log import Log
+
+# What has to agree for trials to belong to one log.
+_SAME = ("base", "gravity", "joints", "torque", "base_link", "wrench", "sensors")
+
+
+def join_logs(logs: Sequence[Log]) -> Log:
+    """One log with the trials of several, in order; header fields that are not trials come from the first.
+
+    A trial whose name occurred before is renamed ``NAME_2`` and so on, and what repeats it follows.
+
+    Raises:
+        InputError: no log.
+        LogError: the logs are of different robots or channels; names the field.
+    """
+    if not logs:
+        raise InputError("no log", remedy="hand over at least one")
+    first = logs[0]
+    for other in logs[1:]:
+        for field in _SAME:
+            if getattr(other.header, field) != getattr(first.header, field):
+                raise LogError(
+                    f"differs from {first.folder or 'the first log'}",
+                    source=other.folder,
+                    field=field,
+                    remedy="identify logs of different set-ups one by one",
+                )
+    headers, trials, taken = [], [], set()
+    for log in logs:
+        renamed = {}
+        for trial in log.trials:
+            name, number = trial.name, 2
+            while name in taken:
+                name, number = f"{trial.name}_{number}", number + 1
+            taken.add(name)
+            renamed[trial.name] = name
+        for header, trial in zip(log.header.trials, log.trials, strict=True):
+            suffix = header.file.rpartition(".")[2]
+            repeats = renamed.get(trial.repeats, trial.repeats) if trial.repeats else None
+            trials.append(replace(trial, name=renamed[trial.name], repeats=repeats))
+            file = f"{renamed[trial.name]}.{suffix}"
+            repeated = f"{repeats}.{suffix}" if repeats else None
+            headers.append(header.model_copy(update={"file": file, "repeats": repeated}))
+    return replace(first, header=first.header.model_copy(update={"trials": tuple(headers)}), trials=tuple(trials))
