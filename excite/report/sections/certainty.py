@@ -29,7 +29,7 @@ class Certainty(Section):
         plot = plot_rsd(iterations, target)
         last = iterations[-1]
         missed = sorted(last["not_met"], key=lambda name: -(last["rsd_percent"].get(name) or float("inf")))
-        why = campaign.get("reasons", {})
+        why = last.get("reasons", {})
         rows = [(name, last["rsd_percent"].get(name), str(why.get(name, ""))) for name in missed]
         listing = folded(
             f"{len(missed)} parameters miss the target at the end",

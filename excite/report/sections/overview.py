@@ -43,13 +43,12 @@ def _check(findings: Findings) -> Iterator[str]:
 
 def _conditioning(findings: Findings) -> Iterator[str]:
     change = findings.data.conditioning
+    planned = (findings.plan or {}).get("conditioning")
     if change is not None:
         label = f"condition number of the base columns: {change.before_label} → {change.after_label}"
         yield tile(f"{number(change.full_before)} → {number(change.full_after)}", label)
-    elif findings.plan is not None:
-        yield tile(
-            number(condition(findings.plan["conditioning"]["full"])), "condition number of the base columns"
-        )
+    elif planned is not None:
+        yield tile(number(condition(planned["full"])), "condition number of the base columns")
 
 
 def _certainty(findings: Findings) -> Iterator[str]:
