@@ -1,0 +1,224 @@
+"""The safety filter: repairs in order, then the independent verdict."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from excite.errors import InputError
+from excite.motion.generators.candidate import Candidate
+from excite.motion.motion import Motion
+from excite.progress import Progress, silent
+from excite.robot.collision import collision_model
+from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+from excite.safety.repairs.draft import Draft, Rejection
+from excite.safety.repairs.registry import make_repairs
+from excite.safety.verdict import Verdict
+
+# Workers use one BLAS thread each: there are as many of them as cores.
+_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+@dataclass(frozen=True, eq=False)
+class FilterOutcome:
+    """What became of one candidate.
+
+    Attributes:
+        candidate: its name.
+        generator: its generator.
+        motion: the motion, None if rejected.
+        verdict: the independent verdict, None if no motion came out of the repairs.
+        rejection: why it was rejected, None if accepted.
+        seconds: processor time by stage [s]; stages are the repairs and ``check``.
+    """
+
+    candidate: str
+    generator: str
+    motion: Motion | None
+    verdict: Verdict | None
+    rejection: Rejection | None
+    seconds: Mapping[str, float]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the motion may be run."""
+        return self.rejection is None
+
+
+@dataclass(frozen=True, eq=False)
+class FilterReport:
+    """What became of all candidates, in their order.
+
+    Attributes:
+        outcomes: one per candidate.
+    """
+
+    outcomes: tuple[FilterOutcome, ...]
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The accepted motions."""
+        return tuple(o.motion for o in self.outcomes if o.accepted and o.motion is not None)
+
+    @property
+    def rejections(self) -> tuple[Rejection, ...]:
+        """Why the others were rejected."""
+        return tuple(outcome.rejection for outcome in self.outcomes if outcome.rejection is not None)
+
+    @property
+    def rejected(self) -> dict[str, int]:
+        """Number of rejected candidates by reason, the commonest first."""
+        counts = Counter(rejection.reason for rejection in self.rejections)
+        return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+    @property
+    def acceptance(self) -> dict[str, float]:
+        """Share of accepted candidates by generator."""
+        made = Counter(outcome.generator for outcome in self.outcomes)
+        kept = Counter(outcome.generator for outcome in self.outcomes if outcome.accepted)
+        return {generator: kept[generator] / count for generator, count in sorted(made.items())}
+
+    @property
+    def stage_seconds(self) -> dict[str, float]:
+        """Processor time by stage, over all candidates and processes [s]."""
+        total: dict[str, float] = {}
+        for outcome in self.outcomes:
+            for stage, seconds in outcome.seconds.items():
+                total[stage] = total.get(stage, 0.0) + seconds
+        return total
+
+    def summary(self) -> str:
+        """One line for a person."""
+        reasons = ", ".join(f"{count} {reason}" for reason, count in self.rejected.items())
+        return f"{len(self.motions)} of {len(self.outcomes)} candidates accepted" + (
+            f"; rejected: {reasons}" if reasons else ""
+        )
+
+
+class SafetyFilter:
+    """Repairs and verdict of one robot, kept ready because they are dear to build."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._repairs = make_repairs(robot)
+
+    def filter(self, candidate: Candidate) -> FilterOutcome:
+        """Repair a candidate and judge the motion that results."""
+        seconds: dict[str, float] = {}
+        draft: Draft | Rejection = Draft(candidate)
+        for repair in self._repairs:
+            if isinstance(draft, Rejection):
+                break
+            start = time.process_time()
+            draft = repair.repair(draft)
+            seconds[repair.name] = time.process_time() - start
+        if isinstance(draft, Rejection):
+            return FilterOutcome(candidate.name, candidate.generator, None, None, draft, seconds)
+        if draft.motion is None:
+            rejection = draft.rejected("no_motion", "repairs")
+            return FilterOutcome(candidate.name, candidate.generator, None, None, rejection, seconds)
+        start = time.process_time()
+        verdict = check_motion(self._robot, draft.motion)
+        seconds["check"] = time.process_time() - start
+        return FilterOutcome(
+            candidate=candidate.name,
+            generator=candidate.generator,
+            motion=draft.motion if verdict.safe else None,
+            verdict=verdict,
+            rejection=_rejection(draft, verdict),
+            seconds=seconds,
+        )
+
+
+def filter_candidate(robot: Robot, candidate: Candidate) -> FilterOutcome:
+    """Make one candidate safe, or say why that failed.
+
+    Args:
+        robot: the robot.
+        candidate: the candidate.
+
+    Returns:
+        The motion and its verdict, or the rejection. Repairs never judge: a motion is accepted only if the
+        independent check finds it safe.
+
+    Raises:
+        RobotError: the robot's collision geometry cannot be read.
+    """
+    return _filter_of(robot).filter(candidate)
+
+
+def filter_candidates(
+    robot: Robot, candidates: Sequence[Candidate], *, jobs: int = 1, progress: Progress = silent
+) -> FilterReport:
+    """Make candidates safe, in several processes.
+
+    Args:
+        robot: the robot.
+        candidates: the candidates.
+        jobs: number of processes; -1 for one a core. The outcomes do not depend on it.
+        progress: told after each candidate, stage ``filter``.
+
+    Returns:
+        One outcome per candidate, in their order.
+
+    Raises:
+        InputError: ``jobs`` is neither positive nor -1.
+        RobotError: the robot's collision geometry cannot be read.
+    """
+    if jobs < -1 or jobs == 0:
+        raise InputError(f"{jobs} jobs", field="jobs", remedy="ask for at least one, or -1 for one a core")
+    workers = min(len(os.sched_getaffinity(0)) if jobs == -1 else jobs, len(candidates))
+    if workers > 1:
+        return FilterReport(_in_processes(robot, candidates, workers, progress))
+    outcomes = []
+    for done, candidate in enumerate(candidates, start=1):
+        outcomes.append(filter_candidate(robot, candidate))
+        progress("filter", done, len(candidates))
+    return FilterReport(tuple(outcomes))
+
+
+@lru_cache(maxsize=4)
+def _filter_of(robot: Robot) -> SafetyFilter:
+    return SafetyFilter(robot)
+
+
+def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:
+    """The rejection that a verdict means; reasons from the check start with ``check_``."""
+    if verdict.safe:
+        return None
+    if verdict.violations:
+        first = verdict.violations[0]
+        return draft.rejected(f"check_{first.kind}", first.where, first.time_s)
+    return draft.rejected("check_not_computed", ", ".join(verdict.not_computed))
+
+
+def _in_processes(
+    robot: Robot, candidates: Sequence[Candidate], workers: int, progress: Progress
+) -> tuple[FilterOutcome, ...]:
+    from joblib.externals.loky import ProcessPoolExecutor, as_completed
+
+    # Broken geometry shall raise here, where the error says what is wrong, and not break the workers.
+    collision_model(robot)
+    with ProcessPoolExecutor(
+        max_workers=workers, initializer=_start_worker, initargs=(robot,), env=_ENVIRONMENT
+    ) as pool:
+        futures = [pool.submit(_work, candidate) for candidate in candidates]
+        for done, _ in enumerate(as_completed(futures), start=1):
+            progress("filter", done, len(candidates))
+        return tuple(future.result() for future in futures)
+
+
+_WORKER: dict[str, SafetyFilter] = {}
+
+
+def _start_worker(robot: Robot) -> None:
+    _WORKER["filter"] = SafetyFilter(robot)
+
+
+def _work(candidate: Candidate) -> FilterOutcome:
+    return _WORKER["filter"].filter(candidate)
