@@ -176,7 +176,7 @@ def _base_parameters(problem, statistics, values, std, indices) -> tuple[BasePar
 
 
 def _structural_rank(problem: IdentificationProblem) -> int | None:
-    """Base parameters that free motion would determine; None where the rows are not those of the robot alone."""
+    """Base parameters that free motion would determine; None where rows and robot do not correspond."""
     drives = dict.fromkeys(name.split(".")[0] for name in problem.parameter_names[problem.n_inertial :])
     if problem.robot.floating != (problem.channel_names[0] == "fx"):
         return None

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import lstsq
 
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids
@@ -115,7 +116,15 @@ def least_squares(factor: Array, *, center: Array | None = None, scales: Array |
     center = np.zeros(n) if center is None else center
     scales = np.ones(n) if scales is None else scales
     a, b = factor[:, :n] * scales, factor[:, n] - factor[:, :n] @ center
-    return center + scales * np.linalg.lstsq(a, b, rcond=RANK_TOLERANCE)[0]
+    return center + scales * minimum_norm(a, b)
+
+
+def minimum_norm(a: Array, b: Array) -> Array:
+    """Minimum-norm least-squares solution of ``a x ≈ b`` by a complete orthogonal factorisation.
+
+    No iteration that could fail to converge, as the singular value decompositions of LAPACK do now and then.
+    """
+    return lstsq(a, b, cond=RANK_TOLERANCE, lapack_driver="gelsy", check_finite=False)[0]
 
 
 def square_factor(rows: Array) -> Array:

@@ -66,7 +66,7 @@ def _of_prediction(result: Identification) -> list[str]:
             texts.append(f"{name}: no better than the nominal model on the validation trials")
         elif fit.rmse > _WORSE_ON_VALIDATION * result.fit[name].rmse:
             texts.append(
-                f"{name}: residual {fit.rmse / result.fit[name].rmse:.1f} times larger on the validation trials "
+                f"{name}: residual {fit.rmse / result.fit[name].rmse:.1f} times larger on validation trials "
                 "than on those identified from; excite more, or look for what the model lacks"
             )
     return texts

@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import RANK_TOLERANCE, Regression, least_squares
+from excite.identification.regression import Regression, least_squares, minimum_norm
 
 _IN_ROW_SPACE = 1e-6
 
@@ -58,7 +58,7 @@ def measured_total_mass(rows: Regression) -> TotalMass:
     norms = np.linalg.norm(a, axis=0)
     used = norms > 1e-12 * max(float(norms.max()), 1e-300)
     scaled, wanted = a[:, used] / norms[used], seen[used] / norms[used]
-    influence, *_ = np.linalg.lstsq(scaled.T, wanted, rcond=RANK_TOLERANCE)
+    influence = minimum_norm(scaled.T, wanted)
     missing = np.linalg.norm(scaled.T @ influence - wanted) / max(float(np.linalg.norm(wanted)), 1e-300)
     if missing > _IN_ROW_SPACE or bool(np.any(seen[~used] != 0.0)):
         return TotalMass(float(total @ problem.prior), float("inf"), False)

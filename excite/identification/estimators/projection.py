@@ -9,6 +9,7 @@ import numpy as np
 import quadprog
 
 from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.regression import minimum_norm
 from excite.robot.robot import Array
 
 
@@ -51,9 +52,7 @@ def project(target: Array, constraints: LinearConstraints) -> ProjectionAnswer |
             - target
             - constraints.matrix[constraints.n_equal :].T @ multipliers[constraints.n_equal :]
         )
-        multipliers[: constraints.n_equal] = np.linalg.lstsq(
-            constraints.matrix[: constraints.n_equal].T, pull, rcond=None
-        )[0]
+        multipliers[: constraints.n_equal] = minimum_norm(constraints.matrix[: constraints.n_equal].T, pull)
     return ProjectionAnswer(answer[0], multipliers)
 
 
