@@ -18,8 +18,8 @@ def check_motion(robot: Robot, motion: Motion, *, rate_hz: float | None = None) 
     Args:
         robot: the robot that shall run it.
         motion: the motion.
-        rate_hz: rate of the grid that it is judged on [Hz]; by default twice the motion's own, at least
-            200 Hz. Limits and self-collision hold between the grid's samples too.
+        rate_hz: rate of the grid that it is judged on [Hz], never below the motion's own; by default twice
+            that, at least 200 Hz. Limits and self-collision hold between the grid's samples too.
 
     Returns:
         The verdict. A motion of which nothing could be computed (NaN, unsorted time, wrong joints, missing

@@ -18,6 +18,8 @@ _LENGTH = 0.1
 # Weight of the forces' own size against the wrench's residual, both relative to the weight: large enough to
 # make the distribution unique and continuous in time, small enough to leave 1e-4 of the wrench unmet.
 _REGULARISATION = 1e-2
+# Samples that are worked on at a time, to bound memory.
+_BLOCK = 1024
 # Relative residual up to which a wrench counts as supplied.
 RESIDUAL_TOLERANCE = 1e-3
 
@@ -88,18 +90,30 @@ def polygon_margin(corners: Array, points: Array) -> Array:
     Returns:
         ``(n,)`` [m]: positive inside, negative outside, NaN where a point is NaN or the hull has no area.
     """
-    m = corners.shape[1]
-    start, end = np.nonzero(~np.eye(m, dtype=bool))
+    margin = np.empty(len(points))
+    for start in range(0, len(points), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        margin[block] = _polygon_margin(corners[block], points[block])
+    return margin
+
+
+def _polygon_margin(corners: Array, points: Array) -> Array:
+    start, end = np.triu_indices(corners.shape[1], 1)
     edge = corners[:, end] - corners[:, start]
     length = np.linalg.norm(edge, axis=2)
     with np.errstate(invalid="ignore", divide="ignore"):
-        direction = edge / length[:, :, None]
-    offset = corners[:, None] - corners[:, start][:, :, None]
-    left = direction[:, :, None, 0] * offset[..., 1] - direction[:, :, None, 1] * offset[..., 0]
-    is_edge = (length > 1e-9) & (left.min(axis=2) > -1e-9) & (left.max(axis=2) > 1e-6)
-    to_point = points[:, None] - corners[:, start]
-    distance = direction[..., 0] * to_point[..., 1] - direction[..., 1] * to_point[..., 0]
-    margin = np.where(is_edge, distance, np.inf).min(axis=1)
+        along_x, along_y = edge[..., 0] / length, edge[..., 1] / length
+    # Distance to the left of each directed line, of every corner and of the point.
+    offset = along_x * corners[:, start, 1] - along_y * corners[:, start, 0]
+    left = along_x[..., None] * corners[:, None, :, 1] - along_y[..., None] * corners[:, None, :, 0]
+    left -= offset[..., None]
+    distance = along_x * points[:, 1, None] - along_y * points[:, 0, None] - offset
+    lowest, highest = left.min(axis=2), left.max(axis=2)
+    forward = (length > 1e-9) & (lowest > -1e-9) & (highest > 1e-6)
+    backward = (length > 1e-9) & (highest < 1e-9) & (lowest < -1e-6)
+    margin = np.minimum(
+        np.where(forward, distance, np.inf).min(axis=1), np.where(backward, -distance, np.inf).min(axis=1)
+    )
     return np.where(np.isfinite(margin), margin, np.nan)
 
 

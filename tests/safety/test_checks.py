@@ -335,3 +335,10 @@ def test_unreadable_file_is_an_input_error(fault: str, tmp_path, arm: Robot, swi
 def test_rate_must_be_positive(rate: float, arm: Robot, swinging: Motion) -> None:
     with pytest.raises(InputError, match="rate"):
         check_motion(arm, swinging, rate_hz=rate)
+
+
+def test_a_coarse_grid_does_not_hide_anything(arm: Robot) -> None:
+    still = arm_motion(arm, amplitude=0.0, duration=2.0)
+    offset = oscillation(still, 1.01 * arm.limits.acceleration[-1] / 30.0**2, 30.0)
+    motion = moved_joint(arm, still, arm.joint_names[-1], offset)
+    assert not check_motion(arm, motion, rate_hz=5.0).safe

@@ -63,8 +63,8 @@ def test_smallest_distance_matches_brute_force(required: float, humanoid: Robot)
     s = still.time / still.duration
     towards = -0.25 * smooth(2.5 * s) * smooth(2.5 * (1.0 - s))
     motion = moved_joint(humanoid, still, "left_shoulder_roll_joint", towards)
-    closest = find_closest(Distances(Sweep(humanoid, motion, 50.0)), required)
-    dense = motion.resampled(humanoid, 50.0).resampled(humanoid, 1000.0)
+    closest = find_closest(Distances(Sweep(humanoid, motion)), required)
+    dense = motion.resampled(humanoid, 1000.0)
     truth = min(all_distances(humanoid, q).min() for q in dense.q[::5])
     assert closest.lower <= truth + 1e-9
     assert closest.upper - closest.lower <= 1e-3 + 1e-12

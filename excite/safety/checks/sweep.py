@@ -50,11 +50,11 @@ class Dynamics:
 
     Attributes:
         tau: ``(n, nv)`` inverse dynamics without contacts; base rows in the base frame [N, N·m].
-        jacobian: ``(n, 6, nv)`` columns are the joints' spatial axes, linear then angular, about the world
-        origin.
+        jacobian: ``(m, 6, nv)`` at the sweep's ``torque_samples``; columns are the joints' spatial axes,
+            linear then angular, about the world origin.
         com: ``(n, 3)`` centre of mass [m].
-        rotation: ``(n, n_feet + 1, 3, 3)`` of the base (first; identity for a fixed one) and the feet's
-        joints.
+        rotation: ``(n, n_feet + 1, 3, 3)`` of the base (first; identity for a fixed one) and of the joints
+            that carry the feet.
         position: ``(n, n_feet + 1, 3)`` of the same [m].
     """
 
@@ -72,7 +72,7 @@ class Sweep:
     Attributes:
         robot: the robot.
         motion: the motion as handed over.
-        rate_hz: rate of the finer grid, None for :data:`FINER` times the motion's own.
+        rate_hz: rate of the finer grid, never below the motion's own; None for :data:`FINER` times that.
     """
 
     robot: Robot
@@ -88,7 +88,7 @@ class Sweep:
         """The motion on the finer grid; every sample of an evenly sampled motion is one of the grid's."""
         own = (self.motion.n_samples - 1) / self.motion.duration
         if self.rate_hz is not None:
-            return self.motion.resampled(self.robot, self.rate_hz)
+            return self.motion.resampled(self.robot, max(self.rate_hz, own))
         factor = max(FINER, int(np.ceil(MIN_RATE_HZ / own)))
         return self.motion.resampled(self.robot, factor * own)
 
@@ -121,11 +121,14 @@ class Sweep:
         data = model.createData()
         joints = [1 if self.robot.floating else 0] + [foot.joint for foot in self.robot.feet]
         n = fine.n_samples
-        tau, jacobian, com = np.empty((n, model.nv)), np.empty((n, 6, model.nv)), np.empty((n, 3))
+        rows = {int(k): row for row, k in enumerate(self.torque_samples)}
+        tau, jacobian, com = np.empty((n, model.nv)), np.empty((len(rows), 6, model.nv)), np.empty((n, 3))
         poses = np.empty((n, len(joints), 4, 4))
         for k in range(n):
             tau[k] = pin.rnea(model, data, fine.q[k], fine.v[k], fine.a[k])
-            jacobian[k] = pin.computeJointJacobians(model, data, fine.q[k])
+            axes = pin.computeJointJacobians(model, data, fine.q[k])
+            if k in rows:
+                jacobian[rows[k]] = axes
             com[k] = pin.centerOfMass(model, data, fine.q[k], False)
             for i, joint in enumerate(joints):
                 poses[k, i] = data.oMi[joint].homogeneous

@@ -51,7 +51,7 @@ def drive_torques(sweep: Sweep) -> Array:
         for joint in list(robot.model.supports[foot.joint])[1:]:
             start = robot.model.idx_vs[joint]
             support[start : start + robot.model.nvs[joint]] = True
-        jacobian = sweep.dynamics.jacobian[samples] * support
+        jacobian = sweep.dynamics.jacobian * support
         tau -= np.einsum("nkv,nk->nv", jacobian, np.hstack([force, moment]))
     v, a = sweep.fine.joint_velocities()[samples], sweep.fine.joint_accelerations()[samples]
     drives, nothing = robot.description.drives, np.zeros(robot.n_joints)
