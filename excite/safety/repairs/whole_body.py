@@ -149,6 +149,8 @@ class _Balancer:
         self._height.mask.set_axises("z")
         self._height.configure("base_height", "hard", 1.0)
         self._solver = solver
+        # Targets as every later solve leaves them: placo rounds a pose that it is handed.
+        self._reset_feet()
 
     def _sole(self, joint: int, placement: pin.SE3) -> Array:
         data = self._robot.model.createData()
