@@ -7,19 +7,19 @@ import pytest
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from tests.safety.motions import arm_motion, squat, with_neighbours_ignored
+from tests.safety.motions import arm_motion, squat
 
 
 @pytest.fixture(scope="session")
 def humanoid(g1: Robot) -> Robot:
-    """G1 without the pairs of links that are neighbours at rest."""
-    return with_neighbours_ignored(g1)
+    """The bundled G1."""
+    return g1
 
 
 @pytest.fixture(scope="session")
 def arm() -> Robot:
-    """UR10 without the pairs of links that are neighbours at rest."""
-    return with_neighbours_ignored(load_robot("ur10"))
+    """The bundled UR10."""
+    return load_robot("ur10")
 
 
 @pytest.fixture(scope="session")

@@ -9,25 +9,9 @@ import pinocchio as pin
 from scipy.interpolate import make_interp_spline
 
 from excite.motion.motion import Motion
-from excite.robot.collision import collision_model
-from excite.robot.loading import build_robot
 from excite.robot.robot import Foot, Robot
 
 RATE_HZ = 200.0
-
-
-def with_neighbours_ignored(robot: Robot) -> Robot:
-    """The robot with every pair of links left out that is closer than twice the collision margin at rest."""
-    geometry, block = collision_model(robot), robot.description.collision
-    model_data, data = robot.model.createData(), geometry.createData()
-    pin.updateGeometryPlacements(robot.model, model_data, geometry, data, robot.rest)
-    close = []
-    for k, pair in enumerate(geometry.collisionPairs):
-        if pin.computeDistance(geometry, data, k).min_distance < 2.0 * block.margin:
-            names = (geometry.geometryObjects[pair.first].name, geometry.geometryObjects[pair.second].name)
-            close.append(tuple(name.rsplit("_", 1)[0] for name in names))
-    block = block.model_copy(update={"ignored_pairs": (*block.ignored_pairs, *close)})
-    return build_robot(robot.description.model_copy(update={"collision": block}), robot.source)
 
 
 def moved_base(motion: Motion, offset: np.ndarray) -> Motion:
