@@ -69,7 +69,7 @@ def test_smallest_distance_matches_brute_force(humanoid: Robot) -> None:
         assert closest.lower <= truth + 1e-9
         assert closest.upper - closest.lower <= 1e-3 + 1e-12
         assert truth - closest.upper <= 1e-3
-        assert bool(closest.found) is (truth < required)
+        assert bool(closest.found) is bool(truth < required)
 
 
 def test_arm_into_the_trunk(humanoid: Robot) -> None:
