@@ -117,12 +117,14 @@ class _Balancer:
         self._wrapper = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), robot.urdf)
         model = self._wrapper.model
         names = list(model.names)
-        # placo's model also has the joints that ours has locked.
+        # placo's model also has the joints that ours has locked, except those with mimics, which it drops.
         self._index = np.r_[
             np.arange(7), [model.joints[names.index(joint)].idx_q for joint in robot.joint_names]
         ]
         self._rest = np.array(self._wrapper.state.q)
         for joint, value in robot.description.locked_joints.items():
+            if joint not in names:
+                continue
             self._rest[model.joints[names.index(joint)].idx_q] = value
         self._rest[self._index] = robot.rest
         self._set(self._rest)
