@@ -25,6 +25,7 @@ from excite.identification.validation import channel_fits
 from excite.identification.warnings import find_warnings
 from excite.logs.log import Log
 from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.com_box import com_boxes
 from excite.robot.robot import Robot
 
@@ -178,7 +179,7 @@ def _base_parameters(problem, statistics, values, std, indices) -> tuple[BasePar
 def _structural_rank(problem: IdentificationProblem) -> int | None:
     """Base parameters that free motion would determine; None where rows and robot do not correspond."""
     drives = dict.fromkeys(name.split(".")[0] for name in problem.parameter_names[problem.n_inertial :])
-    if problem.robot.floating != (problem.channel_names[0] == "fx"):
+    if problem.robot.floating != (problem.channel_names[0] == "fx") or not drives.keys() <= set(DRIVE_TERMS):
         return None
     return structural_base_parameters(problem.robot, tuple(drives)).rank
 

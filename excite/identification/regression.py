@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lstsq
 
+from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids
 from excite.identification.problem import IdentificationProblem
@@ -57,7 +58,20 @@ class Regression:
 
 
 def regression(problem: IdentificationProblem) -> Regression:
-    """Condense a problem, all channels weighted alike (the unweighted least squares of eq. 3, Jovic 2015)."""
+    """Condense a problem, all channels weighted alike (the unweighted least squares of eq. 3, Jovic 2015).
+
+    Raises:
+        InputError: a row is not finite; names its channel and trial.
+    """
+    bad = np.flatnonzero(~np.isfinite(problem.y) | ~np.isfinite(problem.Y).all(axis=1))
+    if len(bad):
+        row = bad[0]
+        raise InputError(
+            f"{len(bad)} rows are not finite, the first at {problem.time[row]:.3f} s",
+            source=problem.trial_names[problem.trial[row]],
+            field=problem.channel_names[problem.channel[row]],
+            remedy="check the log's channels",
+        )
     width = problem.n_params + 1
     factors = np.zeros((len(problem.channel_names), width, width))
     for c in range(len(problem.channel_names)):
@@ -141,7 +155,8 @@ def prior_std(problem: IdentificationProblem, relative: float | Array) -> Array:
     A segment of mass ``m`` and radius ``r`` (distance of the centre of mass from the joint frame's origin,
     and radius of gyration, added as squares) gets ``relative·m`` for its mass, ``relative·m·r`` for its
     first moments and ``relative·m·r²`` for its inertias: a body of that share of the segment's mass put on
-    somewhere. Drives' parameters get what would explain all of their channel's signal.
+    somewhere. Drives' parameters get the problem's ``drive_spread``, else what would
+    explain all of their channel's signal.
 
     Args:
         problem: the problem.
@@ -160,4 +175,7 @@ def prior_std(problem: IdentificationProblem, relative: float | Array) -> Array:
     drives = problem.Y[:, problem.n_inertial :]
     signal = max(float(np.sqrt(np.mean(problem.y**2))), 1e-9)
     power = np.sqrt((drives**2).sum(axis=0) / max(1, problem.n_rows // len(problem.channel_names)))
-    return np.concatenate([body.ravel(), signal / np.where(power > 0.0, power, 1.0)])
+    usual = signal / np.where(power > 0.0, power, 1.0)
+    if problem.drive_spread is not None:
+        usual = np.where(np.isnan(problem.drive_spread), usual, problem.drive_spread)
+    return np.concatenate([body.ravel(), usual])

@@ -177,7 +177,7 @@ class Identification:
         if not self.changes.segments:
             return ["changed segments: none found"]
         return ["changed segments:"] + [
-            f"  {item.segment}: {item.mass_change_kg:+.3f} ± {item.std_kg:.3f} kg"
+            f"  {item.segment}: {item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
             + (f" (or {', '.join(item.tied_with)})" if item.tied_with else "")
             for item in self.changes.segments
         ]

@@ -26,7 +26,7 @@ class SolveStatus(Enum):
     CUT_LIMIT = (
         "positive definiteness was not reached within the allowed cuts; raise inertia_floor or use lmi"
     )
-    NOT_FINITE = "the rows or the answer hold numbers that are not finite; check the log's channels"
+    NOT_FINITE = "the solver's answer is not finite; raise alpha or use another method"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,5 +85,6 @@ class Estimator(ABC):
             The estimate, its residual recomputed.
 
         Raises:
+            InputError: rows are not finite.
             NoSolutionError: no parameters were found that pass the checks; ``best`` is the best Estimate.
         """

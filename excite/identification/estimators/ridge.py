@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from excite.errors import NoSolutionError
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.regression import Regression, prior_std, square_factor
 from excite.robot.robot import Array
@@ -42,7 +40,7 @@ class Ridge:
     def parameters(self, z: Array) -> Array:
         """``θ`` of ``z``, ``(n_params,)``."""
         theta = self.center.copy()
-        theta[self.free] += self.scales[self.free] * solve_triangular(self.factor, z)
+        theta[self.free] += self.scales[self.free] * solve_triangular(self.factor, z, check_finite=False)
         return theta
 
     def rotate(self, rows: Array) -> Array:
@@ -64,14 +62,8 @@ class Ridge:
 
 
 def ridge(rows: Regression, settings: EstimatorSettings) -> Ridge:
-    """Build the objective from weighted rows; parameters of unmeasured segments are not free.
-
-    Raises:
-        NoSolutionError: the rows hold numbers that are not finite.
-    """
+    """Build the objective from weighted rows; parameters of unmeasured segments are not free."""
     problem = rows.problem
-    if not np.isfinite(rows.factor).all():
-        raise NoSolutionError("the rows are not finite", remedy=SolveStatus.NOT_FINITE.value)
     scales = prior_std(problem, settings.spreads(problem.robot))
     frozen = np.zeros(problem.n_params, dtype=bool)
     for segment in problem.unmeasured:

@@ -1,0 +1,205 @@
+"""Every estimator against closed forms, and the checks that do not trust a solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, NoSolutionError, UnknownNameError
+from excite.identification.consistency import check_consistency
+from excite.identification.constraints.com_box import equivalent_boxes
+from excite.identification.constraints.inertia_cone import icosphere
+from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.ls import LeastSquares
+from excite.identification.estimators.projection import ProjectionAnswer, project
+from excite.identification.estimators.qp import QuadraticProgram
+from excite.identification.estimators.registry import ESTIMATORS, find_estimator
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.inertia import inertia_matrices
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import iterate_weights, prior_std, regression
+from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem
+
+FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
+
+
+@pytest.fixture(scope="module")
+def problem(g1) -> IdentificationProblem:
+    feet = tuple(segment_index(g1, link) for link in FEET)
+    return wrench_problem(g1, modified_g1_parameters(g1), seed=1, trials=2, duration=8.0, unmeasured=feet)
+
+
+@pytest.fixture(scope="module")
+def validation(g1) -> IdentificationProblem:
+    feet = tuple(segment_index(g1, link) for link in FEET)
+    return wrench_problem(g1, modified_g1_parameters(g1), seed=2, trials=1, duration=8.0, unmeasured=feet)
+
+
+@pytest.mark.parametrize("name", sorted(ESTIMATORS))
+class TestEveryEstimator:
+    def test_prediction_reaches_the_noise(self, name, problem, validation):
+        estimate = find_estimator(name).estimate(problem, EstimatorSettings())
+        residual = validation.residual(estimate.parameters) * validation.weights
+        assert np.sqrt(np.mean(residual**2)) < 1.6
+
+    def test_residual_is_that_of_the_parameters(self, name, problem):
+        estimate = find_estimator(name).estimate(problem, EstimatorSettings())
+        weighted = problem.residual(estimate.parameters) / estimate.regression.std[problem.channel]
+        assert estimate.residual == pytest.approx(np.sqrt(np.mean(weighted**2)), rel=1e-12)
+        assert estimate.status is SolveStatus.SOLVED
+
+    def test_same_problem_same_bytes_and_nothing_changed(self, name, problem):
+        before = problem.Y.tobytes(), problem.y.tobytes(), problem.prior.tobytes()
+        first = find_estimator(name).estimate(problem, EstimatorSettings())
+        second = find_estimator(name).estimate(problem, EstimatorSettings())
+        assert first.parameters.tobytes() == second.parameters.tobytes()
+        assert before == (problem.Y.tobytes(), problem.y.tobytes(), problem.prior.tobytes())
+
+    def test_unmeasured_segments_stay_nominal(self, name, problem, g1):
+        estimate = find_estimator(name).estimate(problem, EstimatorSettings())
+        for link in FEET:
+            columns = g1.parameter_columns(segment_index(g1, link))
+            np.testing.assert_array_equal(estimate.parameters[columns], problem.prior[columns])
+
+    def test_promise_of_consistency_holds(self, name, problem, g1):
+        estimator = find_estimator(name)
+        if not estimator.consistent:
+            pytest.skip(f"{name} does not promise consistent bodies")
+        found = check_consistency(
+            estimator.estimate(problem, EstimatorSettings()).parameters, tuple(s.link for s in g1.segments)
+        )
+        assert found.triangle_inequality and found.mass_positive and found.inertia_positive_definite
+        assert found.pseudo_inertia_min_eigenvalue > 0.0
+
+    def test_rows_that_are_not_finite_are_refused(self, name, problem):
+        y = problem.y.copy()
+        y[7] = np.nan
+        with pytest.raises(InputError, match="finite"):
+            find_estimator(name).estimate(replace(problem, y=y), EstimatorSettings())
+
+
+def test_registry_refuses_unknown_names():
+    with pytest.raises(UnknownNameError, match="qp"):
+        find_estimator("best")
+
+
+def test_ls_is_the_pseudo_inverse(problem):
+    """Eq. (5) of Jovic et al. 2016: φ = Y⁺ f, against numpy on the rows themselves."""
+    seen = np.flatnonzero(np.abs(problem.Y).max(axis=0) > 0.0)
+    expected = np.linalg.lstsq(problem.Y[:, seen], problem.y, rcond=1e-8)[0]
+    found = LeastSquares().estimate(problem, EstimatorSettings()).parameters[seen]
+    np.testing.assert_allclose(problem.Y[:, seen] @ found, problem.Y[:, seen] @ expected, atol=1e-6)
+    assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(expected), rel=1e-3)
+
+
+def test_qp_without_active_constraints_is_ridge_regression(g1):
+    """Eq. (4) of Jovic et al. 2015 with constraints that do not bind has a closed form."""
+    problem = wrench_problem(g1, g1.nominal_parameters, seed=4, trials=1, duration=6.0, noise=0.05)
+    wide = equivalent_boxes(g1, growth=40.0)
+    settings = EstimatorSettings(
+        com_boxes=wide, inertia_floor=0.0, prior_spread=0.01, total_mass=None, alpha=3.0
+    )
+    rows = iterate_weights(regression(problem))
+    found = QuadraticProgram().estimate(problem, settings)
+    scales = prior_std(problem, 0.01)
+    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[problem.channel]
+    a = np.vstack([problem.Y * weights[:, None] * scales, np.sqrt(3.0) * np.eye(problem.n_params)])
+    b = np.concatenate([problem.residual(problem.prior) * weights, np.zeros(problem.n_params)])
+    total = np.zeros(problem.n_params)
+    total[: problem.n_inertial : 10] = scales[: problem.n_inertial : 10]
+    # The one equality, the total mass, by its Lagrange multiplier.
+    free = np.linalg.lstsq(a, b, rcond=None)[0]
+    inverse = np.linalg.inv(np.linalg.qr(a, mode="r"))
+    direction = inverse @ (inverse.T @ total)
+    excess = total @ free - (found.total_mass - problem.prior[: problem.n_inertial : 10].sum())
+    expected = free - direction * excess / (total @ direction)
+    np.testing.assert_allclose((found.parameters - problem.prior) / scales, expected, atol=1e-8)
+    assert set(label.split(":")[0] for label in found.active) == {"total_mass"}
+
+
+class TestConstraintsOfTheProgram:
+    def test_hold_when_recomputed(self, problem, g1):
+        boxes = equivalent_boxes(g1)
+        settings = EstimatorSettings(total_mass=40.0, com_boxes=boxes, alpha=1e-6, inertia_floor=0.05)
+        parameters = QuadraticProgram().estimate(problem, settings).parameters
+        mass, first = parameters[::10], parameters.reshape(-1, 10)[:, 1:4]
+        assert mass.sum() == pytest.approx(40.0, abs=1e-6)
+        assert (mass >= -1e-9).all()
+        assert (first >= boxes[:, 0] * mass[:, None] - 1e-7).all()
+        assert (first <= boxes[:, 1] * mass[:, None] + 1e-7).all()
+        least = np.linalg.eigvalsh(inertia_matrices(parameters))[:, 0]
+        nominal = np.linalg.eigvalsh(inertia_matrices(problem.prior))[:, 0]
+        assert (least >= 0.05 * nominal * (1 - 2e-3)).all()
+
+    def test_all_sphere_vectors_hold(self, problem):
+        """Eq. (13) of Jovic et al. 2016 on its 10 242 vectors, evaluated directly."""
+        parameters = QuadraticProgram().estimate(problem, EstimatorSettings()).parameters
+        vectors = icosphere(5)
+        assert vectors.shape == (10242, 3)
+        values = np.einsum("vi,sij,vj->sv", vectors, inertia_matrices(parameters), vectors)
+        assert values.min() > 0.0
+
+    def test_symmetry_makes_pairs_equal(self, g1, problem):
+        pairs = [(i, s.pair) for i, s in enumerate(g1.segments) if s.pair is not None and s.pair > i]
+        assert pairs, "the robot names no pairs"
+        parameters = QuadraticProgram().estimate(problem, EstimatorSettings(symmetry=0.0)).parameters
+        for left, right in pairs:
+            assert parameters[10 * left] == pytest.approx(parameters[10 * right], abs=1e-6)
+            mirrored = parameters[10 * left + 1 : 10 * left + 4] * [1, -1, 1]
+            nominal = problem.prior[10 * left + 1 : 10 * left + 4] * [1, -1, 1]
+            asymmetry = problem.prior[10 * right + 1 : 10 * right + 4] - nominal
+            np.testing.assert_allclose(
+                parameters[10 * right + 1 : 10 * right + 4], mirrored + asymmetry, atol=1e-5
+            )
+
+    def test_contradiction_is_reported_with_the_best_found(self, problem, g1):
+        frozen = sum(problem.prior[10 * k] for k in problem.unmeasured)
+        with pytest.raises(NoSolutionError, match="infeasible") as caught:
+            QuadraticProgram().estimate(problem, EstimatorSettings(total_mass=0.5 * frozen))
+        assert np.isfinite(caught.value.best.parameters).all()
+
+
+class TestLyingSolvers:
+    def test_answer_that_breaks_constraints(self, problem):
+        def ignores_constraints(target, constraints):
+            return ProjectionAnswer(target.copy(), np.zeros(len(constraints.bound)))
+
+        with pytest.raises(NoSolutionError, match="violated"):
+            QuadraticProgram(ignores_constraints).estimate(problem, EstimatorSettings(total_mass=45.0))
+
+    def test_feasible_answer_that_is_not_optimal(self, problem):
+        def too_far(target, constraints):
+            honest = project(target, constraints)
+            nominal = project(target + 5.0, constraints)
+            return ProjectionAnswer(nominal.z, honest.multipliers)
+
+        with pytest.raises(NoSolutionError, match="not optimal"):
+            QuadraticProgram(too_far).estimate(problem, EstimatorSettings())
+
+    def test_answer_that_is_not_finite(self, problem):
+        def lost(target, constraints):
+            return ProjectionAnswer(np.full_like(target, np.nan), np.zeros(len(constraints.bound)))
+
+        with pytest.raises(NoSolutionError, match="not finite"):
+            QuadraticProgram(lost).estimate(problem, EstimatorSettings())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("alpha", 0.0),
+        ("alpha", float("nan")),
+        ("prior_spread", -1.0),
+        ("total_mass", 0.0),
+        ("inertia_floor", 1.5),
+        ("sphere_subdivisions", 9),
+        ("symmetry", -0.1),
+        ("alpha", "much"),
+        ("alpha", True),
+    ],
+)
+def test_bad_settings_are_refused_by_name(name, value):
+    with pytest.raises(InputError, match=name):
+        EstimatorSettings(**{name: value})

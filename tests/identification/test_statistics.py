@@ -1,0 +1,187 @@
+"""Intervals that hold, eq. (7) of Xu et al. 2020 where it applies, and essential parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from excite.identification.essential import essential_parameters
+from excite.identification.noise import (
+    NoiseModel,
+    estimate_noise,
+    sandwich_meat,
+    trial_grids,
+    whitened_factor,
+)
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import iterate_weights, regression
+from excite.identification.statistics import base_statistics
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import NAMES, arm_rows, assemble
+
+RATE = 100.0
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_robot("ur10")
+
+
+class ArmExperiment:
+    """An arm's torques with white noise, both sides filtered alike and then thinned out."""
+
+    def __init__(self, arm, cutoff: float | None, every: int, duration: float = 20.0):
+        self.arm, self.cutoff, self.every = arm, cutoff, every
+        self.time = np.arange(0.0, duration, 1.0 / RATE)
+        self.rows = arm_rows(arm, np.random.default_rng(7), self.time)
+        self.sigma = 0.02 * np.sqrt(np.mean((self.rows @ arm.nominal_parameters) ** 2, axis=0)) + 0.05
+        self.filtered = self._filter(self.rows)
+        names = tuple(f"{s.link}.{name}" for s in arm.segments for name in NAMES)
+        bandwidth = 1.0 if cutoff is None else min(1.0, 2 * cutoff * every / RATE)
+        y = self.filtered.reshape(-1, self.rows.shape[2])
+        self.blank = assemble(
+            arm,
+            [y],
+            [np.zeros(len(y))],
+            arm.joint_names,
+            self.sigma,
+            self.time[::every],
+            names,
+            (),
+            bandwidth,
+        )
+        self.template = regression(self.blank)
+
+    def _filter(self, values):
+        if self.cutoff is not None:
+            values = sosfiltfilt(butter(4, self.cutoff, fs=RATE, output="sos"), values, axis=0)
+        return values[:: self.every]
+
+    def draw(self, seed: int) -> IdentificationProblem:
+        noise = np.random.default_rng(seed).standard_normal((len(self.time), len(self.sigma))) * self.sigma
+        y = self.filtered @ self.arm.nominal_parameters + self._filter(noise)
+        return replace(self.blank, y=y.ravel())
+
+
+CASES = [(None, 1), (20.0, 1), (10.0, 1), (5.0, 1), (10.0, 5), (5.0, 5)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cutoff", "every"), CASES)
+def test_intervals_cover_the_truth_as_often_as_they_say(arm, cutoff, every):
+    """95 % intervals over 40 draws; the formula for independent rows stands beside it in the output."""
+    experiment = ArmExperiment(arm, cutoff, every)
+    inside, naive = [], []
+    for seed in range(40):
+        rows = iterate_weights(regression(experiment.draw(seed)))
+        found = base_statistics(rows)
+        error = np.abs(found.estimate - found.base.values(arm.nominal_parameters))
+        inside.append(np.mean(error < 1.96 * found.std))
+        naive.append(np.mean(error < 1.96 * found.white_std))
+    print(f"\ncut-off {cutoff} Hz, every {every}th: {np.mean(inside):.3f}, as if white {np.mean(naive):.3f}")
+    assert 0.93 <= np.mean(inside) <= 0.97
+
+
+def test_white_noise_gives_the_textbook_formula(arm):
+    """Eq. (7) of Xu et al. 2020, evaluated directly on the rows."""
+    problem = ArmExperiment(arm, None, 1, duration=8.0).draw(0)
+    found = base_statistics(regression(problem))
+    columns = problem.Y[:, found.base.independent]
+    residual = problem.y - columns @ np.linalg.lstsq(columns, problem.y, rcond=None)[0]
+    variance = residual @ residual / (len(residual) - columns.shape[1])
+    expected = np.sqrt(variance * np.diag(np.linalg.inv(columns.T @ columns)))
+    np.testing.assert_allclose(found.white_std, expected, rtol=1e-6)
+    np.testing.assert_allclose(
+        found.rsd_percent(found.estimate), 100 * found.std / np.abs(found.estimate), rtol=1e-12
+    )
+    weighted = base_statistics(iterate_weights(regression(problem)))
+    np.testing.assert_allclose(weighted.std, weighted.white_std, rtol=0.1)
+
+
+def test_filtered_noise_widens_the_intervals(arm):
+    problem = ArmExperiment(arm, 5.0, 1, duration=8.0).draw(0)
+    found = base_statistics(iterate_weights(regression(problem)))
+    assert np.median(found.std / found.white_std) > 2.0
+
+
+def _small_problem(n: int = 60) -> IdentificationProblem:
+    rng = np.random.default_rng(3)
+    time = np.arange(n) * 0.01
+    return IdentificationProblem(
+        robot=None,
+        Y=rng.standard_normal((2 * n, 3)),
+        y=rng.standard_normal(2 * n),
+        weights=np.ones(2 * n),
+        channel=np.tile([0, 1], n),
+        channel_names=("a", "b"),
+        channel_units=("N·m", "N·m"),
+        time=np.repeat(time, 2),
+        trial=np.zeros(2 * n, dtype=np.int64),
+        trial_names=("only",),
+        parameter_names=("x", "y", "z"),
+        prior=np.zeros(3),
+        n_inertial=0,
+    )
+
+
+def test_meat_is_the_sum_over_all_pairs_of_rows():
+    """XᵀΣX with Σ written out in full, gaps included."""
+    full = _small_problem()
+    kept = np.ones(120, dtype=bool)
+    kept[[10, 11, 40, 77]] = False
+    problem = replace(
+        full, Y=full.Y[kept], y=full.y[kept], weights=full.weights[kept], channel=full.channel[kept],
+        time=full.time[kept], trial=full.trial[kept],
+    )  # fmt: skip
+    covariance = np.zeros((3, 2, 2))
+    covariance[0], covariance[1], covariance[2] = [[1, 0.3], [0.3, 1]], [[0.4, 0.2], [-0.1, 0.3]], 0.05
+    noise = NoiseModel(np.ones(2), covariance)
+    sample = np.round(problem.time / 0.01).astype(int)
+    sigma = np.zeros((len(kept[kept]),) * 2)
+    for i in range(len(sigma)):
+        for j in range(len(sigma)):
+            lag = sample[j] - sample[i]
+            if abs(lag) < 3:
+                block = covariance[lag] if lag >= 0 else covariance[-lag].T
+                sigma[i, j] = block[problem.channel[i], problem.channel[j]]
+    assert np.linalg.eigvalsh(sigma)[0] > 0.0
+    found = sandwich_meat(problem, trial_grids(problem), problem.Y, noise)
+    np.testing.assert_allclose(found, problem.Y.T @ sigma @ problem.Y, rtol=1e-9)
+
+
+def test_whitening_with_white_noise_changes_nothing():
+    problem = _small_problem()
+    noise = NoiseModel(np.array([2.0, 0.5]), np.eye(2)[None])
+    columns = problem.Y
+    factor = whitened_factor(problem, trial_grids(problem), columns, noise)
+    scaled = columns / noise.std[problem.channel, None]
+    np.testing.assert_allclose(factor.T @ factor, scaled.T @ scaled, rtol=1e-9)
+
+
+def test_noise_of_known_spectrum_is_found():
+    """First-order moving average: autocorrelation 0.5 at lag one, nothing beyond."""
+    base = _small_problem(20000)
+    white = np.random.default_rng(5).standard_normal((20001, 2))
+    residual = ((white[1:] + white[:-1]) * [1.0, 3.0]).ravel()
+    noise = estimate_noise(base, trial_grids(base), residual)
+    np.testing.assert_allclose(noise.std, np.sqrt(2) * np.array([1.0, 3.0]), rtol=0.03)
+    np.testing.assert_allclose(noise.autocovariance[1].diagonal(), 0.5, atol=0.03)
+    np.testing.assert_allclose(noise.inflation, 2.0, atol=0.25)
+
+
+def test_essential_parameters_follow_the_rule_of_the_paper(arm):
+    """Xu et al. 2020, end of II.A: below 0.01 and above 40 %, the greatest RSD first, re-estimating."""
+    problem = ArmExperiment(arm, None, 1, duration=8.0).draw(1)
+    statistics = base_statistics(iterate_weights(regression(problem)))
+    found = essential_parameters(statistics)
+    rsd = statistics.rsd_percent(statistics.estimate)
+    candidates = (np.abs(statistics.estimate) < 0.01) & (rsd > 40.0)
+    assert found.removed[0] == int(np.argmax(np.where(candidates, rsd, -1.0)))
+    assert not ((np.abs(found.values) < 0.01) & (found.rsd_percent > 40.0)).any()
+    std = iterate_weights(regression(problem)).std
+    columns = problem.Y[:, statistics.base.independent[found.kept]] / std[problem.channel, None]
+    expected = np.linalg.lstsq(columns, problem.y / std[problem.channel], rcond=None)[0]
+    np.testing.assert_allclose(found.values, expected, rtol=1e-5, atol=1e-9)
