@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from excite.errors import ExciteError, InputError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.report.data import ReportData, load_report_data
-from excite.report.iterations import Document, Part, merge_checks, merge_plans
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+
+Document = dict[str, Any]
 
 _SCHEMAS = {
     "plan": "excite.plan/1",
@@ -35,8 +36,8 @@ class Findings:
 
     Attributes:
         folder: the folder.
-        plan: contents of ``plan.json``, or of all iterations' plans together; None where there is none.
-        check: of ``check.json``, likewise.
+        plan: contents of ``plan.json``, None where there is none.
+        check: of ``check.json``.
         identification: of ``identification.json``, else the one inside ``campaign.json``.
         campaign: of ``campaign.json``.
         data: of ``report_data.npz``; empty where there is none.
@@ -68,8 +69,6 @@ def read_folder(folder: Path) -> Findings:
     if not folder.is_dir():
         raise InputError("is no folder", source=folder, remedy="give the --out folder of another command")
     documents = {name: _read_json(folder / f"{name}.json", schema) for name, schema in _SCHEMAS.items()}
-    documents["plan"] = documents["plan"] or merge_plans(_parts(folder, "plan"))
-    documents["check"] = documents["check"] or merge_checks(_parts(folder, "check"))
     arrays = folder / "report_data.npz"
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
@@ -97,19 +96,6 @@ def read_folder(folder: Path) -> Findings:
         left_out=tuple(left_out),
         **documents,
     )
-
-
-def _parts(folder: Path, name: str) -> list[Part]:
-    """Documents of that name in ``iteration_1``, ``iteration_2`` … of a campaign, in order."""
-    parts: list[Part] = []
-    for number in itertools.count(1):
-        inside = folder / f"iteration_{number}"
-        if not inside.is_dir():
-            break
-        document = _read_json(inside / f"{name}.json", _SCHEMAS[name])
-        if document is not None:
-            parts.append(Part(inside.name, document))
-    return parts
 
 
 def _read_json(path: Path, schema: str) -> Document | None:

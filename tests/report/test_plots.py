@@ -33,7 +33,7 @@ def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
     ends = [bar.get_x() + bar.get_width() for bar in after]
     np.testing.assert_allclose(ends, data.conditioning.after)
     assert before[-1].get_x() + before[-1].get_width() == axes.get_xlim()[1]
-    assert "not excited" in [text.get_text() for text in axes.texts]
+    assert axes.texts[-1].get_text() == f"∞ → {data.conditioning.after[-1]:.3g}"
 
 
 def test_masses_show_all_three_and_mark_what_changed(data):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.report.data import ConditioningComparison
-from excite.report.theme import IDENTIFIED, MUTED, PALE, draw
+from excite.report.theme import IDENTIFIED, PALE, draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,8 +28,10 @@ def plot_conditioning(data: ConditioningComparison) -> Figure:
         ):
             shown = np.where(np.isfinite(values), values, edge)
             axes.barh(rows, shown - 1.0, left=1.0, height=height, color=color, label=label)
-            for row in rows[~np.isfinite(values)]:
-                axes.text(edge * 1.05, row, "not excited", va="center", color=MUTED.light, fontsize=7.5)
+        longer = np.nan_to_num(np.maximum(data.before, data.after), posinf=edge)
+        for row, end, *pair in zip(rows, longer, data.before, data.after, strict=True):
+            text = " → ".join(f"{value:.3g}".replace("inf", "∞") for value in pair)
+            axes.annotate(text, (end, row), (4, 0), textcoords="offset points", va="center", fontsize=7.0)
         axes.set(xscale="log", xlim=(1.0, edge), ylim=(len(rows) - 0.4, -0.6))
         axes.set_yticks(rows, data.segments)
         axes.tick_params(axis="y", length=0)
