@@ -217,8 +217,13 @@ def whitened_factor(
         scaled = columns[rows] / noise.std[problem.channel[rows], None]
         z = whiten @ np.fft.rfft(grid.spread(scaled, problem.channel, n_channels), axis=0)[kept]
         z = z.reshape(-1, columns.shape[1])
-        factor = np.linalg.qr(np.vstack([factor, z.real, z.imag]), mode="r")
+        factor = triangle(np.vstack([factor, z.real, z.imag]))
     return factor
+
+
+def triangle(rows: Array) -> Array:
+    """``R`` of ``rows = Q R``."""
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def _fft_length(n: int) -> int:

@@ -10,7 +10,7 @@ from scipy.linalg import lstsq
 
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
-from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids
+from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids, triangle
 from excite.identification.problem import IdentificationProblem
 from excite.robot.robot import Array
 
@@ -79,7 +79,7 @@ def regression(problem: IdentificationProblem) -> Regression:
         r = np.zeros((0, width))
         for start in range(0, len(rows), _BLOCK):
             block = rows[start : start + _BLOCK]
-            r = np.linalg.qr(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]), mode="r")
+            r = triangle(np.vstack([r, np.column_stack([problem.Y[block], problem.y[block]])]))
         factors[c, : len(r)] = r
     return Regression(problem, trial_grids(problem), factors, np.ones(len(problem.channel_names)))
 
@@ -143,7 +143,7 @@ def minimum_norm(a: Array, b: Array) -> Array:
 
 def square_factor(rows: Array) -> Array:
     """``R`` of ``rows = Q R`` as a square upper triangle (zero rows added where there are too few)."""
-    r = np.linalg.qr(rows, mode="r")
+    r = triangle(rows)
     square = np.zeros((rows.shape[1], rows.shape[1]))
     square[: len(r)] = r
     return square

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -113,7 +114,7 @@ class Identification:
         """Identified masses of the segments, ``(n_segments,)`` [kg]."""
         return self.parameters[::10].copy()
 
-    def to_json(self) -> dict:
+    def to_json(self) -> dict[str, Any]:
         """The document ``excite.identification/1``; what is infinite or not known is null."""
         return _finite(
             {
@@ -197,7 +198,7 @@ def _cc(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}"
 
 
-def _finite(value: object) -> object:
+def _finite(value: Any) -> Any:
     """A copy in which numbers that JSON cannot hold are None."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from excite.identification.noise import NoiseModel, estimate_noise, sandwich_meat
+from excite.identification.noise import NoiseModel, estimate_noise, sandwich_meat, triangle
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression
 from excite.regressor.base_parameters import BaseParameters, base_parameters
@@ -70,7 +70,7 @@ def base_statistics(rows: Regression) -> BaseStatistics:
     n = problem.n_params
     base = base_parameters(rows.factor[:, :n], parameter_labels(problem), RANK_TOLERANCE)
     columns = base.independent
-    r = np.linalg.qr(rows.factor[:, [*columns, n]], mode="r")
+    r = triangle(rows.factor[:, [*columns, n]])
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
     estimate = solve_triangular(factor, rotated)
     residual = problem.y - problem.Y[:, columns] @ estimate

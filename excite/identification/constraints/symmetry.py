@@ -22,7 +22,9 @@ def symmetric_pairs(problem: IdentificationProblem, tolerance: float) -> LinearC
         problem: the problem; its robot says which segments are pairs.
         tolerance: relative difference; at zero the rows are equalities.
     """
-    rows, bounds, labels = [], [], []
+    rows: list[Array] = []
+    bounds: list[float] = []
+    labels: list[str] = []
     ten = problem.prior[: problem.n_inertial].reshape(-1, 10)
     for index, segment in enumerate(problem.robot.segments):
         if segment.pair is None or segment.pair < index:

@@ -11,7 +11,8 @@ from excite.identification.estimators.ridge import Ridge
 from excite.identification.regression import Regression
 from excite.robot.robot import Array
 
-# Largest accepted distance to the optimum and violation, in standard deviations of the noise.
+# Largest accepted distance to the optimum, in standard deviations of the noise and, where the constraints
+# pull far, as a share of that pull; largest accepted violation, in standard deviations.
 DISTANCE_TOLERANCE = 1e-3
 VIOLATION_TOLERANCE = 1e-5
 
@@ -46,7 +47,7 @@ def checked_estimate(
         status = SolveStatus.NOT_FINITE
     elif max(worst.values(), default=0.0) > VIOLATION_TOLERANCE:
         status = SolveStatus.VIOLATED
-    elif distance > DISTANCE_TOLERANCE + 1e-9 * float(np.abs(objective.target).max()):
+    elif distance > DISTANCE_TOLERANCE * max(1.0, float(np.linalg.norm(z - objective.target))):
         status = SolveStatus.NOT_OPTIMAL
     slack = constraints.matrix @ z - constraints.bound
     active = [label for label, s in zip(constraints.labels, slack, strict=True) if s < VIOLATION_TOLERANCE]

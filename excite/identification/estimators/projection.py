@@ -66,5 +66,5 @@ def distance_to_optimum(target: Array, constraints: LinearConstraints, answer: P
     multipliers[constraints.n_equal :] = np.maximum(multipliers[constraints.n_equal :], 0.0)
     stationarity = answer.z - target - constraints.matrix.T @ multipliers
     slack = constraints.matrix @ answer.z - constraints.bound
-    gap = 0.5 * stationarity @ stationarity + abs(float(multipliers @ slack))
+    gap = 0.5 * float(stationarity @ stationarity) + abs(float(multipliers @ slack))
     return float(np.sqrt(2.0 * max(gap, 0.0)))

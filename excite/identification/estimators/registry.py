@@ -6,6 +6,7 @@ from excite.errors import UnknownNameError
 from excite.identification.estimators.base import Estimator
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.ls import LeastSquares
+from excite.identification.estimators.map import MaximumAPosteriori
 from excite.identification.estimators.qp import QuadraticProgram
 from excite.identification.estimators.wls import WeightedLeastSquares
 
@@ -14,6 +15,7 @@ ESTIMATORS: dict[str, type[Estimator]] = {
     for estimator in (
         LeastSquares,
         WeightedLeastSquares,
+        MaximumAPosteriori,
         QuadraticProgram,
         PhysicallyConsistent,
     )

@@ -1,0 +1,30 @@
+"""The most probable parameters given the data and the nominal model, no other constraint."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from excite.identification.constraints.linear import stack
+from excite.identification.estimators.base import Estimate, Estimator
+from excite.identification.estimators.checked import checked_estimate
+from excite.identification.estimators.ridge import ridge
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import iterate_weights, regression
+
+
+class MaximumAPosteriori(Estimator):
+    """The unconstrained minimum of eq. (4) of Jovic et al. 2015, in closed form.
+
+    Predicts better than plain least squares where the motion is short; its bodies need not be able to exist.
+    """
+
+    name: ClassVar[str] = "map"
+    title: ClassVar[str] = "least squares, pulled to the nominal model where the data say little"
+
+    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`; uses ``alpha`` and the spreads."""
+        rows = iterate_weights(regression(problem))
+        objective = ridge(rows, settings)
+        nothing = stack([], len(objective.free))
+        return checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing)
