@@ -25,6 +25,12 @@ _CLEARANCE, _INWARDS, _OUTWARDS, _LIFT = 0.06, 0.02, 0.28, 0.11
 _LEAN, _DOWN, _BASE_SHIFT = 0.24, 0.03, 0.7
 # Random pelvis motion: height [share of the base's], roll, pitch, yaw [rad].
 _PELVIS = (0.02, 0.04, 0.08, 0.20)
+# How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width: a robot that
+# tips inwards steps on its other foot. More of it while the weight shifts than while the leg swings.
+_SHIFT_BIAS, _SWING_BIAS = 0.22, 0.08
+# Heights of the free sole before and after the swings, in shares of the lift: a robot that leans by a few
+# millimetres touches down early, and then the foot has to be slow already.
+_UP, _SETTLE = (0.06, 1.0), (1.0, 0.3, 0.1, 0.035)
 # Longest distance from hip to sole, in shares of that at rest.
 _STRETCH = 0.98
 _ARMS = (0.05, 0.35)
@@ -54,18 +60,23 @@ class LegSwing(Generator):
             swing, stance = stance, swing
         n = int(rng.integers(*_SWINGS))
         ground = _ground(robot, stance, swing)
-        swings = _swings(robot, swing, ground, n + 2, rng)
+        swings = _swings(robot, swing, ground, n, rng)
         lift, land = 6, 6 + len(swings)
+        free = slice(lift + len(_UP), land - len(_SETTLE))
         m = land + 6
         com = np.zeros((m, 2))
         com[3 : land + 3] = ground.shift
+        com[3 : land + 3, 1] += ground.outward * _SWING_BIAS * ground.half_width
+        com[[*range(3, lift + 1), *range(land - 2, land + 3)], 1] = (
+            ground.shift[1] + ground.outward * _SHIFT_BIAS * ground.half_width
+        )
         foot = np.zeros((m, 6))
         foot[lift:land] = swings
         turns = np.array(_PELVIS) * [robot.rest[2], 1.0, 1.0, 1.0]
         pelvis = np.zeros((m, 4))
         pelvis[3 : land + 3, 0] = -_DOWN * robot.rest[2]
         pelvis[3 : land + 3, 1] = ground.outward * _LEAN
-        pelvis[lift + 1 : land - 1] += rng.uniform(-1.0, 1.0, size=(len(swings) - 2, 4)) * turns
+        pelvis[free] += rng.uniform(-1.0, 1.0, size=(free.stop - free.start, 4)) * turns
         draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
         both, one = (robot.feet[0].name, robot.feet[1].name), (stance.name,)
         # The span that starts at parameter i is the first that control point i + 3 acts on.
@@ -94,12 +105,14 @@ class _Ground:
 
     Attributes:
         shift: from the centre of mass to the middle of the stance sole, ``(2,)`` [m].
+        half_width: of the stance sole along y, the narrower side of its middle [m].
         outward: sign of y from the stance foot to the free one.
         sole: middle of the free sole, ``(3,)`` [m].
         rotation: of the joint that carries the free foot, ``(3, 3)``.
     """
 
     shift: Array
+    half_width: float
     outward: float
     sole: Array
     rotation: Array
@@ -111,17 +124,25 @@ def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     over = data.oMi[stance.joint].act(stance.placement.translation)
     pose = data.oMi[swing.joint]
     sole = np.array(pose.act(swing.placement.translation))
-    return _Ground(over[:2] - centre[:2], float(np.sign(sole[1] - over[1])), sole, np.array(pose.rotation))
+    across = np.abs([data.oMi[stance.joint].act(corner)[1] - over[1] for corner in stance.sole])
+    return _Ground(
+        shift=over[:2] - centre[:2],
+        half_width=float(across.min()),
+        outward=float(np.sign(sole[1] - over[1])),
+        sole=sole,
+        rotation=np.array(pose.rotation),
+    )
 
 
 def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.Generator) -> Array:
-    """Displacements of the free sole, ``(n, 6)``: first and last straight above the place where it stood.
+    """Displacements of the free sole, ``(up to n + 6, 6)``: first and last straight above where it stood.
 
     The others are where random joint positions of the free leg would bring it with the base over the stance
     foot, so that the leg can follow; draws too low or too far inwards are thrown away.
     """
+    up, settle = np.zeros((len(_UP), 6)), np.zeros((len(_SETTLE), 6))
+    up[:, 2], settle[:, 2] = np.array(_UP) * _LIFT * robot.rest[2], np.array(_SETTLE) * _LIFT * robot.rest[2]
     points = np.zeros((n, 6))
-    points[[0, -1], 2] = _LIFT * robot.rest[2]
     lower, upper = central_range(robot, _RANGE)
     leg = np.array(leg_joints(robot, swing))
     rest = rest_joints(robot)[leg]
@@ -135,9 +156,9 @@ def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.G
     q[:3] += np.r_[_BASE_SHIFT * ground.shift, -_DOWN * robot.rest[2]]
     lean = pin.Quaternion(pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0))
     q[3:7] = (lean * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
-    found = 1
+    found = 0
     for _ in range(_DRAWS):
-        if found == n - 1:
+        if found == n:
             break
         q[robot.n_base_q + leg] = rng.uniform(lower, upper)
         pin.forwardKinematics(robot.model, data, q)
@@ -150,4 +171,4 @@ def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.G
         if near and low > _CLEARANCE * robot.rest[2] and -_INWARDS < out < _OUTWARDS:
             points[found] = np.r_[moved, pin.log3(pose.rotation @ ground.rotation.T)]
             found += 1
-    return np.delete(points, range(found, n - 1), axis=0)
+    return np.vstack([up, points[:found], settle])

@@ -30,7 +30,9 @@ class Shares:
         friction: of the friction coefficient.
         weight: smallest share of the weight that the ground carries.
         zmp: distance of the zero-moment point from the support polygon's edge [m].
-        zmp_inradius: where the polygon is narrow, that distance is at most this share of its inradius.
+        zmp_one_foot: over one foot that distance is at most this share of the sole's inradius.
+        zmp_shift: the same while the weight shifts from two feet to one or back: nearly all of it, since a push
+            outwards then tips the robot over the foot's outer edge.
     """
 
     velocity: float = 0.8
@@ -41,7 +43,8 @@ class Shares:
     friction: float = 0.7
     weight: float = 0.5
     zmp: float = 0.04
-    zmp_inradius: float = 0.72
+    zmp_one_foot: float = 0.6
+    zmp_shift: float = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,18 +197,21 @@ class PathLimits:
         supports = [self._support(row) for row in patterns]
         # Weight shifts end over one foot: the wider polygon before may not ask for more than that foot can give.
         narrowest = min(support.inradius for support in map(self._support, self._all_patterns()))
-        margin = min(self.shares.zmp, self.shares.zmp_inradius * narrowest)
         n_edges = max(len(support.normals) for support in supports)
         rows = np.zeros((len(s), 3, n_edges + 9))
         for k, support in enumerate(supports):
             at = member.ravel() == k
             w = wrench[at] / weight
-            rows[at, :, : len(support.normals)] = _zmp_rows(w, support, margin)
+            rows[at, :, : len(support.normals)] = _zmp_rows(w, support, self._margin(support, narrowest))
             rows[at, :, n_edges:-1] = _friction_rows(w, support, self.shares.friction)
             rows[at, :, -1] = -w[..., 2]
             rows[at, 0, -1] += self.shares.weight
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
         return rows, labels
+
+    def _margin(self, support: _Support, narrowest: float) -> float:
+        share = self.shares.zmp_one_foot if support.inradius <= narrowest else self.shares.zmp_shift
+        return min(self.shares.zmp, share * narrowest)
 
     def _all_patterns(self) -> list[Array]:
         """The sets of carrying feet over the whole candidate."""
