@@ -155,7 +155,9 @@ def _covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> 
     missing = [name for name in names if block.default is None and name not in block.joints]
     if missing:
         remedy = f"give a default or {field}.joints.{missing[0]}"
-        raise RobotError(f"says nothing about joint {missing[0]!r}", source=path, field=field, remedy=remedy)
+        raise RobotError(
+            f"says nothing about joint {missing[0]!r}", source=path, field=f"{field}.default", remedy=remedy
+        )
 
 
 def per_joint(block: PerJoint | None, names: tuple[str, ...], fallback: Array) -> Array:

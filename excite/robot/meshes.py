@@ -45,8 +45,9 @@ def mesh_points(path: Path) -> Array:
         content = path.read_bytes() if path.suffix.lower() == ".stl" else b""
         points = _stl_points(content) if content else _assimp_points(path)
     except (OSError, ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())
         raise RobotError(
-            f"mesh cannot be read ({error})", source=path, remedy="check the mesh's path and format"
+            f"mesh cannot be read ({reason})", source=path, remedy="check the mesh's path and format"
         ) from error
     if len(points) == 0 or not np.isfinite(points).all():
         raise RobotError(

@@ -25,6 +25,8 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
         RobotError: duplicated or missing names, unknown links or joint types, an impossible axis, origin
             or limit, several roots, closed loops, or a tree too large or too deep.
     """
+    if not root.get("name", "").strip():
+        raise RobotError("is missing", source=path, field="robot@name", remedy="name the robot")
     links = _named(root, "link", path)
     joints = _named(root, "joint", path)
     if not links:

@@ -1,0 +1,175 @@
+"""Every bundled robot: it loads, weighs what it should, stands, and its numbers have sources."""
+
+from __future__ import annotations
+
+import pickle
+import runpy
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+from scipy.spatial import ConvexHull
+
+from excite.errors import RobotError, UnknownNameError
+from excite.robot.catalogue import bundled_robots, data_folder, find_robot
+from excite.robot.collision import collision_model
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+
+MASSES = {"g1": 33.341, "human": 74.712, "iiwa14": 20.670, "panda": 16.822, "talos": 90.272, "ur10": 28.7}
+"""Sums of the masses in the URDFs and tables [kg]; of arms without the link that is bolted down."""
+
+JOINTS = {"g1": 29, "human": 36, "iiwa14": 7, "panda": 7, "talos": 30, "ur10": 6}
+
+
+@pytest.fixture(scope="module", params=bundled_robots())
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return load_robot(request.param)
+
+
+def test_the_promised_robots_are_there() -> None:
+    assert set(bundled_robots()) >= set(MASSES)
+
+
+def test_mass_and_joints(robot: Robot) -> None:
+    assert robot.mass == pytest.approx(MASSES[robot.name], abs=1e-3)
+    assert robot.n_joints == JOINTS[robot.name]
+    assert robot.model.nv == robot.n_base_v + robot.n_joints
+    assert len(robot.segments) == robot.model.njoints - 1
+
+
+def test_pseudo_inertias_are_consistent(robot: Robot) -> None:
+    for segment in robot.segments:
+        inertia = robot.model.inertias[segment.joint]
+        if inertia.mass == 0.0:
+            assert segment.link in robot.description.model.acknowledged
+            continue
+        moments = np.linalg.eigvalsh(inertia.inertia)
+        assert moments[0] > 0.0
+        assert moments[0] + moments[1] >= moments[2] * (1.0 - 1e-6)
+
+
+def test_rest_posture_is_inside_the_limits_and_free_of_collision(robot: Robot) -> None:
+    q = robot.rest[robot.n_base_q :]
+    assert (q >= robot.limits.position_lower).all() and (q <= robot.limits.position_upper).all()
+    geometry = collision_model(robot)
+    data, geometry_data = robot.model.createData(), geometry.createData()
+    pin.computeDistances(robot.model, data, geometry, geometry_data, robot.rest)
+    nearest = min(result.min_distance for result in geometry_data.distanceResults)
+    assert nearest >= robot.description.collision.margin
+
+
+def test_random_postures_do_collide(robot: Robot) -> None:
+    """The geometry and the pairs are not empty of meaning: arms and legs can be driven into each other."""
+    geometry = collision_model(robot)
+    data, geometry_data = robot.model.createData(), geometry.createData()
+    rng = np.random.default_rng(0)
+    lower, upper = robot.limits.position_lower, robot.limits.position_upper
+    hits = 0
+    for _ in range(300):
+        q = robot.rest.copy()
+        q[robot.n_base_q :] = rng.uniform(lower, upper)
+        hits += pin.computeCollisions(robot.model, data, geometry, geometry_data, q, True)
+    assert hits < 300
+    if robot.name != "iiwa14":  # the ranges of its table keep it clear of itself and the table's centre
+        assert hits > 0
+
+
+def test_statics_stay_within_torque_limits(robot: Robot) -> None:
+    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.rest)
+    if robot.floating:  # legs carry the ground's force; arms and trunk hang on the base
+        carriers = [robot.model.names[j] for foot in robot.feet for j in robot.model.supports[foot.joint]]
+        held = [i for i, name in enumerate(robot.joint_names) if name not in carriers]
+    else:
+        held = list(range(robot.n_joints))
+    assert (np.abs(gravity[robot.n_base_v :])[held] < robot.limits.torque[held]).all()
+
+
+def test_standing_robot_is_balanced(robot: Robot) -> None:
+    if not robot.floating:
+        pytest.skip("bolted down")
+    data = robot.model.createData()
+    centre = pin.centerOfMass(robot.model, data, robot.rest)
+    corners = []
+    for foot in robot.feet:
+        pose = data.oMi[foot.joint]
+        corners += [pose.act(corner) for corner in foot.sole]
+        up = pose.rotation @ foot.placement.rotation[:, 2]
+        np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=1e-6)
+    corners = np.array(corners)
+    np.testing.assert_allclose(corners[:, 2], 0.0, atol=1e-6)
+    sides = ConvexHull(corners[:, :2]).equations
+    margins = -(sides[:, :2] @ centre[:2] + sides[:, 2])
+    assert margins.min() > 0.05
+
+
+def test_mirrored_links_have_about_the_same_mass(robot: Robot) -> None:
+    if not robot.floating:
+        pytest.skip("an arm has no mirror image")
+    assert sum(segment.pair is not None for segment in robot.segments) >= 24
+    masses = robot.nominal_parameters[::10]
+    for index, segment in enumerate(robot.segments):
+        if segment.pair is not None:
+            assert robot.segments[segment.pair].pair == index
+            assert masses[segment.pair] == pytest.approx(masses[index], rel=0.01)
+
+
+def test_wrench_sensors_measure_a_foot_each(robot: Robot) -> None:
+    assert {sensor.foot for sensor in robot.sensors} == {foot.name for foot in robot.feet}
+    for sensor in robot.sensors:
+        if sensor.kind == "foot_ft":
+            assert sensor.excludes == (sensor.joint - 1,)
+        else:
+            foot, data = robot.foot(sensor.foot), robot.model.createData()
+            pin.forwardKinematics(robot.model, data, robot.rest)
+            sole = data.oMi[foot.joint].act(foot.placement).translation
+            np.testing.assert_allclose(sensor.placement.translation, sole, atol=0.02)
+
+
+def test_every_block_with_numbers_has_a_source(robot: Robot) -> None:
+    content = yaml.safe_load(robot.source.read_text(encoding="utf-8"))
+    blocks = [content["model"], content["posture"], content["sensors"], content["collision"]]
+    blocks += [*content["limits"].values(), *content.get("drives", {}).values(), *content.get("feet", [])]
+    blocks += [content["controller"]["kp"], content["controller"]["kd"]]
+    assert all(len(block["source"]) > 3 for block in blocks)
+
+
+def test_pickling_and_hash(robot: Robot) -> None:
+    again = pickle.loads(pickle.dumps(robot))  # noqa: S301 - our own bytes
+    assert again.hash == robot.hash == load_robot(robot.name).hash
+    np.testing.assert_array_equal(again.nominal_parameters, robot.nominal_parameters)
+    assert collision_model(again) is collision_model(robot)
+    assert len({load_robot(name).hash for name in ("ur10", "iiwa14", "panda")}) == 3
+
+
+def test_unknown_robot_lists_the_known_ones() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'hrp2'.*g1.*talos"):
+        find_robot("hrp2")
+
+
+def test_bare_urdf_points_at_init_robot(tmp_path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text("<robot/>")
+    with pytest.raises(RobotError, match=r"init-robot .*arm\.urdf"):
+        load_robot(path)
+
+
+def test_iiwa_file_is_what_its_script_writes() -> None:
+    folder = data_folder("robots") / "iiwa14"
+    script = runpy.run_path(str(folder / "make_urdf.py"))
+    assert script["urdf"]() == (folder / "iiwa14.urdf").read_text(encoding="utf-8")
+    for link in range(7):
+        printed, kept = script["printed"](link), script["consistent"](script["MOMENTS"][link])
+        assert np.abs(printed - kept).max() <= 2.0e-4  # two units of the tables' last decimal
+
+
+def test_iiwa_stands_upright_at_zero() -> None:
+    """Table 2: elbow 0.42 m and wrist 0.82 m above the shoulder; link 7 of [37] weighs 0.3543 kg."""
+    robot = load_robot("iiwa14")
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, np.zeros(7))
+    heights = [data.oMi[joint].translation for joint in (2, 4, 6)]
+    np.testing.assert_allclose(heights, [[0, 0, 0], [0, 0, 0.42], [0, 0, 0.82]], atol=1e-9)
+    assert robot.nominal_parameters[60] == 0.3543
+    np.testing.assert_allclose(robot.nominal_parameters[61:64], 0.3543 * np.array([-0.0347, -0.0232, 0.0714]))

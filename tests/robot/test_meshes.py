@@ -1,0 +1,80 @@
+"""Hulls: never smaller than the mesh, few corners, closed and turned outwards."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from excite.errors import RobotError
+from excite.robot.catalogue import example_robot_data
+from excite.robot.meshes import convex_hull, mesh_points
+
+MESHES = ["g1_description/meshes/head_link.STL", "talos_data/meshes/v2/hip_y_collision.stl"]
+
+
+def excess(hull_vertices: np.ndarray, points: np.ndarray) -> float:
+    """How far the points stick out of the polyhedron [m]; negative when inside."""
+    planes = ConvexHull(hull_vertices).equations
+    return float((points @ planes[:, :3].T + planes[:, 3]).max())
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_hull_contains_the_mesh_and_is_little_larger(mesh: str) -> None:
+    points = mesh_points(example_robot_data() / mesh)
+    hull = convex_hull(points)
+    assert len(hull.vertices) <= 96
+    assert excess(hull.vertices, points) < 1e-9
+    assert 1.0 <= hull.inflation < 1.05
+    assert ConvexHull(hull.vertices).volume < 1.10 * ConvexHull(points).volume
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10_000), n=st.integers(5, 400), flatness=st.sampled_from([1.0, 0.1, 0.01]))
+def test_hull_of_any_cloud(seed: int, n: int, flatness: float) -> None:
+    points = np.random.default_rng(seed).normal(size=(n, 3)) * [1.0, 0.3, flatness] + [5.0, -3.0, 0.2]
+    hull = convex_hull(points, max_vertices=24)
+    assert len(hull.vertices) <= 24
+    assert excess(hull.vertices, points) < 1e-8
+    a, b, c = (hull.vertices[hull.faces[:, i]] for i in range(3))
+    volume = np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0])) / 6.0
+    assert volume == pytest.approx(ConvexHull(hull.vertices).volume, rel=1e-6)  # closed, outward faces
+
+
+def test_same_points_same_hull() -> None:
+    points = np.random.default_rng(3).normal(size=(500, 3))
+    np.testing.assert_array_equal(convex_hull(points).vertices, convex_hull(points.copy()).vertices)
+
+
+def test_plane_is_refused() -> None:
+    with pytest.raises(ValueError, match="plane"):
+        convex_hull(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]]))
+
+
+def test_ascii_and_binary_stl_agree(tmp_path: Path) -> None:
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 3]]], dtype=float)
+    ascii_lines = ["solid s"]
+    binary = b"\0" * 80 + struct.pack("<I", 2)
+    for triangle in corners:
+        vertices = "".join(f"vertex {x} {y} {z}\n" for x, y, z in triangle)
+        ascii_lines.append(f"facet normal 0 0 1\nouter loop\n{vertices}endloop\nendfacet")
+        binary += struct.pack("<12fH", 0, 0, 1, *triangle.ravel(), 0)
+    (tmp_path / "a.stl").write_text("\n".join([*ascii_lines, "endsolid s"]))
+    (tmp_path / "b.stl").write_bytes(binary)
+    for name in ("a.stl", "b.stl"):
+        np.testing.assert_allclose(mesh_points(tmp_path / name), corners.reshape(-1, 3))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("none.stl", None), ("bad.stl", b"solid\n"), ("bad.obj", b"?")]
+)
+def test_bad_mesh_is_one_error(name: str, content: bytes | None, tmp_path: Path) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(RobotError, match=r"mesh .*; (check|export)"):
+        mesh_points(tmp_path / name)

@@ -1,0 +1,336 @@
+"""Strict reading: one clear error for each fault, and rewriting that keeps the physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from excite.errors import RobotError
+from excite.robot.catalogue import example_robot_data
+from excite.robot.urdf import Stated, find_mesh, read_urdf
+from tests.robot.small import ARM, ELBOW_AXIS, ELBOW_LIMIT, chain, spoiled
+
+MASS = '<mass value="1.0"/>'
+INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.002"/>'
+CHILD = '<child link="lower"/>'
+BOMB = '<?xml version="1.0"?><!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
+MIMIC = '<mimic joint="shoulder" multiplier="2" offset="0.1"/>'
+FAULTS = {
+    "empty file": ("", "not valid XML", "mend"),
+    "no XML": ("robot: 1", "not valid XML", "mend"),
+    "cut off": (ARM[:800], "not valid XML", "mend"),
+    "entity bomb": (BOMB, "DOCTYPE", "remove"),
+    "MuJoCo model": ("<mujoco model='m'/>", "MuJoCo", "URDF"),
+    "SDF model": ("<sdf/>", "SDF", "URDF"),
+    "other XML": ("<html/>", "<html>", "URDF"),
+    "no robot name": (spoiled(' name="small"', ""), "robot@name: is missing", "name the robot"),
+    "no links": ("<robot name='r'/>", "no <link>", "describe"),
+    "deep nesting": ("<robot name='r'>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "nested", "flatten"),
+    "no inertial": (
+        spoiled(
+            ARM[ARM.index('    <inertial>\n      <origin xyz="0 0 0.15"') : ARM.index(INERTIA)], "<inertial>"
+        ),
+        "link 'lower'/inertial: has no <mass>",
+        "kilograms",
+    ),
+    "no inertial at all": (
+        spoiled(
+            '<link name="tool"/>',
+            '<link name="tool"/><link name="bare"/><joint name="wrist" type="revolute"><parent link="tool"/>'
+            '<child link="bare"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>',
+        ),
+        "link 'bare'/inertial: moves and has no mass",
+        "give the link",
+    ),
+    "zero mass": (spoiled(MASS, '<mass value="0"/>'), "link 'lower'/inertial/mass@value", "positive"),
+    "negative mass": (spoiled(MASS, '<mass value="-1"/>'), "link 'lower'/inertial/mass@value", "positive"),
+    "NaN mass": (
+        spoiled(MASS, '<mass value="nan"/>'),
+        "link 'lower'/inertial/mass@value: is 'nan'",
+        "one number",
+    ),
+    "infinite mass": (
+        spoiled(MASS, '<mass value="1e999"/>'),
+        "link 'lower'/inertial/mass@value",
+        "one number",
+    ),
+    "decimal comma": (
+        spoiled(MASS, '<mass value="1,5"/>'),
+        "link 'lower'/inertial/mass@value: is '1,5'",
+        "point",
+    ),
+    "mass without value": (
+        spoiled(MASS, "<mass/>"),
+        "link 'lower'/inertial/mass@value: is missing",
+        "one number",
+    ),
+    "no inertia": (spoiled(INERTIA, ""), "link 'lower'/inertial: has no <inertia>", "moments"),
+    "moment missing": (
+        spoiled(INERTIA, INERTIA.replace('ixy="0" ', "")),
+        "link 'lower'/inertial/inertia@ixy: is missing",
+        "one number",
+    ),
+    "negative moment": (
+        spoiled(INERTIA, INERTIA.replace("0.002", "-0.002")),
+        "link 'lower'/inertial/inertia: is not positive definite",
+        "correct the moments",
+    ),
+    "triangle inequality": (
+        spoiled(INERTIA, INERTIA.replace("0.002", "0.03")),
+        "link 'lower'/inertial/inertia: breaks the triangle inequality",
+        "model.acknowledged.lower",
+    ),
+    "flat inertia": (
+        spoiled(INERTIA, INERTIA.replace("0.002", "0.0")),
+        "link 'lower'/inertial: is not positive definite",
+        "give the link",
+    ),
+    "two inertials": (
+        spoiled(MASS, MASS + INERTIA + "</inertial><inertial>" + MASS),
+        "link 'lower'/inertial: occurs twice",
+        "keep one",
+    ),
+    "zero axis": (spoiled(ELBOW_AXIS, '<axis xyz="0 0 0"/>'), "joint 'elbow'/axis", "vector of length 1"),
+    "NaN axis": (spoiled(ELBOW_AXIS, '<axis xyz="0 nan 0"/>'), "joint 'elbow'/axis@xyz", "3 numbers"),
+    "short axis": (spoiled(ELBOW_AXIS, '<axis xyz="0 1"/>'), "joint 'elbow'/axis@xyz", "3 numbers"),
+    "NaN origin": (spoiled('xyz="0 0 0.4"', 'xyz="0 0 inf"'), "joint 'elbow'/origin@xyz", "3 numbers"),
+    "unknown parent": (
+        spoiled('<parent link="upper"/>', '<parent link="uper"/>'),
+        "unknown link 'uper'",
+        "define",
+    ),
+    "unknown child": (spoiled(CHILD, '<child link="lwer"/>'), "unknown link 'lwer'", "define"),
+    "no child": (spoiled(CHILD, ""), "joint 'elbow'/child: is missing", "name the child link"),
+    "link twice": (
+        spoiled('<link name="tool"/>', '<link name="tool"/><link name="lower"/>'),
+        "link 'lower'",
+        "rename",
+    ),
+    "joint twice": (spoiled('joint name="elbow"', 'joint name="shoulder"'), "joint 'shoulder'", "rename"),
+    "no name": (
+        spoiled('<link name="tool"/>', '<link name="tool"/><link/>'),
+        "link 4: has no name",
+        "name it",
+    ),
+    "two roots": (
+        spoiled('<link name="tool"/>', '<link name="tool"/><link name="x"/>'),
+        "2 root links",
+        "fixed joint",
+    ),
+    "closed loop": (
+        spoiled(
+            '<link name="tool"/>',
+            '<link name="tool"/><joint name="bar" type="fixed">'
+            '<parent link="world"/><child link="tool"/></joint>',
+        ),
+        "link 'tool': is the child of two joints, 'bar' and 'mount': a closed loop",
+        "cut the loop",
+    ),
+    "cycle": (spoiled('<parent link="world"/>', '<parent link="tool"/>'), "closed loop of", "cut the loop"),
+    "floating joint": (
+        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="floating">'),
+        "joint 'elbow': is floating",
+        "base: floating",
+    ),
+    "planar joint": (
+        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="planar">'),
+        "joint 'elbow': is planar",
+        "fix it",
+    ),
+    "unknown joint type": (
+        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="hinge">'),
+        "joint 'elbow': has the type 'hinge'",
+        "revolute",
+    ),
+    "continuous joint": (
+        spoiled('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">'),
+        "joint 'elbow'/limit: turns without end",
+        "limits.position.joints.elbow",
+    ),
+    "no limits": (
+        spoiled(ELBOW_LIMIT, ""),
+        "joint 'elbow'/limit: has no position",
+        "limits.position.joints.elbow",
+    ),
+    "limits crossed": (
+        spoiled(ELBOW_LIMIT, ELBOW_LIMIT.replace("-2.0", "3.0")),
+        "joint 'elbow'/limit: lower 3.0 is above upper 2.0",
+        "exchange",
+    ),
+    "negative effort": (
+        spoiled(ELBOW_LIMIT, ELBOW_LIMIT.replace("20", "-20")),
+        "joint 'elbow'/limit@effort",
+        "positive",
+    ),
+    "mimic joint": (
+        spoiled(ELBOW_LIMIT, ELBOW_LIMIT + MIMIC),
+        "joint 'elbow'/mimic: follows joint 'shoulder'",
+        "locked_joints",
+    ),
+    "flat box": (
+        spoiled('size="0.06 0.06 0.25"', 'size="0.06 0.06 0"'),
+        "link 'lower'/collision 0/box@size",
+        "above 0",
+    ),
+    "chain too long": (chain(300), "joints from the root", "shorten"),
+    "too many links": (chain(2500), "2500 links", "reduce"),
+}
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_is_one_error_with_file_element_and_remedy(fault: str, tmp_path: Path) -> None:
+    text, element, remedy = FAULTS[fault]
+    path = write(tmp_path, text)
+    with pytest.raises(RobotError) as caught:
+        read_urdf(path)
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert element in message
+    assert remedy in message.split(element, 1)[1]
+    assert "\n" not in message
+    assert caught.value.exit_code == 4
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match=r"none\.urdf: cannot be read .*check the path"):
+        read_urdf(tmp_path / "none.urdf")
+
+
+def test_sound_arm_reads(tmp_path: Path) -> None:
+    model = pin.buildModelFromXML(read_urdf(write(tmp_path, ARM)))
+    assert model.nq == 2
+    assert pin.computeTotalMass(model) == pytest.approx(3.0)
+
+
+def test_floating_base_needs_mass_on_the_root(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match="link 'world'/inertial: moves and has no mass"):
+        read_urdf(write(tmp_path, ARM), Stated(floating=True))
+
+
+def test_acknowledged_fault_passes_and_idle_acknowledgement_does_not(tmp_path: Path) -> None:
+    path = write(tmp_path, FAULTS["triangle inequality"][0])
+    assert "lower" in read_urdf(path, Stated(acknowledged={"lower": "measured on a swing"}))
+    with pytest.raises(RobotError, match=r"link 'upper': needs no acknowledgement"):
+        read_urdf(path, Stated(acknowledged={"lower": "measured", "upper": "for luck"}))
+
+
+def test_small_rounding_of_the_triangle_inequality_is_accepted(tmp_path: Path) -> None:
+    sum_of_others = INERTIA.replace('izz="0.002"', 'izz="0.020000001"')
+    assert read_urdf(write(tmp_path, spoiled(INERTIA, sum_of_others)))
+
+
+def test_continuous_joint_gets_one_coordinate(tmp_path: Path) -> None:
+    path = write(tmp_path, FAULTS["continuous joint"][0])
+    model = pin.buildModelFromXML(read_urdf(path, Stated(limits={"elbow": (-6.0, 6.0)})))
+    assert model.nq == 2
+    assert model.upperPositionLimit[1] == 6.0
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_locked_joint_keeps_the_pose(kind: str, tmp_path: Path) -> None:
+    text = spoiled('<joint name="elbow" type="revolute">', f'<joint name="elbow" type="{kind}">').replace(
+        'xyz="0 0 0.4" rpy="0 0 0"', 'xyz="0.1 0 0.4" rpy="0.3 -0.2 0.7"'
+    )
+    path = write(tmp_path, text)
+    full = pin.buildModelFromXML(read_urdf(path))
+    held = pin.buildModelFromXML(read_urdf(path, Stated(locked={"elbow": 0.6})))
+    reduced = pin.buildReducedModel(full, [full.getJointId("elbow")], np.array([0.0, 0.6]))
+    assert list(held.names) == ["universe", "shoulder"]
+    np.testing.assert_allclose(
+        held.inertias[1].toDynamicParameters(), reduced.inertias[1].toDynamicParameters(), atol=1e-12
+    )
+    for model in (held, reduced):
+        assert model.existFrame("tool")
+    np.testing.assert_allclose(
+        held.frames[held.getFrameId("tool")].placement.homogeneous,
+        reduced.frames[reduced.getFrameId("tool")].placement.homogeneous,
+        atol=1e-12,
+    )
+
+
+def test_mimic_joint_follows_a_locked_one(tmp_path: Path) -> None:
+    solid_tool = f'<link name="tool"><inertial>{MASS}{INERTIA}</inertial></link>'
+    limit = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
+    text = (
+        FAULTS["mimic joint"][0]
+        .replace('joint name="mount" type="fixed"', 'joint name="mount" type="prismatic"')
+        .replace('<child link="tool"/>', f'<child link="tool"/>{limit}')
+        .replace('<link name="tool"/>', solid_tool)
+    )
+    model = pin.buildModelFromXML(read_urdf(write(tmp_path, text), Stated(locked={"shoulder": 0.2})))
+    assert list(model.names) == ["universe", "mount"]
+    bent = pin.rpy.rpyToMatrix(0.0, 0.2 + (2 * 0.2 + 0.1), 0.0)
+    np.testing.assert_allclose(model.jointPlacements[1].rotation, bent, atol=1e-12)
+
+
+def test_unknown_locked_joint(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match=r"locked_joints: no joint 'knee'.*shoulder, elbow"):
+        read_urdf(write(tmp_path, ARM), Stated(locked={"knee": 0.0}))
+
+
+def test_package_paths_become_absolute() -> None:
+    urdf = example_robot_data() / "ur_description/urdf/ur5_robot.urdf"
+    text = read_urdf(urdf)
+    assert "package://" not in text
+    found = find_mesh(
+        "package://example-robot-data/robots/ur_description/meshes/ur5/collision/base.stl", urdf
+    )
+    assert found is not None and found.is_file()
+    assert find_mesh("package://example-robot-data/none.stl", urdf) is None
+
+
+def test_package_path_through_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = tmp_path / "ws" / "my_robot" / "meshes" / "a.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_bytes(b"")
+    urdf = write(tmp_path, ARM)
+    for root in (tmp_path / "ws", tmp_path / "ws" / "my_robot"):
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(root))
+        assert find_mesh("package://my_robot/meshes/a.stl", urdf) == mesh
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    assert find_mesh("package://my_robot/meshes/a.stl", urdf) is None
+
+
+def outcome(path: Path) -> None:
+    """Read a URDF; what passes must also pass pinocchio."""
+    try:
+        text = read_urdf(path)
+    except RobotError:
+        return
+    model = pin.buildModelFromXML(text)
+    assert np.isfinite(pin.computeTotalMass(model))
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_mutations_never_crash(tmp_path: Path, data: st.DataObject) -> None:
+    start = data.draw(st.integers(0, len(ARM)))
+    end = data.draw(st.integers(start, min(len(ARM), start + 60)))
+    filling = data.draw(
+        st.sampled_from(
+            ["", "nan", "1e400", "<", "/>", '"', "\0", "link", "-", "1,5", "<joint/>", "ü", "&a;"]
+        )
+        | st.text(max_size=12)
+    )
+    path = tmp_path / "robot.urdf"
+    path.write_bytes((ARM[:start] + filling + ARM[end:]).encode("utf-8", "surrogatepass"))
+    outcome(path)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(content=st.binary(max_size=200))
+def test_bytes_never_crash(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_bytes(content)
+    outcome(path)
