@@ -125,14 +125,15 @@ def _mirror_names(link: str) -> list[str]:
 
 
 def guess_feet(robot: Robot, tolerance: float = 0.01) -> tuple[FootGuess, ...]:
-    """Links at the ends of limbs that are named like feet and reach lowest in the rest posture.
+    """Links at the ends of limbs that are named like feet and reach lowest.
 
-    The sole is the rectangle, along the base's axes, about the geometry within ``tolerance`` [m] of the
-    lowest point.
+    Judged with all joints at zero, where most models stand with flat feet. The sole is the rectangle, along
+    the base's axes, about the geometry within ``tolerance`` [m] of the lowest point, less a twentieth of its
+    length, by which the hulls may be larger than the meshes.
     """
     model = robot.model
     data = model.createData()
-    pin.forwardKinematics(model, data, robot.rest)
+    pin.forwardKinematics(model, data, pin.neutral(model))
     inner = set(model.parents)
     clouds: dict[str, Array] = {}
     for shape in collision_shapes(robot):
@@ -150,7 +151,8 @@ def guess_feet(robot: Robot, tolerance: float = 0.01) -> tuple[FootGuess, ...]:
     for link in chosen:
         cloud = clouds[link]
         near = cloud[cloud[:, 2] < cloud[:, 2].min() + tolerance]
-        (x0, y0, z), (x1, y1, _) = near.min(axis=0), near.max(axis=0)
+        middle, half = 0.5 * (near.max(axis=0) + near.min(axis=0)), 0.475 * np.ptp(near, axis=0)
+        (x0, y0, _), (x1, y1, _), z = middle - half, middle + half, cloud[:, 2].min()
         pose = data.oMi[next(segment.joint for segment in robot.segments if segment.link == link)]
         corners = [
             pose.actInv(np.array(corner)) for corner in ((x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))

@@ -61,7 +61,10 @@ def review_pairs(robot: Robot, rng: np.random.Generator, n_random: int = 300) ->
     random = np.array(
         [search.distances(search.posture(rng.uniform(lower, upper))) for _ in range(n_random)]
     ).reshape(n_random, len(search.pairs))
-    at_rest, always, never, rest_collisions = [], [], [], []
+    at_rest: list[tuple[str, str]] = []
+    always: list[tuple[str, str]] = []
+    never: list[tuple[str, str]] = []
+    rest_collisions: list[tuple[str, str]] = []
     for column, pair in enumerate(search.pairs):
         between = search.joints_between(pair)
         neighbours = len(between) <= NEAR_JOINTS

@@ -84,7 +84,7 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
 
     Args:
         points: ``(n, 3)`` [m].
-        max_vertices: most corners that the result may have.
+        max_vertices: most corners that the result may have, at least 32.
         slack: growth below which no more corners are added.
 
     Raises:
@@ -101,6 +101,9 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
     if len(corners) <= max_vertices:
         return _polyhedron(corners, np.ones(3), axes, centre)
     chosen = _extremes(corners)
+    # Growth is about a point inside the first few corners, hence inside all that follow.
+    inside = corners[chosen].mean(axis=0)
+    corners, centre = corners - inside, centre + inside @ axes
     while True:
         planes = _planes(corners[chosen])
         reach = (corners @ planes[:, :3].T) / -planes[:, 3]
@@ -108,7 +111,9 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
         if factor <= 1.0 + slack or len(chosen) >= max_vertices:
             return _polyhedron(corners[chosen], _stretch(corners, planes, factor), axes, centre)
         worst = np.argsort(-reach.max(axis=0), kind="stable")[:6]
-        new = np.unique(reach.argmax(axis=0)[worst])
+        new = np.setdiff1d(reach.argmax(axis=0)[worst], chosen)
+        if len(new) == 0:
+            return _polyhedron(corners[chosen], _stretch(corners, planes, factor), axes, centre)
         chosen = np.union1d(chosen, new[: max_vertices - len(chosen)])
 
 
@@ -130,17 +135,14 @@ def _stretch(corners: Array, planes: Array, factor: float) -> Array:
 
 
 def _extremes(corners: Array) -> Faces:
-    """Indices of the corners farthest along the axes and the space diagonals."""
+    """Indices of the corners farthest along axes and diagonals, at most 28, not all in one plane."""
     directions = np.array(
         [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]
     )
-    extents = np.ptp(corners, axis=0)
-    index = np.unique((corners / extents @ directions.T).argmax(axis=0))
-    planes = _planes(corners[index])
-    if (planes[:, 3] < 0.0).all():
-        return index
-    # The centre lies outside these few: start from all corners' own order instead.
-    return np.unique(np.linspace(0, len(corners) - 1, 40).astype(np.int64))
+    index = np.unique((corners / np.ptp(corners, axis=0) @ directions.T).argmax(axis=0))
+    flattest = np.linalg.svd(corners[index] - corners[index].mean(axis=0))[2][2]
+    heights = corners @ flattest
+    return np.union1d(index, [heights.argmin(), heights.argmax()])
 
 
 def _planes(corners: Array) -> Array:

@@ -79,7 +79,7 @@ def urdf() -> str:
     lines = [
         '<?xml version="1.0"?>',
         "<!-- KUKA LBR iiwa 14 R820, written by make_urdf.py, where every number has its source. -->",
-        "<!-- Origin where axes 1 and 2 cross, 0.36 m above the foot; collision shapes are in robot.yaml. -->",
+        "<!-- Origin where axes 1 and 2 cross, 0.36 m above the foot; collision shapes: robot.yaml. -->",
         '<robot name="iiwa14">',
         '  <link name="base"/>',
     ]
