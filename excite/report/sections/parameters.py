@@ -27,7 +27,7 @@ class Parameters(Section):
             return ""
         lead = (
             f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
-            "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly know it."
+            "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
         )
         warnings = [paragraph(text, "note") for text in identification.get("warnings", ())]
         base = identification["base_parameters"]

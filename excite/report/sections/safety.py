@@ -30,8 +30,8 @@ class Safety(Section):
             return ""
         motions = findings.check["motions"]
         lead = (
-            "What is left to each limit at the worst instant, by a check that is independent of the repairs; "
-            "it must not be negative, and a margin that could not be computed counts as unsafe."
+            "How far the motions stay from every limit at the worst instant, by a check independent of the "
+            "repairs; a margin that could not be computed counts as unsafe."
         )
         named = [name for name in _MARGINS if any(_applies(name, motion) for motion in motions)]
         smallest = table(("margin", "smallest", "in motion"), [_smallest(name, motions) for name in named])
