@@ -22,7 +22,9 @@ class InputError(ExciteError):
         remedy: what the caller can do about it.
     """
 
-    def __init__(self, what: str, *, source: object = None, field: str | None = None, remedy: str | None = None):
+    def __init__(
+        self, what: str, *, source: object = None, field: str | None = None, remedy: str | None = None
+    ):
         self.what, self.source, self.field, self.remedy = what, source, field, remedy
         place = ": ".join(str(part) for part in (source, field) if part is not None)
         text = f"{place}: {what}" if place else what

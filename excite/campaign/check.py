@@ -42,7 +42,9 @@ class CheckReport:
         return "\n".join([*(verdict.summary() for verdict in self.verdicts), total])
 
 
-def check(robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent) -> CheckReport:
+def check(
+    robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent
+) -> CheckReport:
     """Judge motions independently of whatever planned them.
 
     Args:

@@ -43,7 +43,11 @@ class Demo:
         """A few lines for a person."""
         safe = "all safe" if self.check.safe else "NOT all safe"
         return "\n".join(
-            [self.campaign.summary(), f"{len(self.check.verdicts)} motions checked: {safe}", f"report: {self.page}"]
+            [
+                self.campaign.summary(),
+                f"{len(self.check.verdicts)} motions checked: {safe}",
+                f"report: {self.page}",
+            ]
         )
 
 

@@ -58,7 +58,9 @@ class Experiment:
         return {
             "schema": "excite.truth/1",
             "robot": self.robot.name,
-            "masses": {segment.link: float(m) for segment, m in zip(self.robot.segments, masses, strict=True)},
+            "masses": {
+                segment.link: float(m) for segment, m in zip(self.robot.segments, masses, strict=True)
+            },
             "added": [{"what": part.what, "link": part.link, "mass": part.mass} for part in self.truth.parts],
             "parameters": self.truth.phi.tolist(),
         }
@@ -99,7 +101,9 @@ class Experiment:
         """
         kept = [i for i, replay in enumerate(self.replays) if not replay.fell]
         if not kept:
-            raise NoSolutionError("the virtual robot fell in every motion", best=self, remedy="check the motions")
+            raise NoSolutionError(
+                "the virtual robot fell in every motion", best=self, remedy="check the motions"
+            )
         header = self.log.header.model_copy(update={"trials": tuple(self.log.header.trials[i] for i in kept)})
         log = replace(self.log, header=header, trials=tuple(self.log.trials[i] for i in kept))
         return replace(self, log=log, replays=tuple(self.replays[i] for i in kept))
@@ -111,7 +115,9 @@ class Experiment:
         return Path(folder)
 
 
-def virtual_robot(robot: Robot, seed: int, *, nominal: bool = False, inject: Sequence[str] = ()) -> VirtualRobot:
+def virtual_robot(
+    robot: Robot, seed: int, *, nominal: bool = False, inject: Sequence[str] = ()
+) -> VirtualRobot:
     """The virtual robot of a seed.
 
     Args:

@@ -25,21 +25,26 @@ def force_comparison(robot: Robot, identification: Identification, log: Log) -> 
     problem = build_problem(robot, log, role="validation")
     spread = [float(np.std(problem.y[problem.trial == i])) for i in range(len(problem.trial_names))]
     shown = int(np.argmax(spread))
-    rows = problem.trial == shown
-    n = len(problem.channel_names)
-    order = np.lexsort((problem.channel[rows], problem.time[rows]))
-    curves = {
-        "measured": problem.y,
-        "nominal": problem.Y @ problem.prior,
-        "identified": problem.Y @ identification.all_parameters,
-    }
-    table = {name: values[rows][order].reshape(-1, n) for name, values in curves.items()}
+    mine = problem.trial == shown
+    time = np.unique(problem.time[mine])
+
+    def curves(values: Array) -> Array:
+        """One column a channel; a channel's rows can leave out instants that others have."""
+        columns = []
+        for channel in range(len(problem.channel_names)):
+            rows = mine & (problem.channel == channel)
+            order = np.argsort(problem.time[rows], kind="stable")
+            columns.append(np.interp(time, problem.time[rows][order], values[rows][order]))
+        return np.column_stack(columns)
+
     return ForceComparison(
         trial=problem.trial_names[shown],
         channels=problem.channel_names,
         units=problem.channel_units,
-        time=problem.time[rows][order].reshape(-1, n)[:, 0],
-        **table,
+        time=time,
+        measured=curves(problem.y),
+        nominal=curves(problem.Y @ problem.prior),
+        identified=curves(problem.Y @ identification.all_parameters),
     )
 
 
@@ -61,7 +66,9 @@ def true_masses(robot: Robot, path: Path) -> Array:
         masses = json.loads(path.read_text(encoding="utf-8"))["masses"]
         return np.array([float(masses[segment.link]) for segment in robot.segments])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise LogError(f"cannot be read ({error})", source=path, remedy="simulate the motions again") from error
+        raise LogError(
+            f"cannot be read ({error})", source=path, remedy="simulate the motions again"
+        ) from error
 
 
 def conditioning_comparison(

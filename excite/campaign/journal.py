@@ -60,7 +60,9 @@ class Journal:
         begun = {"schema": SCHEMA, "robot_hash": robot.hash, "settings": settings.to_json()}
         if not resume:
             if path.exists():
-                raise InputError("a campaign is there already", source=path, remedy="give --resume, or another --out")
+                raise InputError(
+                    "a campaign is there already", source=path, remedy="give --resume, or another --out"
+                )
             write_json(begun, path)
             return
         if not path.is_file():
@@ -109,7 +111,9 @@ def _read_json(path: Path) -> dict[str, Any]:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read ({error})", source=path, remedy="start the campaign anew") from error
+        raise InputError(
+            f"cannot be read ({error})", source=path, remedy="start the campaign anew"
+        ) from error
 
 
 def _difference(found: Any, asked: Any) -> str:

@@ -176,7 +176,9 @@ class _State:
         )
         folder = self.journal.folder
         if self.identification is not None and self.conditioning is not None:
-            save_report_data(self._report_data(self.identification, self.conditioning), folder / "report_data.npz")
+            save_report_data(
+                self._report_data(self.identification, self.conditioning), folder / "report_data.npz"
+            )
             write_json(merged_plan(self.robot, self.documents, self.conditioning), folder / "plan.json")
             write_json(self.identification.to_json(), folder / "identification.json")
         write_json(result.to_json(), folder / "campaign.json")

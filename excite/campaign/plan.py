@@ -215,7 +215,9 @@ def _factors(robot: Robot, motions: Sequence[Motion], progress: Progress) -> tup
     return tuple(factors)
 
 
-def _unchosen_in_turn(motions: Sequence[Motion], chosen: Sequence[int], count: int = _N_VALIDATION) -> tuple[int, ...]:
+def _unchosen_in_turn(
+    motions: Sequence[Motion], chosen: Sequence[int], count: int = _N_VALIDATION
+) -> tuple[int, ...]:
     """Up to ``count`` motions that were not chosen, generators taken in turn."""
     left = [i for i in _in_turn(motions) if i not in set(chosen)]
     return tuple(sorted(left[:count]))

@@ -51,7 +51,11 @@ class RankReport:
             "schema": "excite.rank/1",
             "robot": self.robot,
             "motions": [
-                {"motion": item.motion, "duration_s": item.duration_s, "conditioning": item.conditioning.to_json()}
+                {
+                    "motion": item.motion,
+                    "duration_s": item.duration_s,
+                    "conditioning": item.conditioning.to_json(),
+                }
                 for item in self.motions
             ],
             "conditioning": self.together.to_json(),

@@ -16,7 +16,9 @@ NAME = "campaign"
 
 def command(
     robot: RobotArgument,
-    candidates: Annotated[int, typer.Option("--candidates", min=1, help="Candidate motions in each iteration.")] = 140,
+    candidates: Annotated[
+        int, typer.Option("--candidates", min=1, help="Candidate motions in each iteration.")
+    ] = 140,
     target_rsd: Annotated[
         float, typer.Option("--target-rsd", min=0.0, help="Relative standard deviation to reach [percent].")
     ] = 15.0,
@@ -24,9 +26,13 @@ def command(
     method: Annotated[str, typer.Option("--method", help="Estimator: ls, wls, qp, …")] = "qp",
     on_robot: Annotated[
         bool,
-        typer.Option("--on-robot", help="Stop after each plan so that the motions can be recorded on the real robot."),
+        typer.Option(
+            "--on-robot", help="Stop after each plan so that the motions can be recorded on the real robot."
+        ),
     ] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the campaign that --out holds.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the campaign that --out holds.")
+    ] = False,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,

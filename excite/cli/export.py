@@ -18,10 +18,12 @@ def command(
     motions: MotionArgument,
     format_name: Annotated[str, typer.Option("--format", help="csv, npz or ros2 (JointTrajectory in MCAP).")],
     rate_hz: Annotated[
-        float | None, typer.Option("--rate", min=1e-3, help="Samples per second; the motion's own where left out.")
+        float | None,
+        typer.Option("--rate", min=1e-3, help="Samples per second; the motion's own where left out."),
     ] = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", help="Robot, where the motion file's metadata do not name a bundled one.")
+        str | None,
+        typer.Option("--robot", help="Robot, where the motion file's metadata do not name a bundled one."),
     ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,

@@ -23,7 +23,8 @@ def command(
         float | None, typer.Option("--total-mass", min=0.0, help="Weighed mass of the robot [kg].")
     ] = None,
     cutoff_hz: Annotated[
-        float | None, typer.Option("--cutoff", min=0.0, help="Cut-off of the zero-phase low-pass on all signals [Hz].")
+        float | None,
+        typer.Option("--cutoff", min=0.0, help="Cut-off of the zero-phase low-pass on all signals [Hz]."),
     ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,

@@ -19,7 +19,9 @@ NAME = "init-robot"
 def command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="URDF of the robot.")],
     out: OutOption = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")
+    ] = False,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = DEFAULT_JOBS,
@@ -31,6 +33,10 @@ def command(
     text = excite.scaffold_description(file, target.parent, seed=seed)
     write_text(target, text)
     marks = [line.partition("FILL IN:")[2].strip() for line in text.splitlines() if "FILL IN:" in line]
-    document = {"schema": "excite.init-robot/1", "file": "robot.yaml" if out else str(target), "fill_in": marks}
+    document = {
+        "schema": "excite.init-robot/1",
+        "file": "robot.yaml" if out else str(target),
+        "fill_in": marks,
+    }
     lines = [f"wrote {target}", *(f"  fill in: {mark}" for mark in marks), f"then: excite plan {target}"]
     emit("\n".join(lines), document, as_json=as_json)

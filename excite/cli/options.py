@@ -12,11 +12,18 @@ RobotArgument = Annotated[
     str, typer.Argument(metavar="ROBOT", help="Bundled robot (see `excite robots`) or path to a robot.yaml.")
 ]
 MotionArgument = Annotated[
-    list[Path], typer.Argument(metavar="MOTION…", help="Motion files (.parquet, .csv, .npz) or folders of them.")
+    list[Path],
+    typer.Argument(metavar="MOTION…", help="Motion files (.parquet, .csv, .npz) or folders of them."),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
-JobsOption = Annotated[int, typer.Option("--jobs", min=1, help="Processes to use; the result does not depend on it.")]
-OutOption = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder that results are written to.")]
+JobsOption = Annotated[
+    int, typer.Option("--jobs", min=1, help="Processes to use; the result does not depend on it.")
+]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder that results are written to.")
+]
 
 DEFAULT_JOBS = os.cpu_count() or 1

@@ -16,8 +16,12 @@ NAME = "plan"
 
 def command(
     robot: RobotArgument,
-    candidates: Annotated[int, typer.Option("--candidates", min=1, help="Candidate motions to generate.")] = 140,
-    target: Annotated[list[str] | None, typer.Option("--joint", help="Aim at this joint (may be repeated).")] = None,
+    candidates: Annotated[
+        int, typer.Option("--candidates", min=1, help="Candidate motions to generate.")
+    ] = 140,
+    target: Annotated[
+        list[str] | None, typer.Option("--joint", help="Aim at this joint (may be repeated).")
+    ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,

@@ -30,6 +30,11 @@ def command(
     table = Table("robot", "title", "base", "DoF", "mass [kg]", "sensors", box=None, pad_edge=False)
     for summary in summaries:
         table.add_row(
-            summary.name, summary.title, summary.base, str(summary.dof), f"{summary.mass:.1f}", summary.sensors
+            summary.name,
+            summary.title,
+            summary.base,
+            str(summary.n_joints),
+            f"{summary.mass:.1f}",
+            ", ".join(summary.sensors),
         )
     Console(soft_wrap=True).print(table)

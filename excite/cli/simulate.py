@@ -27,7 +27,9 @@ def command(
     motions: MotionArgument,
     inject: Annotated[
         list[str] | None,
-        typer.Option("--inject", metavar="EFFECT[:LOCATION[:VALUE]]", help="An effect that the nominal model lacks."),
+        typer.Option(
+            "--inject", metavar="EFFECT[:LOCATION[:VALUE]]", help="An effect that the nominal model lacks."
+        ),
     ] = None,
     nominal: Annotated[
         bool, typer.Option("--nominal", help="Give the virtual robot the nominal inertial parameters.")

@@ -49,4 +49,6 @@ def join_logs(logs: Sequence[Log]) -> Log:
             file = f"{renamed[trial.name]}.{suffix}"
             repeated = f"{repeats}.{suffix}" if repeats else None
             headers.append(header.model_copy(update={"file": file, "repeats": repeated}))
-    return replace(first, header=first.header.model_copy(update={"trials": tuple(headers)}), trials=tuple(trials))
+    return replace(
+        first, header=first.header.model_copy(update={"trials": tuple(headers)}), trials=tuple(trials)
+    )

@@ -1,0 +1,69 @@
+"""The verb plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.campaign.check import check
+from excite.campaign.plan import Plan, plan
+from excite.campaign.rank import rank
+from excite.errors import InputError, UnknownNameError
+from excite.motion.files import load_motion
+from excite.robot.robot import Robot
+
+
+def test_plan_document_has_what_scripts_read(small_plan: Plan) -> None:
+    document = small_plan.to_json()
+    assert document["schema"] == "excite.plan/1"
+    counts = document["candidates"]
+    assert counts["generated"] == 8
+    assert counts["accepted"] + sum(counts["rejected"].values()) == 8
+    assert {"full", "log_det", "n_base_parameters", "segments"} <= set(document["conditioning"])
+    assert document["conditioning"]["n_base_parameters"] == 36 + 12
+    assert [stage["stage"] for stage in document["stages"]] == ["generate", "filter", "rank"]
+    for entry in document["selected"]:
+        assert entry["segments"] and entry["duration_s"] > 0.0
+
+
+def test_best_three_of_every_segment_are_chosen(ur10: Robot, small_plan: Plan) -> None:
+    report = {item.motion: item.conditioning for item in rank(ur10, small_plan.accepted).motions}
+    chosen = {motion.name for motion in small_plan.motions}
+    for place, segment in enumerate(small_plan.conditioning.segments):
+        by_condition = sorted(report, key=lambda name: report[name].segments[place].condition)
+        assert set(by_condition[:3]) <= chosen, segment.segment
+
+
+def test_plan_does_not_depend_on_the_number_of_processes(
+    ur10: Robot, small_plan: Plan, tmp_path: Path
+) -> None:
+    other = plan(ur10, n_candidates=8, seed=3, jobs=2)
+    one, two = small_plan.save(tmp_path / "one"), other.save(tmp_path / "two")
+    files = sorted(path.name for path in (one / "motions").iterdir())
+    assert files == sorted(path.name for path in (two / "motions").iterdir())
+    for name in files:
+        assert (one / "motions" / name).read_bytes() == (two / "motions" / name).read_bytes()
+    assert small_plan.to_json()["selected"] == other.to_json()["selected"]
+    assert small_plan.to_json()["conditioning"] == other.to_json()["conditioning"]
+
+
+def test_saved_motions_are_safe_and_come_back_equal(ur10: Robot, small_plan: Plan, tmp_path: Path) -> None:
+    folder = small_plan.save(tmp_path)
+    motions = [load_motion(folder / entry["motion"], ur10) for entry in small_plan.to_json()["selected"]]
+    for motion, saved in zip(small_plan.motions, motions, strict=True):
+        np.testing.assert_array_equal(motion.q, saved.q)
+    assert check(ur10, motions[:2]).safe
+
+
+def test_targets_are_aimed_at(ur10: Robot) -> None:
+    aimed = plan(ur10, n_candidates=2, targets=("wrist_2_joint",), seed=1)
+    assert {target for motion in aimed.accepted for target in motion.metadata.targets} == {"wrist_2_joint"}
+
+
+def test_bad_arguments_are_refused(ur10: Robot) -> None:
+    with pytest.raises(InputError, match="0 candidates"):
+        plan(ur10, n_candidates=0)
+    with pytest.raises(UnknownNameError, match="no_such_joint"):
+        plan(ur10, n_candidates=1, targets=("no_such_joint",))

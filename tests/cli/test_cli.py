@@ -1,0 +1,141 @@
+"""The command line as scripts and people use it: documents, exit codes, one-line errors."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as parquet
+import pytest
+
+COMMANDS = "robots init-robot plan check rank export simulate identify campaign report demo".split()
+
+
+def excite(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the installed command from another folder."""
+    return subprocess.run(
+        [sys.executable, "-m", "excite.cli.main", *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "COLUMNS": "200"},
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which `excite plan` has put a plan for the UR10."""
+    folder = tmp_path_factory.mktemp("cli")
+    done = excite(
+        "plan", "ur10", "--candidates", 5, "--seed", 2, "--jobs", 1, "--json", "--out", "plan", cwd=folder
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["schema"] == "excite.plan/1"
+    assert done.stderr == ""
+    return folder
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_and_the_common_options(command: str, tmp_path: Path) -> None:
+    done = excite(command, "--help", cwd=tmp_path)
+    assert done.returncode == 0
+    for option in ("--json", "--seed", "--jobs", "--out"):
+        assert option in done.stdout
+
+
+def test_robots_lists_every_bundled_robot(tmp_path: Path) -> None:
+    document = json.loads(excite("robots", "--json", cwd=tmp_path).stdout)
+    assert {"g1", "talos", "panda", "ur10", "human", "iiwa14"} <= {
+        robot["name"] for robot in document["robots"]
+    }
+
+
+def test_paths_in_the_plan_are_relative_to_out(planned: Path) -> None:
+    document = json.loads((planned / "plan" / "plan.json").read_text())
+    for entry in document["selected"]:
+        assert (planned / "plan" / entry["motion"]).is_file()
+    assert (planned / "plan" / "report.html").read_text().startswith("<!doctype html>")
+
+
+def test_check_rank_export_simulate_identify(planned: Path) -> None:
+    checked = excite("check", "ur10", "plan", "--json", cwd=planned)
+    assert checked.returncode == 0 and json.loads(checked.stdout)["safe"] is True
+    ranked = excite("rank", "ur10", "plan", "--json", cwd=planned)
+    assert json.loads(ranked.stdout)["conditioning"]["n_base_parameters"] == 48
+    exported = excite(
+        "export", "plan", "--format", "ros2", "--rate", 100, "--out", "ros", "--json", cwd=planned
+    )
+    assert exported.returncode == 0, exported.stderr
+    assert all((planned / "ros" / file).exists() for file in json.loads(exported.stdout)["files"])
+    simulated = excite("simulate", "ur10", "plan", "--out", "log", "--json", "--jobs", 2, cwd=planned)
+    assert simulated.returncode == 0, simulated.stderr
+    identified = excite("identify", "ur10", "log", "--json", "--out", "id", cwd=planned)
+    assert identified.returncode == 0, identified.stderr
+    document = json.loads(identified.stdout)
+    assert document == json.loads((planned / "id" / "identification.json").read_text())
+    for parameter in document["base_parameters"]:
+        assert {"expression", "value", "std", "rsd_percent"} <= set(parameter)
+    report = excite("report", "id", cwd=planned)
+    assert report.returncode == 0 and (planned / "id" / "report.html").is_file()
+
+
+def test_an_unsafe_motion_ends_with_1_and_says_where(planned: Path, tmp_path: Path) -> None:
+    source = next((planned / "plan" / "motions").glob("*.parquet"))
+    table = parquet.read_table(source)
+    names = table.column_names
+    columns = {name: table[name].to_numpy().copy() for name in names}
+    columns["q.elbow_joint"] = columns["q.elbow_joint"] + 10.0
+    parquet.write_table(
+        pa.table(columns).replace_schema_metadata(table.schema.metadata), tmp_path / "bad.parquet"
+    )
+    done = excite("check", "ur10", "bad.parquet", "--json", cwd=tmp_path)
+    assert done.returncode == 1
+    violations = json.loads(done.stdout)["motions"][0]["violations"]
+    assert ("joint_position", "elbow_joint") in {(item["kind"], item["where"]) for item in violations}
+
+
+def test_bad_input_is_one_line_and_4(planned: Path, tmp_path: Path) -> None:
+    source = next((planned / "plan" / "motions").glob("*.parquet"))
+    table = parquet.read_table(source)
+    columns = {name: table[name].to_numpy().copy() for name in table.column_names}
+    columns["q.elbow_joint"][3] = np.nan
+    parquet.write_table(
+        pa.table(columns).replace_schema_metadata(table.schema.metadata), tmp_path / "nan.parquet"
+    )
+    (tmp_path / "text.parquet").write_text("not parquet")
+    (tmp_path / "robot.yaml").write_text("schema: excite.robot/1\nname: x\n")
+    cases = [
+        ("check", "ur10", "nan.parquet"),
+        ("check", "ur10", "text.parquet"),
+        ("check", "ur10", "missing.parquet"),
+        ("check", "g1", source),
+        ("rank", "no_such_robot", source),
+        ("plan", "robot.yaml"),
+        ("plan", "missing.yaml"),
+        ("plan", "ur10", "--joint", "no_such_joint"),
+        ("identify", "ur10", "no_such_log"),
+        ("identify", "ur10", ".", "--method", "no_such_method"),
+        ("export", source, "--format", "no_such_format"),
+        ("simulate", "ur10", source, "--inject", "no_such_effect"),
+        ("report", "no_such_folder"),
+        ("init-robot", "missing.urdf"),
+    ]
+    before = sorted(tmp_path.iterdir())
+    for case in cases:
+        done = excite(*case, "--out", "out", cwd=tmp_path)
+        assert done.returncode == 4, (case, done.returncode, done.stderr[-500:])
+        assert done.stdout == "" and done.stderr.count("\n") == 1, (case, done.stderr)
+        assert done.stderr.startswith("excite: ")
+    assert sorted(tmp_path.iterdir()) == before, "something half-written was left behind"
+
+
+def test_wrong_usage_is_2(tmp_path: Path) -> None:
+    assert excite("plan", cwd=tmp_path).returncode == 2
+    assert excite("plan", "g1", "--candidates", 0, cwd=tmp_path).returncode == 2
+    assert excite("no-such-command", cwd=tmp_path).returncode == 2
