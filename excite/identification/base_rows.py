@@ -57,6 +57,11 @@ class BaseRows:
         """Empty."""
         return np.zeros(0)
 
+    @property
+    def drive_spread(self) -> Array:
+        """Empty."""
+        return np.zeros(0)
+
     @cached_property
     def unmeasured(self) -> tuple[int, ...]:
         """Segments beyond the ankle sensors.

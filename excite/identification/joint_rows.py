@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 
 from excite.errors import LogError
-from excite.identification.drive_terms import DRIVE_TERMS
+from excite.identification.drive_terms import DRIVE_TERMS, JointSamples
 from excite.identification.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
 from excite.identification.settings import Filters, ProblemSettings
@@ -51,18 +51,31 @@ class JointRows:
 
     @property
     def drive_names(self) -> tuple[str, ...]:
-        """``TERM.JOINT``, term by term."""
-        return tuple(f"{term}.{joint}" for term in self.terms for joint in self.header.joints)
+        """Names of the drive parameters, term by term."""
+        return tuple(
+            name for term in self.terms for name in DRIVE_TERMS[term].parameter_names(self.header.joints)
+        )
 
     @property
     def drive_prior(self) -> Array:
         """What the robot's description says of its drives, zero where it is silent, ``(n_drive,)``."""
         drives, names = self.robot.description.drives, self.header.joints
         stated = {"viscous": drives.viscous, "coulomb": drives.coulomb, "armature": drives.armature}
-        nothing = np.zeros(len(names))
-        return np.concatenate(
-            [per_joint(stated.get(term), names, nothing) for term in self.terms] or [nothing[:0]]
-        )
+        parts = [np.zeros(0)]
+        for term in self.terms:
+            nothing = np.zeros(len(DRIVE_TERMS[term].parameter_names(names)))
+            parts.append(per_joint(stated[term], names, nothing) if term in stated else nothing)
+        return np.concatenate(parts)
+
+    @property
+    def drive_spread(self) -> Array:
+        """Standard deviation expected of each drive parameter, NaN where anything goes, ``(n_drive,)``."""
+        parts = [np.zeros(0)]
+        for term in self.terms:
+            spread = DRIVE_TERMS[term].spread
+            count = len(DRIVE_TERMS[term].parameter_names(self.header.joints))
+            parts.append(np.full(count, np.nan if spread is None else spread))
+        return np.concatenate(parts)
 
     @property
     def noise(self) -> Array:
@@ -83,8 +96,11 @@ class JointRows:
 
         def source(part: slice) -> Array:
             body = joint_torque_regressor(self.robot.model, k.q[part], k.v[part], k.a[part])[:, joints]
-            drives = self._drive_columns(k.v[part][:, joints], k.a[part][:, joints])
-            return np.concatenate([body, drives, torque[part, :, None]], axis=2)
+            samples = JointSamples(
+                self.robot, k.q[part], k.v[part], k.a[part], joints, self.settings.coulomb_width
+            )
+            drives = [DRIVE_TERMS[term].columns(samples) for term in self.terms]
+            return np.concatenate([body, *drives, torque[part, :, None]], axis=2)
 
         return filtered_rows(source, k, self.filters, self._usable(k, joints))
 
@@ -97,15 +113,6 @@ class JointRows:
             long = np.ones((max(2, round(_STANDS_FOR_S * k.rate_hz)), 1), dtype=bool)
             use &= ~binary_opening(slow, long)
         return use
-
-    def _drive_columns(self, v: Array, a: Array) -> Array:
-        """``(m, n_joints, n_terms · n_joints)``: each joint has columns of its own."""
-        n = len(self.header.joints)
-        columns = np.zeros((len(v), n, len(self.terms) * n))
-        for t, term in enumerate(self.terms):
-            values = DRIVE_TERMS[term].column(v, a, self.settings.coulomb_width)
-            columns[:, np.arange(n), t * n + np.arange(n)] = values
-        return columns
 
     def _torque(self, trial: Trial) -> Array:
         """Joint torques ``(n, n_joints)`` [N·m]."""

@@ -27,8 +27,8 @@ class IdentificationProblem:
 
     The first ``n_inertial`` columns are ten per segment in pinocchio's order
     ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`` about the joint frame; the rest are named
-    ``viscous.JOINT`` [N·m·s/rad], ``coulomb.JOINT`` [N·m], ``offset.JOINT`` [N·m] and
-    ``armature.JOINT`` [kg·m²], as far as the settings ask for them.
+    ``viscous.JOINT`` [N·m·s/rad], ``coulomb.JOINT`` [N·m] and so on, for the terms of
+    :data:`~excite.identification.drive_terms.DRIVE_TERMS` that the settings ask for.
 
     Attributes:
         robot: the robot whose model is identified.
@@ -51,6 +51,8 @@ class IdentificationProblem:
         noise_bandwidth: equivalent number of independent noise samples per row, at most 1: rows of a
             filtered signal that lie closer than the filter resolves are not independent.
         filters: the filters that it was built with.
+        drive_spread: ``(n_params - n_inertial,)`` standard deviation expected of each drive parameter about
+            its prior, NaN where anything goes; None for NaN everywhere.
     """
 
     robot: Robot
@@ -69,6 +71,7 @@ class IdentificationProblem:
     unmeasured: tuple[int, ...] = ()
     noise_bandwidth: float = 1.0
     filters: Filters | None = None
+    drive_spread: Array | None = None
 
     @property
     def n_rows(self) -> int:
@@ -172,6 +175,7 @@ def build_problem(
         unmeasured=unmeasured,
         noise_bandwidth=min(1.0, passed * decimation(rate, filters)),
         filters=filters,
+        drive_spread=builder.drive_spread,
     )
 
 

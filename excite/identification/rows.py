@@ -57,7 +57,7 @@ def filtered_rows(
     settling = settling_samples(rate, cutoff)
     step = decimation(rate, filters)
     kept = np.arange(step // 2, n, step)
-    use = _eroded(use, settling)
+    use = _eroded(use, kinematics.valid, settling)
     probe = source(slice(0, 1))
     block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
     parts = []
@@ -78,9 +78,12 @@ def decimation(rate_hz: float, filters: Filters) -> int:
     return max(1, int(rate_hz / filters.rate_hz + 1e-9))
 
 
-def _eroded(use: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
+def _eroded(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:
     """Take away what the filter's transient reaches: all of it at the ends, half of it at gaps."""
     half = settling // 2
     if half:
         use = binary_erosion(use, np.ones((2 * half + 1, 1), dtype=bool), border_value=0)
+    ends = np.flatnonzero(valid)
+    if len(ends):
+        use[: ends[0] + settling] = use[ends[-1] + 1 - settling :] = False
     return use

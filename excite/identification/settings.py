@@ -41,7 +41,7 @@ class ProblemSettings:
     filtered alike and decimated, which keeps the equation exact whatever the second filter does.
 
     Attributes:
-        cutoff_hz: None takes 8 Hz for joint torques and 5 Hz for a floating base.
+        cutoff_hz: see metadata, as for all others; some ten times what excitation motions are made of.
         kinematics_cutoff_hz: None takes ``cutoff_hz`` for a floating base, twice that for joint torques.
         order: order of the single pass of both Butterworth filters.
         rate_hz: None takes twice ``cutoff_hz``, at which rows are about independent.
@@ -69,7 +69,7 @@ class ProblemSettings:
 
     def filters(self, *, floating: bool) -> Filters:
         """The filters, with every None that depends on the robot or on others filled in."""
-        cutoff = self.cutoff_hz or (5.0 if floating else 8.0)
+        cutoff = self.cutoff_hz
         return Filters(
             cutoff_hz=cutoff,
             kinematics_cutoff_hz=self.kinematics_cutoff_hz or (cutoff if floating else 2.0 * cutoff),
