@@ -23,9 +23,13 @@ def motion_paths(paths: Iterable[Path]) -> list[Path]:
     for path in map(Path, paths):
         if path.is_dir():
             inside = path / "motions" if (path / "motions").is_dir() else path
-            found = sorted(item for item in inside.iterdir() if item.suffix in SUFFIXES and item.name[0] != ".")
+            found = sorted(
+                item for item in inside.iterdir() if item.suffix in SUFFIXES and item.name[0] != "."
+            )
             if not found:
-                raise MotionError("folder holds no motion files", source=path, remedy=f"expected {', '.join(SUFFIXES)}")
+                raise MotionError(
+                    "folder holds no motion files", source=path, remedy=f"expected {', '.join(SUFFIXES)}"
+                )
             files += found
         elif path.is_file():
             files.append(path)

@@ -91,15 +91,21 @@ def load_motion(path: Path, robot: Robot) -> Motion:
     path = Path(path)
     columns, metadata = _read_columns(path)
     if metadata.get("schema") != SCHEMA:
-        raise MotionError(f"schema is {metadata.get('schema')!r}, not {SCHEMA!r}", source=path, field="schema")
+        raise MotionError(
+            f"schema is {metadata.get('schema')!r}, not {SCHEMA!r}", source=path, field="schema"
+        )
     _check_joints(columns, robot, path)
     time = _column(columns, "time", path)
     if len(time) < 3:
-        raise MotionError(f"has {len(time)} samples", source=path, field="time", remedy="at least 3 are needed")
+        raise MotionError(
+            f"has {len(time)} samples", source=path, field="time", remedy="at least 3 are needed"
+        )
     step = np.diff(time)
     if (step <= 0.0).any():
         at = float(time[int(np.argmax(step <= 0.0))])
-        raise MotionError(f"does not increase after {at:.4f} s", source=path, field="time", remedy="sort the samples")
+        raise MotionError(
+            f"does not increase after {at:.4f} s", source=path, field="time", remedy="sort the samples"
+        )
     joints = robot.joint_names
     q, v, a = (_stack(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
     contacts = {}
@@ -108,16 +114,15 @@ def load_motion(path: Path, robot: Robot) -> Motion:
         norm = np.linalg.norm(pose[:, 3:], axis=1)
         if (np.abs(norm - 1.0) > 1e-3).any():
             raise MotionError(
-                f"quaternion of norm {norm[int(np.argmax(np.abs(norm - 1.0)))]:.4f}", source=path, field="base.qw"
+                f"quaternion of norm {norm[int(np.argmax(np.abs(norm - 1.0)))]:.4f}",
+                source=path,
+                field="base.qw",
             )
         pose[:, 3:] /= norm[:, None]
         q = np.hstack([pose, q])
         v = np.hstack([_stack(columns, BASE_TWIST, path), v])
         a = np.hstack([_stack(columns, BASE_ACCELERATION, path), a])
-        contacts = {
-            foot.name: _column(columns, f"contact.{foot.name}", path) > 0.5
-            for foot in robot.feet
-        }
+        contacts = {foot.name: _column(columns, f"contact.{foot.name}", path) > 0.5 for foot in robot.feet}
     return Motion(
         name=path.stem,
         robot=str(metadata.get("robot", robot.name)),
@@ -154,7 +159,9 @@ def _read_columns(path: Path) -> tuple[dict[str, Array], dict]:
             with path.open("rb") as stream:
                 first = stream.readline().decode()
                 if not first.startswith(_CSV_COMMENT):
-                    raise MotionError("has no metadata line", source=path, remedy="its first line is '# {json}'")
+                    raise MotionError(
+                        "has no metadata line", source=path, remedy="its first line is '# {json}'"
+                    )
                 table = pa.csv.read_csv(stream)
                 metadata = json.loads(first[len(_CSV_COMMENT) :])
         else:
@@ -163,7 +170,9 @@ def _read_columns(path: Path) -> tuple[dict[str, Array], dict]:
         return {name: table[name].to_numpy() for name in table.column_names}, metadata
     except (OSError, ValueError, KeyError, BadZipFile, pa.ArrowException) as error:
         text = str(error).split("\n")[0]
-        raise MotionError(f"cannot be read ({text})", source=path, remedy="check that the file is complete") from error
+        raise MotionError(
+            f"cannot be read ({text})", source=path, remedy="check that the file is complete"
+        ) from error
 
 
 def _check_joints(columns: Iterable[str], robot: Robot, path: Path) -> None:
@@ -171,12 +180,18 @@ def _check_joints(columns: Iterable[str], robot: Robot, path: Path) -> None:
     unknown = [name for name in found if name not in robot.joint_names]
     if unknown:
         raise MotionError(
-            f"robot {robot.name!r} has no such joint", source=path, field=f"q.{unknown[0]}", remedy="check the robot"
+            f"robot {robot.name!r} has no such joint",
+            source=path,
+            field=f"q.{unknown[0]}",
+            remedy="check the robot",
         )
     order = [name for name in robot.joint_names if name in found]
     if found != order:
         raise MotionError(
-            "joints are not in the robot's order", source=path, field="q.*", remedy="order them " + ", ".join(order)
+            "joints are not in the robot's order",
+            source=path,
+            field="q.*",
+            remedy="order them " + ", ".join(order),
         )
 
 
@@ -189,7 +204,9 @@ def _column(columns: dict[str, Array], name: str, path: Path) -> Array:
         raise MotionError(f"is not numeric ({error})", source=path, field=name) from error
     if not np.isfinite(values).all():
         row = int(np.argmax(~np.isfinite(values)))
-        raise MotionError(f"is {values[row]} in row {row}", source=path, field=name, remedy="remove NaN and infinity")
+        raise MotionError(
+            f"is {values[row]} in row {row}", source=path, field=name, remedy="remove NaN and infinity"
+        )
     return values
 
 

@@ -140,4 +140,6 @@ def _increments(motion: Motion, robot: Robot) -> Array:
     """Tangent-space step of each interval, ``(n-1, nv)``."""
     if not motion.floating:
         return np.diff(motion.q, axis=0)
-    return np.array([pin.difference(robot.model, a, b) for a, b in zip(motion.q[:-1], motion.q[1:], strict=True)])
+    return np.array(
+        [pin.difference(robot.model, a, b) for a, b in zip(motion.q[:-1], motion.q[1:], strict=True)]
+    )
