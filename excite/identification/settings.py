@@ -53,9 +53,7 @@ class ProblemSettings:
         drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
     """
 
-    cutoff_hz: float | None = _setting(
-        None, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression"
-    )
+    cutoff_hz: float = _setting(5.0, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression")
     kinematics_cutoff_hz: float | None = _setting(None, "Hz", 0.05, 1e4, "cut-off before differentiation")
     order: int = _setting(4, "1", 1, 12, "order of the Butterworth filters")
     rate_hz: float | None = _setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
