@@ -8,9 +8,9 @@ iiwa robot with retrieval of physical parameters using global optimization", IEE
 * Kinematics: Table 2, modified Denavit-Hartenberg. Frame 0 lies where axes 1 and 2 cross, so the robot's
   foot is 0.36 m below it (maker's drawing of the iiwa 14 R820).
 * Mass, CoM (Table 6) and moments about the CoM in link axes (Table 7): the column of their reference
-  [37] (Stürz, Affolter, Smith, "Parameter identification of the KUKA LBR iiwa robot including constraints
-  on physical feasibility", IFAC 2017), whose robot carried no payload.
-* Limits: the maker's (data sheet of the LBR iiwa 14 R820): range, speed and torque of each axis.
+  [37], whose robot carried no payload.
+* Limits: speed and torque of each axis from the maker's brochure "Sensitive robotics: LBR iiwa", page 30
+  (as quoted in the README of Drake's iiwa_description); ranges as in the maker's data.
 
 The tables print four decimals, and some moments so rounded break the triangle inequality by a
 unit or two of the last one; the smallest change (of the second moments ½tr(I)1 − I) that
@@ -52,7 +52,7 @@ MOMENTS = (
     (0.0080, 2.2e-04, -2.9e-04, 0.0109, -2.9e-04, 0.0029),
 )
 
-# Maker's data sheet: half range [deg], speed [deg/s], torque [N·m].
+# The maker's: half range [deg], speed [deg/s], torque [N·m].
 RANGE = (170, 120, 170, 120, 170, 120, 175)
 SPEED = (85, 85, 100, 75, 130, 135, 135)
 TORQUE = (320, 320, 176, 176, 110, 40, 40)
