@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,15 @@ from excite.identification.identify import Identification
 from excite.identification.problem import build_problem
 from excite.logs.log import Log
 from excite.report.data import ConditioningComparison, ForceComparison, MassComparison
+from excite.robot.catalogue import data_folder
 from excite.robot.robot import Array, Robot
+
+
+def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
+    """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot."""
+    if robot.source.resolve().is_relative_to(data_folder("robots").resolve()):
+        return {}
+    return {"robot_file": os.path.relpath(robot.source.resolve(), Path(folder).resolve())}
 
 
 def force_comparison(robot: Robot, identification: Identification, log: Log) -> ForceComparison | None:

@@ -15,6 +15,7 @@ from excite.campaign.findings import (
     force_comparison,
     mass_comparison,
     merged_plan,
+    robot_file,
 )
 from excite.campaign.journal import Journal, PlannedMotions
 from excite.campaign.plan import plan
@@ -179,7 +180,8 @@ class _State:
             save_report_data(
                 self._report_data(self.identification, self.conditioning), folder / "report_data.npz"
             )
-            write_json(merged_plan(self.robot, self.documents, self.conditioning), folder / "plan.json")
+            merged = merged_plan(self.robot, self.documents, self.conditioning)
+            write_json({**merged, **robot_file(self.robot, folder)}, folder / "plan.json")
             write_json(self.identification.to_json(), folder / "identification.json")
         write_json(result.to_json(), folder / "campaign.json")
         return result

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.campaign.findings import conditioning_comparison
+from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
 from excite.excitation.ranking import rank
@@ -129,7 +129,7 @@ class Plan:
         for motion in (*self.motions, *self.validation_motions):
             save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
         save_report_data(self.report_data(), folder / "report_data.npz")
-        write_json(self.to_json(), folder / "plan.json")
+        write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
         return folder
 
 

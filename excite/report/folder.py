@@ -86,7 +86,7 @@ def read_folder(folder: Path) -> Findings:
             source=folder,
             remedy="give the --out folder of another command",
         )
-    robot = _robot(documents, left_out)
+    robot = _robot(folder, documents, left_out)
     return Findings(
         folder=folder,
         data=data,
@@ -113,10 +113,10 @@ def _read_json(path: Path, schema: str) -> Document | None:
     return content
 
 
-def _robot(documents: dict[str, Document | None], left_out: list[str]) -> Robot | None:
+def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Robot | None:
     """The robot that the documents name; a robot of one's own is named by its file."""
     names = [
-        document[key]
+        folder / document[key] if key == "robot_file" else document[key]
         for document in documents.values()
         if document
         for key in ("robot_file", "robot")
