@@ -41,7 +41,7 @@ class ProblemSettings:
     filtered alike and decimated, which keeps the equation exact whatever the second filter does.
 
     Attributes:
-        cutoff_hz: see metadata, as for all others; some ten times what excitation motions are made of.
+        cutoff_hz: None takes 5 Hz, some ten times what excitation motions are made of.
         kinematics_cutoff_hz: None takes ``cutoff_hz`` for a floating base, twice that for joint torques.
         order: order of the single pass of both Butterworth filters.
         rate_hz: None takes twice ``cutoff_hz``, at which rows are about independent.
@@ -53,7 +53,9 @@ class ProblemSettings:
         drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
     """
 
-    cutoff_hz: float = _setting(5.0, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression")
+    cutoff_hz: float | None = _setting(
+        None, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression"
+    )
     kinematics_cutoff_hz: float | None = _setting(None, "Hz", 0.05, 1e4, "cut-off before differentiation")
     order: int = _setting(4, "1", 1, 12, "order of the Butterworth filters")
     rate_hz: float | None = _setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
@@ -67,7 +69,7 @@ class ProblemSettings:
 
     def filters(self, *, floating: bool) -> Filters:
         """The filters, with every None that depends on the robot or on others filled in."""
-        cutoff = self.cutoff_hz
+        cutoff = self.cutoff_hz or 5.0
         return Filters(
             cutoff_hz=cutoff,
             kinematics_cutoff_hz=self.kinematics_cutoff_hz or (cutoff if floating else 2.0 * cutoff),
