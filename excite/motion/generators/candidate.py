@@ -19,11 +19,13 @@ class SupportPhase:
         start: path parameter at which it starts.
         end: path parameter at which it ends.
         feet: names of the feet on the ground.
+        rate: largest rate of the path parameter in it [1/s].
     """
 
     start: float
     end: float
     feet: tuple[str, ...]
+    rate: float = float("inf")
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,10 @@ import numpy as np
 from excite.robot.robot import Array
 
 # Basis of the uniform cubic B-spline: row k holds the coefficients of u⁰…u³ for the k-th of four control points.
-_BASIS = np.array([[1.0, -3.0, 3.0, -1.0], [4.0, 0.0, -6.0, 3.0], [1.0, 3.0, 3.0, -3.0], [0.0, 0.0, 0.0, 1.0]]) / 6.0
+_BASIS = (
+    np.array([[1.0, -3.0, 3.0, -1.0], [4.0, 0.0, -6.0, 3.0], [1.0, 3.0, 3.0, -3.0], [0.0, 0.0, 0.0, 1.0]])
+    / 6.0
+)
 
 
 class Curve(ABC):

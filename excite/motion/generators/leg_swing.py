@@ -15,7 +15,7 @@ from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Array, Foot, Robot
 
-_SWINGS = (7, 11)
+_SWINGS = (5, 8)
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
 _REACH, _RANGE = 0.55, 0.4
 # In shares of the base's height: lowest corner of the free sole, farthest way inwards and outwards, lift at the start.
@@ -27,7 +27,10 @@ _LEAN, _DOWN, _BASE_SHIFT = 0.24, 0.03, 0.7
 _PELVIS = (0.02, 0.04, 0.08, 0.20)
 # How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width: a robot that
 # tips inwards steps on its other foot. More of it while the weight shifts than while the leg swings.
-_SHIFT_BIAS, _SWING_BIAS = 0.22, 0.08
+_SHIFT_BIAS, _SWING_BIAS = 0.06, 0.05
+# Rate of the path while the weight shifts [1/s]: the shift takes three units of it, and a robot that is heavier
+# than its model must not swing over the foot's outer edge.
+_SHIFT_RATE = 1.8
 # Heights of the free sole before and after the swings, in shares of the lift: a robot that leans by a few
 # millimetres touches down early, and then the foot has to be slow already.
 _UP, _SETTLE = (0.06, 1.0), (1.0, 0.3, 0.1, 0.035)
@@ -92,9 +95,9 @@ class LegSwing(Generator):
             com=SplineCurve(com),
             feet={swing.name: SplineCurve(foot)},
             phases=(
-                SupportPhase(0.0, start, both),
+                SupportPhase(0.0, start, both, _SHIFT_RATE),
                 SupportPhase(start, end, one),
-                SupportPhase(end, float(m - 3), both),
+                SupportPhase(end, float(m - 3), both, _SHIFT_RATE),
             ),
         )
 

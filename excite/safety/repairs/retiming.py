@@ -14,6 +14,8 @@ from excite.safety.repairs.time_law import TimeLaw
 
 # Shortest time that the path parameter takes for one unit [s], where nothing else limits it.
 _FASTEST = 0.12
+# Largest change of its rate in time [1/s²]: what changes more slowly than the kernel, the kernel leaves alone.
+_SLOPE = 12.0
 # Width of the kernel that smooths the time law, and the step of its samples [s].
 _KERNEL = 0.14
 _STEP = 0.0025
@@ -65,7 +67,8 @@ def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
             top = np.minimum(bound, 1.0 / _FASTEST) ** 2
             xbound = np.column_stack([np.zeros(len(s)), top])
             m = rows.static.shape[1]
-            return rows.driven, rows.curved, rows.static, np.eye(m), np.zeros(m), None, xbound
+            ubound = np.tile([-_SLOPE, _SLOPE], (len(s), 1))
+            return rows.driven, rows.curved, rows.static, np.eye(m), np.zeros(m), ubound, xbound
 
     path = toppra.SplineInterpolator([0.0, float(s[-1])], [[0.0], [1.0]])
     problem = TOPPRA([RowConstraint()], path, gridpoints=s, solver_wrapper="seidel")

@@ -43,8 +43,8 @@ class Shares:
     friction: float = 0.7
     weight: float = 0.5
     zmp: float = 0.04
-    zmp_one_foot: float = 0.6
-    zmp_shift: float = 0.9
+    zmp_one_foot: float = 0.9
+    zmp_shift: float = 0.97
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +146,19 @@ class PathLimits:
                 tau[i] -= local @ jacobian
 
     def speed_bound(self) -> Array:
-        """Largest ``ṡ`` at the knots that the joint velocities allow, ``(n,)``; infinite where none moves."""
+        """Largest ``ṡ`` at the knots that joint velocities and phases allow, ``(n,)``; may be infinite."""
         limit = self.shares.velocity * self._robot.limits.velocity
         twist = np.abs(self.path.knots.twist[:, self._robot.n_base_v :])
         with np.errstate(divide="ignore"):
-            return (limit / twist).min(axis=1)
+            return np.minimum((limit / twist).min(axis=1), self.phase_bound(self.path.s))
+
+    def phase_bound(self, s: Array) -> Array:
+        """Largest ``ṡ`` that the phases allow at path parameters ``(n,)``; infinite where they say nothing."""
+        bound = np.full(len(s), np.inf)
+        for phase in self.candidate.phases:
+            inside = (s > phase.start) & (s < phase.end)
+            bound[inside] = np.minimum(bound[inside], phase.rate)
+        return bound
 
     def rows(self, s: Array) -> Rows:
         """The rows at path parameters ``(n,)``."""

@@ -15,6 +15,7 @@ from excite.safety.repairs.time_law import TimeLaw
 
 # Speed factors that are worth it: below the first the motion would hardly excite anything.
 _SLOWEST, _FASTEST = 0.3, 1.6
+_PHASE_SLACK = 1.25
 # Samples per sample of the robot at which the limits are evaluated.
 _FINER = 2
 
@@ -100,4 +101,8 @@ def _rate_bounds(
         row, joint = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
         factor = float(max(ratio[row, joint], 1e-12) ** -power)
         found.append(Scaling(factor, reason, robot.joint_names[joint], float(time[row])))
+    # Smoothing carries some of a fast phase's rate into a slow one; that much is meant to be allowed.
+    ratio = speed / (_PHASE_SLACK * limits.phase_bound(s))
+    row = int(np.argmax(ratio))
+    found.append(Scaling(float(1.0 / max(ratio[row], 1e-12)), "phase_rate", "path", float(time[row])))
     return found
