@@ -17,10 +17,18 @@ from excite.robot.collision import collision_model
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
-MASSES = {"g1": 33.341, "human": 74.712, "iiwa14": 20.670, "panda": 16.822, "talos": 90.272, "ur10": 28.7}
+MASSES = {
+    "g1": 33.341,
+    "human": 74.712,
+    "iiwa14": 20.670,
+    "jaco2": 4.766,
+    "panda": 16.822,
+    "talos": 90.272,
+    "ur10": 28.7,
+}
 """Sums of the masses in the URDFs and tables [kg]; of arms without the link that is bolted down."""
 
-JOINTS = {"g1": 29, "human": 36, "iiwa14": 7, "panda": 7, "talos": 30, "ur10": 6}
+JOINTS = {"g1": 29, "human": 36, "iiwa14": 7, "jaco2": 7, "panda": 7, "talos": 30, "ur10": 6}
 
 
 @pytest.fixture(scope="module", params=bundled_robots())
@@ -162,6 +170,25 @@ def test_iiwa_file_is_what_its_script_writes() -> None:
     for link in range(7):
         printed, kept = script["printed"](link), script["consistent"](script["MOMENTS"][link])
         assert np.abs(printed - kept).max() <= 2.0e-4  # two units of the tables' last decimal
+
+
+def test_jaco2_file_is_what_its_script_writes() -> None:
+    folder = data_folder("robots") / "jaco2"
+    script = runpy.run_path(str(folder / "make_urdf.py"))
+    assert script["urdf"]() == (folder / "jaco2.urdf").read_text(encoding="utf-8")
+
+
+def test_jaco2_points_up_at_its_upright_posture() -> None:
+    """Table 1 of its article: shoulder 0.2755 m, elbow 0.6855 m, wrist 0.9966 m high, 9.8 mm aside."""
+    robot = load_robot("jaco2")
+    script = runpy.run_path(str(data_folder("robots") / "jaco2" / "make_urdf.py"))
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, np.array(script["UPRIGHT"]))
+    joints = [data.oMi[joint].translation for joint in (2, 4, 6)]
+    np.testing.assert_allclose(joints, [[0, 0, 0.2755], [0, 0, 0.6855], [0, -0.0098, 0.9966]], atol=1e-9)
+    centres = np.array([data.oMi[i].act(robot.model.inertias[i].lever) for i in range(1, 8)])
+    assert (np.diff(centres[:, 2]) > 0.08).all()  # link by link, as high as it stands
+    assert np.abs(centres[:, :2]).max() < 0.015
 
 
 def test_iiwa_stands_upright_at_zero() -> None:
