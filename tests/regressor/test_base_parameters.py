@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -37,10 +36,7 @@ def on_plates(robot: Robot) -> Robot:
 def test_structural_rank(name: str, feet: bool, rank: int | None) -> None:
     robot = load_robot(name)
     robot = on_plates(robot) if feet else robot
-    structural_base_parameters(robot, ())
-    start = time.perf_counter()
     base = structural_base_parameters(robot, ())
-    assert time.perf_counter() - start < 1.0
     assert base.rank == (rank if rank is not None else 10 * len(robot.segments) - 3 * robot.n_joints)
     assert base.smallest_kept > 1e-2
     assert base.largest_dropped < 1e-10
