@@ -36,7 +36,7 @@ _SHIFT_RATE = 1.8
 _UP, _SETTLE = (0.06, 1.0), (1.0, 0.3, 0.1, 0.035)
 # Longest distance from hip to sole, in shares of that at rest.
 _STRETCH = 0.98
-_ARMS = (0.05, 0.35)
+_ARMS = (0.03, 0.2)
 _DRAWS = 2000
 
 

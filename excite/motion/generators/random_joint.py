@@ -12,7 +12,8 @@ from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.robot.robot import Array, Robot
 
-_WAYPOINTS = (9, 14)
+# Control points: of the many light joints of a standing robot, of an arm that takes a second from one to the next.
+_WAYPOINTS, _ARM_WAYPOINTS = (9, 14), (6, 10)
 _OTHERS = (0.15, 0.7)
 
 
@@ -66,9 +67,9 @@ class RandomJoint(Generator):
         return tuple(np.array(robot.joint_names)[upper_body(robot)])
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
-        """A spline through 9 to 13 random control points, from rest to rest."""
+        """A spline through random control points, from rest to rest."""
         rng = np.random.default_rng(seed)
-        n = int(rng.integers(*_WAYPOINTS))
+        n = int(rng.integers(*(_WAYPOINTS if robot.feet else _ARM_WAYPOINTS)))
         others = rng.uniform(*_OTHERS, size=robot.n_joints)
         draws = posture_draws(robot, targets, others, 3, 3 + n)
         posture = posture_curve(robot, draws, n + 6, rng)

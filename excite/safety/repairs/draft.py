@@ -10,6 +10,7 @@ from excite.motion.generators.candidate import Candidate
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.repairs.path import MotionPath
+from excite.safety.repairs.rows import PathLimits
 from excite.safety.repairs.time_law import TimeLaw
 
 
@@ -37,12 +38,14 @@ class Draft:
     Attributes:
         candidate: the candidate, perhaps with other control points than the generator drew.
         path: the whole robot's path, once the base and legs are known.
+        limits: what limits the speed along the path, computed by the first repair that needs it.
         law: path parameter over time, once the path has a time law.
         motion: the samples, in the end.
     """
 
     candidate: Candidate
     path: MotionPath | None = None
+    limits: PathLimits | None = None
     law: TimeLaw | None = None
     motion: Motion | None = None
 

@@ -6,8 +6,8 @@ from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Repair
 from excite.safety.repairs.retiming import Retiming
-from excite.safety.repairs.rows import Shares
 from excite.safety.repairs.sampling import Sampling
+from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_scaling import TimeScaling
 from excite.safety.repairs.waypoints import Waypoints
 from excite.safety.repairs.whole_body import WholeBody
@@ -29,6 +29,6 @@ def make_repairs(robot: Robot, shares: Shares | None = None) -> list[Repair]:
         Waypoints(robot, probe),
         WholeBody(robot, probe),
         Retiming(robot, shares),
-        TimeScaling(robot, shares),
+        TimeScaling(robot),
         Sampling(robot, probe),
     ]

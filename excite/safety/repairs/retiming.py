@@ -9,7 +9,8 @@ import numpy as np
 
 from excite.robot.robot import Array, Robot
 from excite.safety.repairs.draft import Draft, Rejection, Repair
-from excite.safety.repairs.rows import PathLimits, Rows, Shares
+from excite.safety.repairs.rows import PathLimits, Rows
+from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_law import TimeLaw
 
 # Shortest time that the path parameter takes for one unit [s], where nothing else limits it.
@@ -26,7 +27,7 @@ class Retiming(Repair):
 
     toppra (Pham and Pham 2018) gives the fastest speed profile, whose acceleration jumps; the convolution of
     ``s(t)`` with a smooth positive kernel of 0.14 s takes the jumps away. What the smoothing may violate the
-    next repair takes back. Curves with a speed of their own keep it, with soft starts and stops.
+    next repair takes back. Curves with a speed of their own keep it: they start and end at rest anyway.
     """
 
     name: ClassVar[str] = "retiming"
@@ -39,15 +40,16 @@ class Retiming(Repair):
         """A draft with a time law, or the rejection ``no_time_law``."""
         if draft.path is None:
             return draft.rejected("no_path", "path")
-        speed = draft.candidate.speed
-        if speed is not None:
-            law = TimeLaw(np.linspace(0.0, 1.0, 5) * draft.candidate.length / speed, np.linspace(0.0, 1.0, 5) * draft.candidate.length, (speed, speed))
-            return replace(draft, law=law)
-        limits = PathLimits(draft.candidate, draft.path, self._shares)
+        candidate = draft.candidate
+        limits = PathLimits(candidate, draft.path, self._shares)
+        if candidate.speed is not None:
+            s = np.linspace(0.0, candidate.length, 5)
+            law = TimeLaw(s / candidate.speed, s, (candidate.speed, candidate.speed))
+            return replace(draft, limits=limits, law=law)
         rate = fastest_rate(draft.path.s, limits.rows(draft.path.s), limits.speed_bound())
         if rate is None:
             return draft.rejected("no_time_law", "path")
-        return replace(draft, law=smoothed_law(draft.path.s, rate))
+        return replace(draft, limits=limits, law=smoothed_law(draft.path.s, rate))
 
 
 def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
@@ -63,7 +65,7 @@ def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
             super().__init__()
             self.identical = True
 
-        def compute_constraint_params(self, path, gridpoints, *args, **kwargs):  # noqa: ANN001, ANN002, ANN003, ANN202
+        def compute_constraint_params(self, path, gridpoints, *args, **kwargs):
             top = np.minimum(bound, 1.0 / _FASTEST) ** 2
             xbound = np.column_stack([np.zeros(len(s)), top])
             m = rows.static.shape[1]
@@ -87,7 +89,7 @@ def smoothed_law(s: Array, rate: Array) -> TimeLaw:
     """
     step = 2.0 * np.diff(s) / (rate[:-1] + rate[1:])
     knots = np.r_[0.0, np.cumsum(step)]
-    half = int(round(0.5 * _KERNEL / _STEP))
+    half = round(0.5 * _KERNEL / _STEP)
     n = int(np.ceil(knots[-1] / _STEP)) + 1
     time = np.arange(n) * _STEP
     i = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(s) - 2)
@@ -99,4 +101,4 @@ def smoothed_law(s: Array, rate: Array) -> TimeLaw:
     smooth = np.convolve(values, kernel / kernel.sum(), mode="valid")
     smooth[0], smooth[-1] = s[0], s[-1]
     smooth = np.minimum(np.maximum.accumulate(smooth), s[-1])
-    return TimeLaw(np.arange(len(smooth)) * _STEP, smooth)
+    return TimeLaw(np.arange(len(smooth), dtype=np.float64) * _STEP, np.asarray(smooth, dtype=np.float64))

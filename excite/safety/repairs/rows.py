@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from excite.motion.generators.bodyparts import leg_joints
@@ -15,36 +14,8 @@ from excite.motion.generators.candidate import Candidate
 from excite.robot.loading import per_joint
 from excite.robot.robot import Array, Robot
 from excite.safety.repairs.path import MotionPath
-
-
-@dataclass(frozen=True)
-class Shares:
-    """How much of each limit repairs use, so that the verdict finds a margin.
-
-    Attributes:
-        velocity: of the joint velocity (Jovic et al. 2015, section II.B: 80 %).
-        acceleration: of the joint acceleration.
-        torque: of the joint torque, for joints outside legs.
-        leg_torque: of the joint torque in legs, where the sharing of the load is an assumption.
-        jerk: of the joint jerk.
-        friction: of the friction coefficient.
-        weight: smallest share of the weight that the ground carries.
-        zmp: distance of the zero-moment point from the support polygon's edge [m].
-        zmp_one_foot: over one foot that distance is at most this share of the sole's inradius.
-        zmp_shift: the same while the weight shifts from two feet to one or back: nearly all of it, since a push
-            outwards then tips the robot over the foot's outer edge.
-    """
-
-    velocity: float = 0.8
-    acceleration: float = 0.92
-    torque: float = 0.85
-    leg_torque: float = 0.75
-    jerk: float = 1.0
-    friction: float = 0.7
-    weight: float = 0.5
-    zmp: float = 0.04
-    zmp_one_foot: float = 0.9
-    zmp_shift: float = 0.97
+from excite.safety.repairs.shares import Shares
+from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +141,12 @@ class PathLimits:
         blocks = [
             _two_sided(
                 np.stack(
-                    [np.zeros((len(s), robot.n_joints)), sample.curvature[:, n_base:], sample.twist[:, n_base:]], 1
+                    [
+                        np.zeros((len(s), robot.n_joints)),
+                        sample.curvature[:, n_base:],
+                        sample.twist[:, n_base:],
+                    ],
+                    1,
                 )
                 / limit
             )
@@ -210,71 +186,27 @@ class PathLimits:
         for k, support in enumerate(supports):
             at = member.ravel() == k
             w = wrench[at] / weight
-            rows[at, :, : len(support.normals)] = _zmp_rows(w, support, self._margin(support, narrowest))
-            rows[at, :, n_edges:-1] = _friction_rows(w, support, self.shares.friction)
+            rows[at, :, : len(support.normals)] = zmp_rows(w, support, self._margin(support, narrowest))
+            rows[at, :, n_edges:-1] = friction_rows(w, support, self.shares.friction)
             rows[at, :, -1] = -w[..., 2]
             rows[at, 0, -1] += self.shares.weight
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
         return rows, labels
 
-    def _margin(self, support: _Support, narrowest: float) -> float:
+    def _margin(self, support: Support, narrowest: float) -> float:
         share = self.shares.zmp_one_foot if support.inradius <= narrowest else self.shares.zmp_shift
         return min(self.shares.zmp, share * narrowest)
 
     def _all_patterns(self) -> list[Array]:
         """The sets of carrying feet over the whole candidate."""
-        return [np.array([foot.name in phase.feet for foot in self._robot.feet]) for phase in self.candidate.phases]
+        return [
+            np.array([foot.name in phase.feet for foot in self._robot.feet])
+            for phase in self.candidate.phases
+        ]
 
-    def _support(self, carried: Array) -> _Support:
+    def _support(self, carried: Array) -> Support:
         feet = [foot for foot, carries in zip(self._robot.feet, carried, strict=True) if carries]
-        corners = np.vstack([self._soles[foot.name][:, :2] for foot in feet])
-        hull = ConvexHull(corners)
-        # Qhull's equations: outward unit normal and offset, n·x + c ≤ 0 inside; one for each edge.
-        equations = np.unique(np.round(hull.equations, 9), axis=0)
-        centre = corners.mean(axis=0)
-        inradius = float(-(equations[:, :2] @ centre + equations[:, 2]).max())
-        radius = float(np.mean([np.linalg.norm(c - c.mean(axis=0), axis=1).mean() for c in _by_foot(corners, feet)]))
-        friction = min(foot.friction for foot in feet)
-        return _Support(equations[:, :2], equations[:, 2], centre, inradius, radius, friction)
-
-
-@dataclass(frozen=True, eq=False)
-class _Support:
-    """A support polygon: ``normals @ x + offsets ≤ 0`` inside.
-
-    Attributes:
-        normals: outward, ``(m, 2)``.
-        offsets: ``(m,)`` [m].
-        centre: mean of the corners, ``(2,)`` [m].
-        inradius: distance of the centre from the nearest edge [m].
-        radius: mean distance of the corners from their foot's centre [m], the lever arm of torsional friction.
-        friction: coefficient.
-    """
-
-    normals: Array
-    offsets: Array
-    centre: Array
-    inradius: float
-    radius: float
-    friction: float
-
-
-def _by_foot(corners: Array, feet: list) -> list[Array]:
-    return np.split(corners, np.cumsum([len(foot.sole) for foot in feet])[:-1])
-
-
-def _zmp_rows(w: Array, support: _Support, margin: float) -> Array:
-    """``n·(f_z p) + (c + margin) f_z ≤ 0`` with ``f_z p = (−m_y, m_x)``, scaled to order one."""
-    point = np.stack([-w[..., 4], w[..., 3]], axis=-1)
-    return 10.0 * (point @ support.normals.T + w[..., 2:3] * (support.offsets + margin))
-
-
-def _friction_rows(w: Array, support: _Support, share: float) -> Array:
-    """``±f_x ± f_y ± m_z/r ≤ μ f_z``, with the vertical moment about the polygon's centre."""
-    vertical = w[..., 5] - (support.centre[0] * w[..., 1] - support.centre[1] * w[..., 0])
-    parts = np.stack([w[..., 0], w[..., 1], vertical / support.radius], axis=-1)
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    return parts @ signs.T - share * support.friction * w[..., 2:3]
+        return support_of([self._soles[foot.name] for foot in feet], min(foot.friction for foot in feet))
 
 
 def _load_shares(point: Array, centres: Array, carried: Array) -> Array:

@@ -49,7 +49,9 @@ class Sampling(Repair):
             for part in (there, back):
                 collision = self._probe.first(part.q)
                 if collision is not None:
-                    return draft.rejected("self_collision", f"transfer, {self._probe.culprit(part.q[collision])}")
+                    return draft.rejected(
+                        "self_collision", f"transfer, {self._probe.culprit(part.q[collision])}"
+                    )
             q, v, a = _joined(there, (q, v, a), back)
             time = np.arange(len(q)) / rate
         candidate = draft.candidate

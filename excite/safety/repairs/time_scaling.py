@@ -7,17 +7,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Array
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath
-from excite.safety.repairs.rows import PathLimits, Shares
+from excite.safety.repairs.rows import PathLimits
 from excite.safety.repairs.time_law import TimeLaw
 
 # Speed factors that are worth it: below the first the motion would hardly excite anything.
 _SLOWEST, _FASTEST = 0.3, 1.6
 _PHASE_SLACK = 1.25
 # Samples per sample of the robot at which the limits are evaluated.
-_FINER = 2
+_FINER, _HIGHEST_RATE_HZ = 2, 400.0
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,12 @@ class TimeScaling(Repair):
 
     name: ClassVar[str] = "time_scaling"
 
-    def __init__(self, robot: Robot, shares: Shares) -> None:
-        super().__init__(robot)
-        self._shares = shares
-
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft whose law keeps the limits and takes a whole number of samples; or the limiting reason."""
-        if draft.path is None or draft.law is None:
+        if draft.limits is None or draft.law is None:
             return draft.rejected("no_time_law", "path")
         rate = self.robot.description.sensors.rate_hz
-        limits = PathLimits(draft.candidate, draft.path, self._shares)
-        scaling = largest_factor(limits, draft.law, _FINER * rate)
+        scaling = largest_factor(draft.limits, draft.law, min(_FINER * rate, _HIGHEST_RATE_HZ))
         if scaling.factor < _SLOWEST:
             return draft.rejected(scaling.reason, scaling.where, scaling.time)
         fastest = 1.0 if draft.candidate.speed is not None else _FASTEST
@@ -103,6 +98,6 @@ def _rate_bounds(
         found.append(Scaling(factor, reason, robot.joint_names[joint], float(time[row])))
     # Smoothing carries some of a fast phase's rate into a slow one; that much is meant to be allowed.
     ratio = speed / (_PHASE_SLACK * limits.phase_bound(s))
-    row = int(np.argmax(ratio))
-    found.append(Scaling(float(1.0 / max(ratio[row], 1e-12)), "phase_rate", "path", float(time[row])))
+    at = int(np.argmax(ratio))
+    found.append(Scaling(float(1.0 / max(ratio[at], 1e-12)), "phase_rate", "path", float(time[at])))
     return found

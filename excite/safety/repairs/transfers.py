@@ -61,7 +61,7 @@ def transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Transfer
     return Transfer(time, q, v, a)
 
 
-def _calculate(problem):  # noqa: ANN001, ANN202
+def _calculate(problem):
     import ruckig
 
     trajectory = ruckig.Trajectory(len(problem.current_position))

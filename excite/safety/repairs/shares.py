@@ -1,0 +1,35 @@
+"""How much of each limit repairs use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Shares:
+    """How much of each limit repairs use, so that the verdict finds a margin.
+
+    Attributes:
+        velocity: of the joint velocity (Jovic et al. 2015, section II.B: 80 %).
+        acceleration: of the joint acceleration.
+        torque: of the joint torque, for joints outside legs.
+        leg_torque: of the joint torque in legs, where the sharing of the load is an assumption.
+        jerk: of the joint jerk.
+        friction: of the friction coefficient.
+        weight: smallest share of the weight that the ground carries.
+        zmp: distance of the zero-moment point from the support polygon's edge [m].
+        zmp_one_foot: over one foot that distance is at most this share of the sole's inradius.
+        zmp_shift: the same while the weight shifts from two feet to one or back: nearly all of it, since a push
+            outwards then tips the robot over the foot's outer edge.
+    """
+
+    velocity: float = 0.8
+    acceleration: float = 0.92
+    torque: float = 0.85
+    leg_torque: float = 0.75
+    jerk: float = 1.0
+    friction: float = 0.7
+    weight: float = 0.5
+    zmp: float = 0.04
+    zmp_one_foot: float = 0.85
+    zmp_shift: float = 0.97
