@@ -61,7 +61,9 @@ class Fourier(Generator):
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """Every joint that is in no leg."""
-        return tuple(np.array(robot.joint_names)[upper_body(robot)])
+        return tuple(
+            joint for joint, upper in zip(robot.joint_names, upper_body(robot), strict=True) if upper
+        )
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """One period of a series with five harmonics; the targets use the whole of their limits."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,30 +43,45 @@ def transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Transfer
     Raises:
         NoSolutionError: ruckig finds none.
     """
-    import ruckig
-
-    problem = ruckig.InputParameter(robot.n_joints)
-    problem.current_position, problem.target_position = list(start), list(end)
-    problem.max_velocity = list(_SHARE * robot.limits.velocity)
-    problem.max_acceleration = list(_SHARE * robot.limits.acceleration)
-    problem.max_jerk = list(_SHARE * robot.limits.jerk)
-    problem.synchronization = ruckig.Synchronization.Phase
-    trajectory = _calculate(problem)
-    samples = int(np.ceil(trajectory.duration * rate_hz - 1e-9)) + 1
-    problem.minimum_duration = samples / rate_hz
-    trajectory = _calculate(problem)
+    way = end - start
+    size = np.maximum(np.abs(way), 1e-9)
+    limits = robot.limits
+    share, duration = _ramp(
+        _SHARE * float((limits.velocity / size).min()),
+        _SHARE * float((limits.acceleration / size).min()),
+        _SHARE * float((limits.jerk / size).min()),
+    )
+    samples = max(1, int(np.ceil(duration * rate_hz - 1e-9)))
     time = np.arange(samples + 1) / rate_hz
-    states = [trajectory.at_time(min(t, trajectory.duration)) for t in time]
-    q, v, a = (np.array([state[k] for state in states]) for k in range(3))
-    q[-1], v[-1], a[-1] = end, 0.0, 0.0
-    return Transfer(time, q, v, a)
+    # Stretched to a whole number of samples.
+    k = duration * rate_hz / samples
+    states = np.array([share(t) for t in np.minimum(time * k, duration)])
+    states[-1] = 1.0, 0.0, 0.0
+    return Transfer(
+        time=time,
+        q=start + states[:, :1] * way,
+        v=k * states[:, 1:2] * way,
+        a=k**2 * states[:, 2:] * way,
+    )
 
 
-def _calculate(problem):
+def _ramp(
+    velocity: float, acceleration: float, jerk: float
+) -> tuple[Callable[[float], tuple[float, float, float]], float]:
+    """From 0 to 1 at rest, as fast as the limits allow: position, velocity and acceleration at a time; duration."""
     import ruckig
 
-    trajectory = ruckig.Trajectory(len(problem.current_position))
-    result = ruckig.Ruckig(len(problem.current_position)).calculate(problem, trajectory)
+    problem = ruckig.InputParameter(1)
+    problem.current_position, problem.target_position = [0.0], [1.0]
+    problem.max_velocity, problem.max_acceleration = [velocity], [acceleration]
+    problem.max_jerk = [jerk]
+    trajectory = ruckig.Trajectory(1)
+    result = ruckig.Ruckig(1).calculate(problem, trajectory)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise NoSolutionError(f"ruckig finds no transfer ({result})", remedy="check the limits")
-    return trajectory
+
+    def state(time: float) -> tuple[float, float, float]:
+        position, speed, rate = trajectory.at_time(float(time))
+        return position[0], speed[0], rate[0]
+
+    return state, float(trajectory.duration)
