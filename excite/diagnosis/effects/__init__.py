@@ -1,0 +1,1 @@
+"""The effects that a diagnosis knows, one file each."""

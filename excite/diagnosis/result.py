@@ -1,0 +1,383 @@
+"""What a diagnosis says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+SCHEMA = "excite.diagnosis/1"
+Verdict = Literal["effect", "none", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted parameter of an effect.
+
+    Attributes:
+        value: in ``unit``.
+        std: standard deviation in ``unit``, None where it was not computed.
+        unit: SI unit.
+    """
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at a place, fitted on the identification trials.
+
+    Attributes:
+        effect: name of the effect, a word of ``excite.logs.vocabulary.EFFECTS``.
+        location: joint, link, sensor (``SENSOR.AXIS``, ``SENSOR.AXIS->AXIS``), ``base``, ``torque`` or ``wrench``.
+        parameters: fitted parameters by name.
+        evidence: log-likelihood ratio against the model without it, per effective sample summed, less the
+            price of its parameters and of the candidates tried [nats].
+        gap_after: root mean square over channels of the normalised gap on the validation trials.
+        share_closed: ``1 − (after² − floor²)/(before² − floor²)``.
+        tied_locations: places that the data cannot tell from ``location``, itself among them.
+        probability: probability that this is the effect, given that one of the candidates is; None unless computed.
+        interval: 90 % interval of ``share_closed``; None unless computed.
+    """
+
+    effect: str
+    location: str | None
+    parameters: dict[str, Estimate]
+    evidence: float
+    gap_after: float
+    share_closed: float
+    tied_locations: tuple[str, ...] = ()
+    probability: float | None = None
+    interval: tuple[float, float] | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The candidate as it stands in the document."""
+        return {
+            "effect": self.effect,
+            "location": self.location,
+            "parameters": {
+                name: {"value": item.value, "std": item.std, "unit": item.unit}
+                for name, item in self.parameters.items()
+            },
+            "evidence": self.evidence,
+            "gap_after": self.gap_after,
+            "share_closed": self.share_closed,
+            "tied_locations": list(self.tied_locations),
+            "probability": self.probability,
+            "share_closed_90": None if self.interval is None else list(self.interval),
+        }
+
+
+@dataclass(frozen=True)
+class ChannelGap:
+    """Gap of one channel: RMS over the validation trials of measured minus predicted [the channel's unit].
+
+    Attributes:
+        before: with the baseline alone.
+        after: with the accepted effects.
+        noise_floor: what no model can go below.
+        unit: of the three.
+    """
+
+    before: float
+    after: float
+    noise_floor: float
+    unit: str = "N·m"
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap over all channels: root mean square over them, each divided by its standard deviation.
+
+    Attributes:
+        before: with the baseline alone.
+        after: with the accepted effects.
+        noise_floor: what no model can go below.
+        share_closed: ``1 − (after² − floor²)/(before² − floor²)``; 0 where there was nothing to close.
+        per_channel: by channel, in its own unit.
+        interval: 90 % interval of ``share_closed``, None where it was not computed.
+    """
+
+    before: float
+    after: float
+    noise_floor: float
+    share_closed: float
+    per_channel: dict[str, ChannelGap]
+    interval: tuple[float, float] | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The gap as it stands in the document."""
+        return {
+            "before": self.before,
+            "after": self.after,
+            "noise_floor": self.noise_floor,
+            "share_closed": self.share_closed,
+            "share_closed_90": None if self.interval is None else list(self.interval),
+            "per_channel": {
+                name: {
+                    "before": item.before,
+                    "after": item.after,
+                    "noise_floor": item.noise_floor,
+                    "unit": item.unit,
+                }
+                for name, item in self.per_channel.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
+class Where:
+    """One line of the map of where the gap lies.
+
+    Attributes:
+        channel: joint, or wrench component.
+        share: its share of the gap's power above the noise floor, over all channels, 0…1.
+        depends_on: what its residual follows most: velocity, position, load, acceleration, time, … or none.
+        band_hz: frequencies that hold the middle 80 % of its residual's power [Hz].
+        dependence: share of the residual's power that each thing explains, by name, 0…1.
+    """
+
+    channel: str
+    share: float
+    depends_on: str
+    band_hz: tuple[float, float]
+    dependence: dict[str, float] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The line as it stands in the document."""
+        return {
+            "channel": self.channel,
+            "share": self.share,
+            "depends_on": self.depends_on,
+            "band_hz": list(self.band_hz),
+            "dependence": dict(self.dependence),
+        }
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """Short roll-outs of the nominal and of the augmented simulator against the record.
+
+    Attributes:
+        before: by channel, RMS error of the nominal simulator [rad or m].
+        after: by channel, RMS error of the augmented simulator, same unit.
+        horizon_s: length of a roll-out [s].
+        model: file name of the augmented simulator.
+        warnings: effects that the simulator cannot express or ignores.
+    """
+
+    before: dict[str, float]
+    after: dict[str, float]
+    horizon_s: float
+    model: str
+    warnings: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The comparison as it stands in the document."""
+        return {
+            "before": dict(self.before),
+            "after": dict(self.after),
+            "horizon_s": self.horizon_s,
+            "model": self.model,
+            "warnings": list(self.warnings),
+        }
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to measure next.
+
+    Attributes:
+        why: one sentence.
+        separates: effects (``EFFECT`` or ``EFFECT@LOCATION``) that it tells apart.
+        motion: file of the motion, None where no motion helps or none was planned.
+    """
+
+    why: str
+    separates: tuple[str, ...]
+    motion: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The proposal as it stands in the document."""
+        return {"why": self.why, "separates": list(self.separates), "motion": self.motion}
+
+
+@dataclass(frozen=True)
+class LogFault:
+    """Something that was wrong with the record before any physics.
+
+    Attributes:
+        kind: such as ``repeated_rows``, ``jitter``, ``late_stamps``, ``degrees``, ``flipped_sign``.
+        where: trial, channel or both.
+        what: one sentence with the number.
+        cause: the likely cause.
+        repaired: whether it was repaired for the diagnosis.
+    """
+
+    kind: str
+    where: str
+    what: str
+    cause: str
+    repaired: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """The finding as it stands in the document."""
+        return {
+            "kind": self.kind,
+            "where": self.where,
+            "what": self.what,
+            "cause": self.cause,
+            "repaired": self.repaired,
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Where the gap lies, which effect causes it, how far it shrinks.
+
+    Attributes:
+        robot: name of the robot.
+        verdict: ``effect``, ``none``, ``ambiguous`` or ``unknown``.
+        effect: the accepted effect, the likeliest one where the verdict is ambiguous, else None.
+        location: its likeliest place, or the place of an unknown gap.
+        tied_locations: places that the data cannot tell from ``location``, itself among them.
+        candidates: likeliest first; where ambiguous, first those that the data cannot tell apart.
+        effects: accepted effects in the order in which they were added.
+        gap: the gap before and after them.
+        where: map of the gap, largest share first.
+        simulation: roll-outs, None where there were none.
+        n_tied: number of leading candidates that the data cannot tell apart (ambiguous only).
+        next_experiment: what would settle what is open, None where nothing is.
+        faults: what was wrong with the record.
+        warnings: limits of what was said, one sentence each.
+    """
+
+    robot: str
+    verdict: Verdict
+    effect: str | None
+    location: str | None
+    tied_locations: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    effects: tuple[Candidate, ...]
+    gap: Gap
+    where: tuple[Where, ...]
+    simulation: Rollout | None = None
+    n_tied: int = 0
+    next_experiment: NextExperiment | None = None
+    faults: tuple[LogFault, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def ambiguous_with(self) -> tuple[Candidate, ...]:
+        """Candidates that the data cannot tell apart; empty unless the verdict is ``ambiguous``."""
+        return self.candidates[: self.n_tied] if self.verdict == "ambiguous" else ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The document ``excite.diagnosis/1``; what is infinite or not known is null."""
+        return _finite(
+            {
+                "schema": SCHEMA,
+                "robot": self.robot,
+                "verdict": self.verdict,
+                "effect": self.effect,
+                "location": self.location,
+                "tied_locations": list(self.tied_locations),
+                "candidates": [item.to_json() for item in self.candidates],
+                "effects": [item.to_json() for item in self.effects],
+                "gap": self.gap.to_json(),
+                "simulation": None if self.simulation is None else self.simulation.to_json(),
+                "where": [item.to_json() for item in self.where],
+                "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
+                "sentence": self.sentence(),
+                "log": [item.to_json() for item in self.faults],
+                "warnings": list(self.warnings),
+            }
+        )
+
+    def sentence(self) -> str:
+        """The one sentence that a person would repeat to a colleague."""
+        gap = f"{100 * self.gap.before:.1f} % of the signal"
+        closes = f"adding it closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
+        if self.verdict == "none":
+            return f"{self.robot}: the model explains the record to its noise floor ({gap})."
+        if self.verdict == "unknown":
+            place = self.location or (self.where[0].channel if self.where else "the robot")
+            follows = self.where[0].depends_on if self.where else "nothing known"
+            return (
+                f"{self.robot}: there is a gap at {place} that follows {follows} and that no effect "
+                f"in the library explains ({gap})."
+            )
+        if self.verdict == "ambiguous":
+            either = " or ".join(_named(item) for item in self.ambiguous_with)
+            return f"{self.robot}: the gap is {either}; this record cannot say which; {closes}."
+        named = " and ".join(_named(item) for item in self.effects) or _words(self.effect, self.location)
+        return f"{self.robot}: the gap is {named}; {closes}."
+
+    def summary(self) -> str:
+        """The diagnosis in words and a table, for a terminal; starts with the sentence."""
+        lines = [self.sentence(), ""]
+        if len(self.tied_locations) > 1:
+            lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
+        lines += [*self._gap_lines(), "", *self._candidate_lines()]
+        if self.next_experiment is not None:
+            lines += ["", f"next: {self.next_experiment.why}"]
+        lines += [f"log: {item.what} ({item.cause})" for item in self.faults]
+        lines += [f"note: {text}" for text in self.warnings]
+        return "\n".join(lines)
+
+    def _gap_lines(self) -> list[str]:
+        share = {item.channel: item for item in self.where}
+        width = max([len(name) for name in self.gap.per_channel] + [7])
+        lines = [f"{'channel':{width}}  {'before':>9}  {'after':>9}  {'floor':>9}  share  depends on"]
+        for name, item in self.gap.per_channel.items():
+            place = share.get(name)
+            tail = "" if place is None else f"  {100 * place.share:4.0f}%  {place.depends_on}"
+            lines.append(
+                f"{name:{width}}  {item.before:9.3g}  {item.after:9.3g}  {item.noise_floor:9.3g}{tail} [{item.unit}]"
+            )
+        total = f"{self.gap.before:9.3g}  {self.gap.after:9.3g}  {self.gap.noise_floor:9.3g}"
+        return [*lines, f"{'all':{width}}  {total}  (of the signal)"]
+
+    def _candidate_lines(self) -> list[str]:
+        lines = [f"{'effect':24} {'place':24} {'evidence':>9} {'closed':>7}  parameters"]
+        for item in self.candidates[:6]:
+            values = ", ".join(f"{name} {_measured(e)}" for name, e in item.parameters.items())
+            lines.append(
+                f"{item.effect:24} {item.location or '':24} {item.evidence:9.1f} "
+                f"{100 * item.share_closed:6.0f}%  {values}"
+            )
+        return lines if self.candidates else []
+
+
+def share_closed(before: float, after: float, floor: float) -> float:
+    """``1 − (after² − floor²)/(before² − floor²)``, 0 where nothing stands above the floor."""
+    open_power = before**2 - floor**2
+    return 0.0 if open_power <= 0.0 else 1.0 - (after**2 - floor**2) / open_power
+
+
+def _measured(item: Estimate) -> str:
+    spread = "" if item.std is None else f" ± {item.std:.1g}"
+    return f"{item.value:.4g}{spread} {item.unit}".strip()
+
+
+def _named(item: Candidate) -> str:
+    values = ", ".join(_measured(e) for e in list(item.parameters.values())[:1])
+    return _words(item.effect, item.location) + (f" ({values})" if values else "")
+
+
+def _words(effect: str | None, location: str | None) -> str:
+    name = (effect or "unknown").replace("_", " ")
+    return name if location is None else f"{name} at {location}"
+
+
+def _finite(value: Any) -> Any:
+    """A copy in which numbers that JSON cannot hold are None."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
