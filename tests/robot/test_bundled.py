@@ -13,12 +13,13 @@ from scipy.spatial import ConvexHull
 
 from excite.errors import RobotError, UnknownNameError
 from excite.robot.catalogue import bundled_robots, data_folder, find_robot
-from excite.robot.collision import collision_model
+from excite.robot.collision import collision_model, collision_shapes, shape_points
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 MASSES = {
     "g1": 33.341,
+    "hrp2like": 58.0,
     "human": 74.712,
     "iiwa14": 20.670,
     "jaco2": 4.766,
@@ -28,7 +29,7 @@ MASSES = {
 }
 """Sums of the masses in the URDFs and tables [kg]; of arms without the link that is bolted down."""
 
-JOINTS = {"g1": 29, "human": 36, "iiwa14": 7, "jaco2": 7, "panda": 7, "talos": 30, "ur10": 6}
+JOINTS = {"g1": 29, "hrp2like": 30, "human": 36, "iiwa14": 7, "jaco2": 7, "panda": 7, "talos": 30, "ur10": 6}
 
 
 @pytest.fixture(scope="module", params=bundled_robots())
@@ -189,6 +190,35 @@ def test_jaco2_points_up_at_its_upright_posture() -> None:
     centres = np.array([data.oMi[i].act(robot.model.inertias[i].lever) for i in range(1, 8)])
     assert (np.diff(centres[:, 2]) > 0.08).all()  # link by link, as high as it stands
     assert np.abs(centres[:, :2]).max() < 0.015
+
+
+def test_hrp2like_files_are_what_their_script_writes() -> None:
+    folder = data_folder("robots") / "hrp2like"
+    script = runpy.run_path(str(folder / "make_urdf.py"))
+    assert script["urdf"]() == (folder / "hrp2like.urdf").read_text(encoding="utf-8")
+    written = (folder / "robot.yaml").read_text(encoding="utf-8")
+    assert all(f"    - {shape}\n" in written for shape in script["shapes"]())
+
+
+def test_hrp2like_is_arranged_as_published() -> None:
+    """Jovic et al. 2016, section IV: 1.54 m, 58 kg, 31 segments, base at the trunk; numbers as in Table II."""
+    robot = load_robot("hrp2like")
+    numbers = {int(segment.name[:2]): segment for segment in robot.segments}
+    assert sorted(numbers) == list(range(1, 32))
+    assert numbers[1].joint == 1 and robot.base_link == "chest"
+    parents = {number: robot.model.parents[numbers[number].joint] for number in numbers}
+    chains = {2: 1, 3: 2, 4: 3, 10: 3, 16: 1, 17: 16, 18: 1, 25: 1} | {n: n - 1 for n in (5, 9, 15, 24, 31)}
+    assert all(parents[number] == numbers[parent].joint for number, parent in chains.items())
+    for right in (*range(4, 10), *range(18, 25)):
+        left = right + (6 if right < 10 else 7)
+        assert robot.segments[numbers[right].pair] is numbers[left]
+    straight = robot.rest.copy()
+    straight[3:] = np.r_[0.0, 0.0, 0.0, 1.0, np.zeros(30)]
+    shapes = [s for s in collision_shapes(robot) if s.link in ("head_pitch_link", "lleg_ankle_roll_link")]
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, straight)
+    heights = [data.oMi[shape.joint].act(point)[2] for shape in shapes for point in shape_points(shape)]
+    assert max(heights) - min(heights) == pytest.approx(1.54, abs=0.005)
 
 
 def test_iiwa_stands_upright_at_zero() -> None:

@@ -3,16 +3,32 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.robot.robot import Array, Foot, Robot
 
 
+def pelvis_joint(robot: Robot) -> int:
+    """Model joint that carries the body from which the legs part: the base's unless the base is a trunk."""
+    chains = [set(robot.model.supports[foot.joint]) for foot in robot.feet]
+    shared = set.intersection(*chains) if len(chains) > 1 else {1}
+    return int(max(shared))
+
+
+def pelvis_height(robot: Robot) -> float:
+    """Height at rest of the frame of that body [m]."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    return float(data.oMi[pelvis_joint(robot)].translation[2])
+
+
 def leg_joints(robot: Robot, foot: Foot) -> tuple[int, ...]:
-    """Indices into ``joint_names`` of the joints between base and foot, from the base on."""
+    """Indices into ``joint_names`` of the joints between pelvis and foot, from the pelvis on."""
+    pelvis = set(robot.model.supports[pelvis_joint(robot)])
     chain = [int(joint) for joint in robot.model.supports[foot.joint]]
     first = 2 if robot.floating else 1
-    return tuple(joint - first for joint in chain if joint >= first)
+    return tuple(joint - first for joint in chain if joint >= first and joint not in pelvis)
 
 
 def upper_body(robot: Robot) -> NDArray[np.bool_]:

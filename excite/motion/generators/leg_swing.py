@@ -8,7 +8,13 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from excite.motion.generators.bodyparts import central_range, leg_joints, rest_joints
+from excite.motion.generators.bodyparts import (
+    central_range,
+    leg_joints,
+    pelvis_height,
+    pelvis_joint,
+    rest_joints,
+)
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
@@ -18,12 +24,12 @@ from excite.robot.robot import Array, Foot, Robot
 _SWINGS = (5, 8)
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
 _REACH, _RANGE = 0.55, 0.4
-# In shares of the base's height: lowest corner of the free sole, farthest way inwards and outwards, lift at the start.
+# In shares of the pelvis's height: lowest corner of the free sole, farthest way in and out, lift at the start.
 _CLEARANCE, _INWARDS, _OUTWARDS, _LIFT = 0.06, 0.02, 0.28, 0.11
-# The base leans over the stance foot [rad], which spares the ankle, goes down [share of its height], which
+# The pelvis leans over the stance foot [rad], which spares the ankle, goes down [share of its height], which
 # spares the other knee, and takes this part of the shift of the whole.
 _LEAN, _DOWN, _BASE_SHIFT = 0.24, 0.03, 0.7
-# Random pelvis motion: height [share of the base's], roll, pitch, yaw [rad].
+# Random pelvis motion: height [share of its own], roll, pitch, yaw [rad].
 _PELVIS = (0.02, 0.04, 0.08, 0.20)
 # How far inside the stance sole's middle the centre of mass stays, in shares of the sole's half width: a robot that
 # tips inwards steps on its other foot. More of it while the weight shifts than while the leg swings.
@@ -75,9 +81,9 @@ class LegSwing(Generator):
         )
         foot = np.zeros((m, 6))
         foot[lift:land] = swings
-        turns = np.array(_PELVIS) * [robot.rest[2], 1.0, 1.0, 1.0]
+        turns = np.array(_PELVIS) * [ground.height, 1.0, 1.0, 1.0]
         pelvis = np.zeros((m, 4))
-        pelvis[3 : land + 3, 0] = -_DOWN * robot.rest[2]
+        pelvis[3 : land + 3, 0] = -_DOWN * ground.height
         pelvis[3 : land + 3, 1] = ground.outward * _LEAN
         pelvis[free] += rng.uniform(-1.0, 1.0, size=(free.stop - free.start, 4)) * turns
         draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
@@ -110,6 +116,7 @@ class _Ground:
         shift: from the centre of mass to the middle of the stance sole, ``(2,)`` [m].
         half_width: of the stance sole along y, the narrower side of its middle [m].
         outward: sign of y from the stance foot to the free one.
+        height: of the pelvis [m].
         sole: middle of the free sole, ``(3,)`` [m].
         rotation: of the joint that carries the free foot, ``(3, 3)``.
     """
@@ -117,6 +124,7 @@ class _Ground:
     shift: Array
     half_width: float
     outward: float
+    height: float
     sole: Array
     rotation: Array
 
@@ -132,6 +140,7 @@ def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
         shift=over[:2] - centre[:2],
         half_width=float(across.min()),
         outward=float(np.sign(sole[1] - over[1])),
+        height=pelvis_height(robot),
         sole=sole,
         rotation=np.array(pose.rotation),
     )
@@ -140,11 +149,11 @@ def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
 def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.Generator) -> Array:
     """Displacements of the free sole, ``(up to n + 6, 6)``: first and last straight above where it stood.
 
-    The others are where random joint positions of the free leg would bring it with the base over the stance
+    The others are where random joint positions of the free leg would bring it with the pelvis over the stance
     foot, so that the leg can follow; draws too low or too far inwards are thrown away.
     """
     up, settle = np.zeros((len(_UP), 6)), np.zeros((len(_SETTLE), 6))
-    up[:, 2], settle[:, 2] = np.array(_UP) * _LIFT * robot.rest[2], np.array(_SETTLE) * _LIFT * robot.rest[2]
+    up[:, 2], settle[:, 2] = np.array(_UP) * _LIFT * ground.height, np.array(_SETTLE) * _LIFT * ground.height
     points = np.zeros((n, 6))
     lower, upper = central_range(robot, _RANGE)
     leg = np.array(leg_joints(robot, swing))
@@ -152,12 +161,15 @@ def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.G
     lower = np.minimum(np.maximum(lower[leg], rest - _REACH), rest)
     upper = np.maximum(np.minimum(upper[leg], rest + _REACH), rest)
     data = robot.model.createData()
-    hip = int(robot.model.supports[swing.joint][2])
+    hip = robot.model.getJointId(robot.joint_names[leg[0]])
     pin.forwardKinematics(robot.model, data, robot.rest)
     reach = _STRETCH * np.linalg.norm(ground.sole - data.oMi[hip].translation)
     q = robot.rest.copy()
-    q[:3] += np.r_[_BASE_SHIFT * ground.shift, -_DOWN * robot.rest[2]]
-    lean = pin.Quaternion(pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0))
+    q[:3] += np.r_[_BASE_SHIFT * ground.shift, -_DOWN * ground.height]
+    turn = pin.rpy.rpyToMatrix(ground.outward * _LEAN, 0.0, 0.0)
+    above = robot.rest[:3] - data.oMi[pelvis_joint(robot)].translation
+    q[:3] += turn @ above - above
+    lean = pin.Quaternion(turn)
     q[3:7] = (lean * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
     found = 0
     for _ in range(_DRAWS):
@@ -169,9 +181,9 @@ def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.G
         low = (swing.sole @ pose.rotation[2]).min() + pose.translation[2]
         sole = pose.act(swing.placement.translation)
         moved = sole - ground.sole
-        out = ground.outward * moved[1] / robot.rest[2]
+        out = ground.outward * moved[1] / ground.height
         near = np.linalg.norm(sole - data.oMi[hip].translation) <= reach
-        if near and low > _CLEARANCE * robot.rest[2] and -_INWARDS < out < _OUTWARDS:
+        if near and low > _CLEARANCE * ground.height and -_INWARDS < out < _OUTWARDS:
             points[found] = np.r_[moved, pin.log3(pose.rotation @ ground.rotation.T)]
             found += 1
     return np.vstack([up, points[:found], settle])

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.motion.generators.bodyparts import leg_joints
+from excite.motion.generators.bodyparts import leg_joints, pelvis_height
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
@@ -38,7 +38,7 @@ class Squat(Generator):
         """A spline of pelvis and centre of mass through 8 to 11 random control points."""
         rng = np.random.default_rng(seed)
         n = int(rng.integers(*_WAYPOINTS))
-        leg = float(robot.rest[2])
+        leg = pelvis_height(robot)
         low = np.array([-_DOWN * leg, *(-turn for turn in _TURN)])
         high = np.array([_UP * leg, *_TURN])
         pelvis, com = np.zeros((n + 6, 4)), np.zeros((n + 6, 2))

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from excite.motion.generators.bodyparts import leg_joints
+from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.curves import SplineCurve
 from excite.robot.robot import Array, Robot
@@ -32,7 +32,7 @@ _SHRINKS = (0.85, 0.7, 0.55)
 class WholeBody(Repair):
     """Finds base and legs along the path; upper-body joints, feet and centre of mass are as asked for.
 
-    Feet (six coordinates each), the horizontal centre of mass and the base's height and orientation are hard
+    Feet (six coordinates each), the horizontal centre of mass and the pelvis's height and orientation are hard
     tasks: as many as there are free coordinates for two six-joint legs, so that the solution is a smooth
     function of the path. A robot without feet keeps its base where it rests.
     """
@@ -144,12 +144,13 @@ class _Balancer:
         self._com = solver.add_com_task(self._com_rest)
         self._com.mask.set_axises("xy")
         self._com.configure("com", "hard", 1.0)
-        self._base_rest = np.array(self._wrapper.get_T_world_frame(robot.base_link))
-        self._turn = solver.add_orientation_task(robot.base_link, self._base_rest[:3, :3])
-        self._turn.configure("base_orientation", "hard", 1.0)
-        self._height = solver.add_position_task(robot.base_link, self._base_rest[:3, 3])
+        pelvis = robot.segments[pelvis_joint(robot) - 1].link
+        self._pelvis_rest = np.array(self._wrapper.get_T_world_frame(pelvis))
+        self._turn = solver.add_orientation_task(pelvis, self._pelvis_rest[:3, :3])
+        self._turn.configure("pelvis_orientation", "hard", 1.0)
+        self._height = solver.add_position_task(pelvis, self._pelvis_rest[:3, 3])
         self._height.mask.set_axises("z")
-        self._height.configure("base_height", "hard", 1.0)
+        self._height.configure("pelvis_height", "hard", 1.0)
         self._solver = solver
         # Targets as every later solve leaves them: placo rounds a pose that it is handed.
         self._reset_feet()
@@ -167,7 +168,7 @@ class _Balancer:
         """Fill in base and legs of ``q`` ``(n, nq)`` row by row; returns the number of rows that were solved."""
         pelvis = np.zeros((len(s), 4)) if candidate.pelvis is None else candidate.pelvis.evaluate(s)
         com = np.zeros((len(s), 2)) if candidate.com is None else candidate.com.evaluate(s)
-        turn = Rotation.from_euler("xyz", pelvis[:, 1:]).as_matrix() @ self._base_rest[:3, :3]
+        turn = Rotation.from_euler("xyz", pelvis[:, 1:]).as_matrix() @ self._pelvis_rest[:3, :3]
         moved = {name: curve.evaluate(s) for name, curve in candidate.feet.items()}
         guess = self._rest.copy()
         before = guess.copy()
@@ -183,7 +184,7 @@ class _Balancer:
             start[3:7] /= np.linalg.norm(start[3:7])
             self._com.target_world = self._com_rest + np.r_[com[i], 0.0]
             self._turn.R_world_frame = turn[i]
-            self._height.target_world = self._base_rest[:3, 3] + np.array([0.0, 0.0, pelvis[i, 0]])
+            self._height.target_world = self._pelvis_rest[:3, 3] + np.array([0.0, 0.0, pelvis[i, 0]])
             for name, curve in moved.items():
                 task, pose, sole = self._feet[name]
                 task.T_world_frame = _displaced(pose, sole, curve[i])
