@@ -27,11 +27,13 @@ class TrialGrid:
         rows: ``(n_rows_of_trial,)`` indices into the problem's rows.
         sample: ``(n_rows_of_trial,)`` index of each row's instant on the grid.
         n_samples: length of the grid; instants without a row are gaps.
+        step_s: its step [s].
     """
 
     rows: NDArray[np.int64]
     sample: NDArray[np.int64]
     n_samples: int
+    step_s: float = 1.0
 
     def spread(self, values: Array, channel: NDArray[np.int64], n_channels: int) -> Array:
         """Values of the trial's rows as ``(n_samples, n_channels, …)``, zero in gaps."""
@@ -51,7 +53,7 @@ def trial_grids(problem: IdentificationProblem) -> tuple[TrialGrid, ...]:
         steps = np.diff(np.unique(time))
         step = float(np.median(steps)) if len(steps) else 1.0
         sample = np.round((time - time.min()) / step).astype(np.int64)
-        grids.append(TrialGrid(rows, sample, int(sample.max()) + 1))
+        grids.append(TrialGrid(rows, sample, int(sample.max()) + 1, step))
     return tuple(grids)
 
 
@@ -130,7 +132,7 @@ def _pooled_autocovariance(
     for grid in grids:
         r = grid.spread(scaled[grid.rows], problem.channel, n_channels)
         counts += np.bincount(problem.channel[grid.rows], minlength=n_channels)
-        n_fft = _fft_length(grid.n_samples + n_lags)
+        n_fft = fft_length(grid.n_samples + n_lags)
         f = np.fft.rfft(r, n_fft, axis=0)
         cross = np.fft.irfft(f.conj()[:, :, None] * f[:, None, :], n_fft, axis=0)
         total += cross[:n_lags]
@@ -168,7 +170,7 @@ def sandwich_meat(
     n_channels = len(problem.channel_names)
     meat = np.zeros((columns.shape[1], columns.shape[1]))
     for grid in grids:
-        n_fft = _fft_length(grid.n_samples + len(noise.autocovariance))
+        n_fft = fft_length(grid.n_samples + len(noise.autocovariance))
         values, vectors = np.linalg.eigh(noise.spectrum(n_fft))
         # Frequencies at which the noise has nothing add nothing: most of them, after a low-pass filter.
         kept = values.max(axis=1) > 1e-7 * values.max()
@@ -226,7 +228,7 @@ def triangle(rows: Array) -> Array:
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
-def _fft_length(n: int) -> int:
+def fft_length(n: int) -> int:
     """Next product of small primes, at which the transform is fast."""
     length = n
     while True:

@@ -51,6 +51,7 @@ class IdentificationProblem:
         noise_bandwidth: equivalent number of independent noise samples per row, at most 1: rows of a
             filtered signal that lie closer than the filter resolves are not independent.
         filters: the filters that it was built with.
+        sampling_hz: rate at which these filters ran, before decimation [Hz]; None where nothing is known.
         drive_spread: ``(n_params - n_inertial,)`` standard deviation expected of each drive parameter about
             its prior, NaN where anything goes; None for NaN everywhere.
     """
@@ -72,6 +73,7 @@ class IdentificationProblem:
     noise_bandwidth: float = 1.0
     filters: Filters | None = None
     drive_spread: Array | None = None
+    sampling_hz: float | None = None
 
     @property
     def n_rows(self) -> int:
@@ -176,6 +178,7 @@ def build_problem(
         noise_bandwidth=min(1.0, passed * decimation(rate, filters)),
         filters=filters,
         drive_spread=builder.drive_spread,
+        sampling_hz=rate,
     )
 
 

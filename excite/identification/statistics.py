@@ -7,8 +7,10 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.stats import t as student
 
-from excite.identification.noise import NoiseModel, estimate_noise, sandwich_meat, triangle
+from excite.identification.noise import NoiseModel, triangle
+from excite.identification.noise_bands import noise_bands
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression
 from excite.regressor.base_parameters import BaseParameters, base_parameters
@@ -28,10 +30,11 @@ class BaseStatistics:
         base: which combinations the rows determine.
         estimate: ``(n_base,)`` least-squares values [SI].
         factor: ``R``, ``(n_base, n_base)``.
-        meat: ``QᵀΣQ``, ``(n_base, n_base)``, corrected for the degrees of freedom taken by the fit.
+        meat: ``QᵀΣQ``, ``(n_base, n_base)``, free of what the fit has taken from the residuals.
         rotated: ``Qᵀy``, ``(n_base,)``.
-        noise: noise model of the residuals, corrected likewise.
+        noise: noise model, free of it likewise.
         white_std: ``(n_base,)`` what eq. (7) says, as if all rows were independent.
+        degrees_of_freedom: ``(n_base,)`` on which each standard deviation rests.
     """
 
     base: BaseParameters
@@ -41,6 +44,7 @@ class BaseStatistics:
     rotated: Array
     noise: NoiseModel
     white_std: Array
+    degrees_of_freedom: Array
 
     @cached_property
     def covariance(self) -> Array:
@@ -51,6 +55,13 @@ class BaseStatistics:
     def std(self) -> Array:
         """Standard deviations of ``estimate``, ``(n_base,)``."""
         return np.sqrt(np.diag(self.covariance))
+
+    def half_width(self, level: float = 0.95) -> Array:
+        """Half the width of the interval that holds the truth with probability ``level``, ``(n_base,)``.
+
+        Student's quantile, as the noise's power is estimated from the same residuals.
+        """
+        return student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std
 
     def rsd_percent(self, values: Array) -> Array:
         """Relative standard deviation ``100 σ/|value|`` of each base parameter, infinite at zero."""
@@ -73,24 +84,20 @@ def base_statistics(rows: Regression) -> BaseStatistics:
     r = triangle(rows.factor[:, [*columns, n]])
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
     estimate = solve_triangular(factor, rotated)
-    residual = problem.y - problem.Y[:, columns] @ estimate
-    noise = estimate_noise(problem, rows.grids, residual)
-    # Weighted noise has this standard deviation per row: one where the weights are the residual's own.
-    relative = (noise.std / rows.std)[problem.channel]
-    q = solve_triangular(factor, (problem.Y[:, columns] / rows.std[problem.channel, None]).T, trans="T").T
-    meat = sandwich_meat(problem, rows.grids, q * relative[:, None], noise)
-    # The fit takes tr(QᵀΣQ) of the noise's power tr(Σ) with it; for white noise that is n − b instead of n.
-    power = float(relative @ relative)
-    correction = 1.0 / max(1.0 - float(np.trace(meat)) / power, 1e-3)
-    variance = power / max(problem.n_rows - base.rank, 1)
+    weight = 1.0 / rows.std[problem.channel]
+    residual = (problem.y - problem.Y[:, columns] @ estimate) * weight
+    q = solve_triangular(factor, (problem.Y[:, columns] * weight[:, None]).T, trans="T").T
+    bands = noise_bands(problem, rows.grids, q, residual, factor)
+    variance = float(residual @ residual) / max(problem.n_rows - base.rank, 1)
     return BaseStatistics(
         base=base,
         estimate=estimate,
         factor=factor,
-        meat=meat * correction,
+        meat=bands.meat,
         rotated=rotated,
-        noise=noise.scaled(correction),
+        noise=bands.model(problem, rows.grids, rows.std),
         white_std=np.sqrt(variance * np.diag(_sandwich(factor, np.eye(base.rank)))),
+        degrees_of_freedom=bands.degrees_of_freedom,
     )
 
 

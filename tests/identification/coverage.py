@@ -1,0 +1,179 @@
+"""How often intervals hold the truth: simulated logs with known noise, many draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from excite.identification.noise import trial_grids
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import Regression, iterate_weights
+from excite.identification.settings import Filters
+from excite.identification.statistics import BaseStatistics, base_statistics
+from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import NAMES, smooth
+
+Peer = Callable[["Experiment", int, np.ndarray], np.ndarray]
+"""Which intervals hold the truth, ``(n_base,)``: experiment, seed, independent columns."""
+AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to treat a log.
+
+    Attributes:
+        cutoff_hz: cut-off of the zero-phase filter on both sides, None for none.
+        sampling_hz: rate of the log.
+        every: decimation.
+    """
+
+    cutoff_hz: float | None
+    sampling_hz: float = 200.0
+    every: int = 1
+
+    def __str__(self) -> str:
+        how = "unfiltered" if self.cutoff_hz is None else f"{self.cutoff_hz:g} Hz"
+        thinned = f", every {self.every}th row" if self.every > 1 else ""
+        return f"{self.sampling_hz:g} Hz log, {how}{thinned}"
+
+
+CASES = (
+    Case(None),
+    Case(20.0),
+    Case(10.0),
+    Case(5.0),
+    Case(20.0, every=10),
+    Case(10.0, every=10),
+    Case(5.0, every=10),
+    Case(10.0, 1000.0, 10),
+    Case(5.0, 1000.0, 10),
+)
+
+
+class Experiment:
+    """A robot that moves smoothly, its forces with white noise, both sides filtered alike and thinned out.
+
+    Args:
+        robot: bundled name; a floating one gives base rows with noise of a force plate.
+        case: filter and rates.
+        duration: of the motion [s].
+        trials: number of motions.
+    """
+
+    def __init__(self, robot: str, case: Case, duration: float = 12.0, trials: int = 1):
+        self.robot, self.case = load_robot(robot), case
+        rng = np.random.default_rng(7)
+        self.time = np.arange(0.0, duration, 1.0 / case.sampling_hz)
+        rows = [self._rows(rng) for _ in range(trials)]
+        self.n_channels = rows[0].shape[1]
+        signal = np.concatenate(rows) @ self.robot.nominal_parameters
+        arm_sigma = 0.02 * np.sqrt(np.mean(signal**2, axis=0)) + 0.05
+        self.sigma = np.array([1.0] * 3 + [0.1] * 3) if self.robot.floating else arm_sigma
+        filtered = [self._filter(part) for part in rows]
+        self.kept = len(filtered[0])
+        self.values = np.concatenate(filtered)
+        self.trials = trials
+
+    def _rows(self, rng: np.random.Generator) -> np.ndarray:
+        robot = self.robot
+        middle = 0.5 * (robot.limits.position_lower + robot.limits.position_upper)
+        size = 0.45 * (robot.limits.position_upper - robot.limits.position_lower)
+        x, v, a = smooth(rng, self.time, size)
+        if not robot.floating:
+            return joint_torque_regressor(robot.model, middle + x, v, a)
+        lean, _, _ = smooth(rng, self.time, np.full(3, 0.15))
+        _, twist, change = smooth(rng, self.time, np.array([0.05, 0.05, 0.05, 0.15, 0.15, 0.15]))
+        quaternion = np.column_stack([lean / 2, np.ones(len(self.time))])
+        quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+        q = np.column_stack([np.zeros((len(self.time), 3)), quaternion, middle + x])
+        return base_link_regressor(robot.model, q, np.column_stack([twist, v]), np.column_stack([change, a]))
+
+    def _filter(self, values: np.ndarray) -> np.ndarray:
+        case = self.case
+        if case.cutoff_hz is None:
+            return values[:: case.every]
+        edge = settling_samples(case.sampling_hz, case.cutoff_hz)
+        filtered = lowpass(values, case.sampling_hz, case.cutoff_hz)
+        return filtered[edge : len(values) - edge : case.every]
+
+    @cached_property
+    def blank(self) -> IdentificationProblem:
+        """The problem without a measurement."""
+        case, robot, n, c = self.case, self.robot, self.kept, self.n_channels
+        rate = case.sampling_hz / case.every
+        cutoff = case.cutoff_hz or 0.5 * case.sampling_hz
+        bandwidth = min(1.0, 2.0 * cutoff / rate)
+        inertial = robot.nominal_parameters
+        return IdentificationProblem(
+            robot=robot,
+            Y=self.values.reshape(-1, self.values.shape[2]),
+            y=np.zeros(n * c * self.trials),
+            weights=1.0 / np.tile(self.sigma, n * self.trials),
+            channel=np.tile(np.arange(c), n * self.trials),
+            channel_names=AXES if robot.floating else robot.joint_names,
+            channel_units=("N·m",) * c,
+            time=np.tile(np.repeat(np.arange(n) / rate, c), self.trials),
+            trial=np.repeat(np.arange(self.trials), n * c),
+            trial_names=tuple(f"trial_{k}" for k in range(self.trials)),
+            parameter_names=tuple(f"{s.link}.{name}" for s in robot.segments for name in NAMES),
+            prior=inertial,
+            n_inertial=len(inertial),
+            noise_bandwidth=bandwidth,
+            filters=Filters(cutoff, cutoff, 4, rate),
+            sampling_hz=case.sampling_hz,
+        )
+
+    @cached_property
+    def _condensed(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Orthonormal basis and triangle of each channel's rows."""
+        problem = self.blank
+        return [np.linalg.qr(problem.Y[problem.channel == c]) for c in range(self.n_channels)]
+
+    @cached_property
+    def _grids(self):
+        return trial_grids(self.blank)
+
+    def noise(self, rng: np.random.Generator) -> np.ndarray:
+        """White noise at the log's rate, ``(n, n_channels)``."""
+        return rng.standard_normal((len(self.time), self.n_channels)) * self.sigma
+
+    def problem(self, seed: int) -> IdentificationProblem:
+        """The problem with a measurement."""
+        rng = np.random.default_rng(seed)
+        noise = np.concatenate([self._filter(self.noise(rng)) for _ in range(self.trials)])
+        return replace(self.blank, y=(self.values @ self.robot.nominal_parameters + noise).ravel())
+
+    def draw(self, seed: int) -> Regression:
+        """A problem condensed; the same as doing it anew, only faster."""
+        problem = self.problem(seed)
+        y = problem.y
+        width = problem.n_params + 1
+        factors = np.zeros((self.n_channels, width, width))
+        for c, (basis, triangle) in enumerate(self._condensed):
+            own = y[problem.channel == c]
+            projected = basis.T @ own
+            k = len(triangle)
+            factors[c, :k, :-1], factors[c, :k, -1] = triangle, projected
+            factors[c, min(k, width - 1), -1] = np.linalg.norm(own - basis @ projected)
+        return Regression(problem, self._grids, factors, np.ones(self.n_channels))
+
+    def statistics(self, seed: int) -> BaseStatistics:
+        """Base parameters of one draw."""
+        return base_statistics(iterate_weights(self.draw(seed)))
+
+    def coverage(self, draws: range, peers: dict[str, Peer] | None = None) -> dict[str, float]:
+        """Share of intervals of 95 % that hold the truth, ours and those of ``peers``, over all draws."""
+        inside: dict[str, list[float]] = {"ours": [], **{name: [] for name in peers or {}}}
+        for seed in draws:
+            found = self.statistics(seed)
+            error = np.abs(found.estimate - found.base.values(self.robot.nominal_parameters))
+            inside["ours"].append(float(np.mean(error < found.half_width())))
+            for name, peer in (peers or {}).items():
+                inside[name].append(float(np.mean(peer(self, seed, found.base.independent))))
+        return {name: float(np.mean(values)) for name, values in inside.items()}
