@@ -10,10 +10,11 @@ import numpy as np
 
 from excite.identification.noise import trial_grids
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights
+from excite.identification.regression import Regression, iterate_weights, regression
 from excite.identification.settings import Filters
 from excite.identification.statistics import BaseStatistics, base_statistics
 from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.loading import load_robot
 from tests.identification.synthetic import NAMES, smooth
@@ -64,13 +65,17 @@ class Experiment:
         case: filter and rates.
         duration: of the motion [s].
         trials: number of motions.
+        encoder: standard deviation of white noise on the positions of an arm, filtered and differentiated
+            as a log's before they reach the regressor [rad].
     """
 
-    def __init__(self, robot: str, case: Case, duration: float = 12.0, trials: int = 1):
-        self.robot, self.case = load_robot(robot), case
+    def __init__(self, robot: str, case: Case, duration: float = 12.0, trials: int = 1, encoder: float = 0.0):
+        self.robot, self.case, self.encoder = load_robot(robot), case, encoder
         rng = np.random.default_rng(7)
         self.time = np.arange(0.0, duration, 1.0 / case.sampling_hz)
-        rows = [self._rows(rng) for _ in range(trials)]
+        motions = [self._motion(rng) for _ in range(trials)]
+        self.positions = [q for q, _, _ in motions]
+        rows = [self._rows(*motion) for motion in motions]
         self.n_channels = rows[0].shape[1]
         signal = np.concatenate(rows) @ self.robot.nominal_parameters
         arm_sigma = 0.02 * np.sqrt(np.mean(signal**2, axis=0)) + 0.05
@@ -80,19 +85,33 @@ class Experiment:
         self.values = np.concatenate(filtered)
         self.trials = trials
 
-    def _rows(self, rng: np.random.Generator) -> np.ndarray:
+    def _motion(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         robot = self.robot
         middle = 0.5 * (robot.limits.position_lower + robot.limits.position_upper)
         size = 0.45 * (robot.limits.position_upper - robot.limits.position_lower)
         x, v, a = smooth(rng, self.time, size)
         if not robot.floating:
-            return joint_torque_regressor(robot.model, middle + x, v, a)
+            return middle + x, v, a
         lean, _, _ = smooth(rng, self.time, np.full(3, 0.15))
         _, twist, change = smooth(rng, self.time, np.array([0.05, 0.05, 0.05, 0.15, 0.15, 0.15]))
         quaternion = np.column_stack([lean / 2, np.ones(len(self.time))])
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
         q = np.column_stack([np.zeros((len(self.time), 3)), quaternion, middle + x])
-        return base_link_regressor(robot.model, q, np.column_stack([twist, v]), np.column_stack([change, a]))
+        return q, np.column_stack([twist, v]), np.column_stack([change, a])
+
+    def _rows(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        make = base_link_regressor if self.robot.floating else joint_torque_regressor
+        return make(self.robot.model, q, v, a)
+
+    def _measured_rows(self, rng: np.random.Generator) -> np.ndarray:
+        """Filtered rows as a log with noisy encoders gives them."""
+        rate, cutoff = self.case.sampling_hz, 2.0 * (self.case.cutoff_hz or 0.25 * self.case.sampling_hz)
+        parts = []
+        for q in self.positions:
+            noisy = q + self.encoder * rng.standard_normal(q.shape)
+            smoothed = central_differences(lowpass(noisy, rate, cutoff), rate)
+            parts.append(self._filter(self._rows(smoothed.value, smoothed.first, smoothed.second)))
+        return np.concatenate(parts)
 
     def _filter(self, values: np.ndarray) -> np.ndarray:
         case = self.case
@@ -147,11 +166,17 @@ class Experiment:
         """The problem with a measurement."""
         rng = np.random.default_rng(seed)
         noise = np.concatenate([self._filter(self.noise(rng)) for _ in range(self.trials)])
-        return replace(self.blank, y=(self.values @ self.robot.nominal_parameters + noise).ravel())
+        y = (self.values @ self.robot.nominal_parameters + noise).ravel()
+        if self.encoder == 0.0:
+            return replace(self.blank, y=y)
+        measured = self._measured_rows(rng)
+        return replace(self.blank, y=y, Y=measured.reshape(-1, measured.shape[2]))
 
     def draw(self, seed: int) -> Regression:
         """A problem condensed; the same as doing it anew, only faster."""
         problem = self.problem(seed)
+        if self.encoder > 0.0:
+            return regression(problem)
         y = problem.y
         width = problem.n_params + 1
         factors = np.zeros((self.n_channels, width, width))
@@ -166,6 +191,11 @@ class Experiment:
     def statistics(self, seed: int) -> BaseStatistics:
         """Base parameters of one draw."""
         return base_statistics(iterate_weights(self.draw(seed)))
+
+    def true_base(self, columns: np.ndarray) -> np.ndarray:
+        """True base parameters for given independent columns."""
+        q, r = np.linalg.qr(self.blank.Y[:, columns])
+        return np.linalg.solve(r, q.T @ (self.blank.Y @ self.robot.nominal_parameters))
 
     def coverage(self, draws: range, peers: dict[str, Peer] | None = None) -> dict[str, float]:
         """Share of intervals of 95 % that hold the truth, ours and those of ``peers``, over all draws."""
