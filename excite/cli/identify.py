@@ -26,12 +26,21 @@ def command(
         float | None,
         typer.Option("--cutoff", min=0.0, help="Cut-off of the zero-phase low-pass on all signals [Hz]."),
     ] = None,
+    drives: Annotated[
+        bool, typer.Option("--drives", help="Write identified friction into the model files too.")
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write a URDF even of parameters that no rigid body has.")
+    ] = False,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
-    """Identify the inertial parameters: values, relative standard deviations, fit, validation."""
+    """Identify the inertial parameters: values, relative standard deviations, fit, validation.
+
+    With --out also the robot's URDF and a MuJoCo model with the identified inertials, and differences.csv.
+    """
     loaded = excite.load_robot(robot)
     result = excite.identify(
         loaded,
@@ -40,6 +49,10 @@ def command(
         settings=excite.EstimatorSettings(total_mass=total_mass),
         problem_settings=excite.ProblemSettings(cutoff_hz=cutoff_hz),
     )
+    document, summary = result.to_json(), result.summary()
     if out is not None:
-        write_json(result.to_json(), out / "identification.json")
-    emit(result.summary(), result.to_json(), as_json=as_json)
+        models = excite.write_models(loaded, result, out, drives=drives, force=force)
+        document["models"] = models.to_json()
+        summary = f"{summary}\n\n{models.summary()}"
+        write_json(document, out / "identification.json")
+    emit(summary, document, as_json=as_json)

@@ -21,6 +21,7 @@ from excite.identification.regression import Regression, iterate_weights, regres
 from excite.identification.result import BaseParameter, Identification, TotalMassReport
 from excite.identification.settings import ProblemSettings
 from excite.identification.statistics import BaseStatistics, base_statistics
+from excite.identification.uncertainty import parameter_uncertainty
 from excite.identification.validation import channel_fits
 from excite.identification.warnings import find_warnings
 from excite.logs.log import Log
@@ -83,7 +84,8 @@ def identify_problem(
     statistics = weighted_statistics if same_weights else base_statistics(estimate.regression)
     result = _assemble(problem, validation, estimate, statistics, changes)
     mass = _mass_report(weighted, weighted_statistics.noise, settings, result)
-    result = replace(result, total_mass=mass)
+    uncertainty = parameter_uncertainty(problem, statistics, settings.spreads(problem.robot))
+    result = replace(result, total_mass=mass, uncertainty=uncertainty)
     return replace(result, warnings=(*notes, *find_warnings(result)))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from excite.identification.changes import Changes
 from excite.identification.consistency import Consistency
 from excite.identification.inertia import FILE_ORDER
+from excite.identification.uncertainty import ParameterUncertainty
 from excite.identification.validation import ChannelFit
 from excite.robot.robot import Array
 
@@ -81,6 +82,7 @@ class Identification:
         changes: segments that are not what the model says.
         total_mass: the total mass from all sides.
         warnings: what a careful reader should know, one sentence each.
+        uncertainty: of all parameters from data and nominal model together; None where it was not computed.
     """
 
     robot: str
@@ -103,6 +105,7 @@ class Identification:
     changes: Changes
     total_mass: TotalMassReport
     warnings: tuple[str, ...]
+    uncertainty: ParameterUncertainty | None = None
 
     @property
     def all_parameters(self) -> Array:
@@ -145,19 +148,21 @@ class Identification:
         )
 
     def _standard_parameters(self) -> dict:
-        ten = self.parameters.reshape(-1, 10)
-        return {
-            link: {
-                "mass": float(row[0]),
-                "first_moment": row[1:4].tolist(),
-                "inertia": row[4:][list(FILE_ORDER)].tolist(),
-                "nominal_mass": float(nominal),
+        columns = {"": self.parameters, "nominal": self.nominal}
+        if self.uncertainty is not None:
+            n = len(self.parameters)
+            columns |= {"std": self.uncertainty.std[:n], "determined": self.uncertainty.determined[:n]}
+        ten = {key: values.reshape(-1, 10) for key, values in columns.items()}
+        found = {}
+        for k, (link, name) in enumerate(zip(self.links, self.segments, strict=True)):
+            blocks = {key: _parameter_block(rows[k]) for key, rows in ten.items()}
+            found[link] = {
+                **blocks.pop(""),
+                "nominal_mass": blocks["nominal"]["mass"],
                 "name": name,
+                **blocks,
             }
-            for link, name, row, nominal in zip(
-                self.links, self.segments, ten, self.nominal[::10], strict=True
-            )
-        }
+        return found
 
     def summary(self) -> str:
         """The result in words and a table, for a terminal."""
@@ -182,6 +187,14 @@ class Identification:
             + (f" (or {', '.join(item.tied_with)})" if item.tied_with else "")
             for item in self.changes.segments
         ]
+
+
+def _parameter_block(row: Array) -> dict[str, Any]:
+    return {
+        "mass": float(row[0]),
+        "first_moment": row[1:4].tolist(),
+        "inertia": row[4:][list(FILE_ORDER)].tolist(),
+    }
 
 
 def _fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:

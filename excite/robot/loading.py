@@ -69,6 +69,11 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     )
 
 
+def model_file(robot: Robot) -> Path:
+    """The URDF file that a robot was built from, as its author left it."""
+    return _model_path(robot.description, robot.source)
+
+
 def _rest_within_limits(robot: Robot) -> None:
     q, limits = robot.rest[robot.n_base_q :], robot.limits
     outside = (q < limits.position_lower) | (q > limits.position_upper)

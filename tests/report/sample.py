@@ -171,6 +171,27 @@ def _check(motions: list[Motion]) -> dict:
     return {"schema": "excite.check/1", "safe": False, "motions": rows}
 
 
+def _standard_parameters(robot: Robot, data: ReportData) -> dict:
+    found = {}
+    nominal = robot.nominal_parameters.reshape(-1, 10)
+    for k, segment in enumerate(robot.segments):
+        blocks = {}
+        for name, row in {
+            "": nominal[k] * data.masses.true[k] / max(nominal[k, 0], 1e-9),
+            "nominal": nominal[k],
+            "std": 0.01 * np.abs(nominal[k]),
+            "determined": np.full(10, 0.9),
+        }.items():
+            order = [0, 2, 5, 1, 3, 4]
+            blocks[name] = {
+                "mass": float(row[0]),
+                "first_moment": row[1:4].tolist(),
+                "inertia": row[4:][order].tolist(),
+            }
+        found[segment.link] = {**blocks.pop(""), "name": segment.name, **blocks}
+    return found
+
+
 def _campaign(robot: Robot, data: ReportData) -> dict:
     rng = np.random.default_rng(1)
     first = 10.0 ** rng.normal(0.7, 0.6, 190)
@@ -189,7 +210,7 @@ def _campaign(robot: Robot, data: ReportData) -> dict:
         "robot": robot.name,
         "method": "qp",
         "n_samples": 48000,
-        "standard_parameters": {},
+        "standard_parameters": _standard_parameters(robot, data),
         "base_parameters": [
             {"expression": name, "value": 0.5, "std": 0.005 * value, "rsd_percent": float(value)}
             for name, value in zip(names, first, strict=True)

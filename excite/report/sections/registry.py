@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from excite.report.sections.certainty import Certainty
+from excite.report.sections.differences import Differences
 from excite.report.sections.excitation import Excitation
 from excite.report.sections.forces import Forces
 from excite.report.sections.masses import Masses
@@ -21,6 +22,7 @@ SECTIONS: tuple[Section, ...] = (
     Certainty(),
     Forces(),
     Masses(),
+    Differences(),
     Parameters(),
     Stages(),
 )

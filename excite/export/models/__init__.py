@@ -1,0 +1,1 @@
+"""Robot models with identified inertial parameters."""

@@ -1,0 +1,186 @@
+"""One segment's identified parameters, given to the links of a file that it consists of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import InputError
+from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
+from excite.identification.result import Identification
+from excite.robot.robot import Array, Robot
+
+# Share of a pseudo-inertia's largest eigenvalue that rounding may leave below zero.
+_ROUNDING = 1e-9
+_ROOM = 0.9
+
+
+class InconsistentModelError(InputError):
+    """Identified parameters that no rigid body has, and that a simulator would refuse or blow up on.
+
+    Attributes:
+        links: links of the segments concerned.
+    """
+
+    def __init__(self, links: Sequence[str], *, can_be_forced: bool = True):
+        self.links = tuple(links)
+        shown = ", ".join(self.links[:6]) + (f" and {len(self.links) - 6} more" if len(links) > 6 else "")
+        super().__init__(
+            f"no rigid body has the identified parameters of {shown}",
+            source="model",
+            remedy="identify with a method that guarantees physical consistency (lmi, cls3)"
+            + (", or force the writing" if can_be_forced else ""),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A link (or body) of a file that moves with a segment.
+
+    Attributes:
+        name: its name in the file.
+        placement: its frame in the frame of the segment's joint.
+        parameters: ``(10,)`` what the file says of it, about its own frame; None where it says nothing.
+    """
+
+    name: str
+    placement: pin.SE3
+    parameters: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """What each link of a segment gets.
+
+    Attributes:
+        shares: ``(10,)`` parameters about its own frame by link, links that do not change left out.
+        note: what had to be decided, in one sentence; empty where there was no choice.
+    """
+
+    shares: dict[str, Array]
+    note: str
+
+
+def split_segment(total: Array, members: Sequence[Member]) -> Split:
+    """Divide a segment's parameters among the links that it consists of.
+
+    Only their sum shows in any motion. Links fixed to the moving one keep what the file says of them, and the
+    moving link gets the remainder; where the file says nothing of the moving link, the heaviest one does. If
+    no body has that remainder, the fixed links keep as large a share of their own as leaves it physical.
+
+    Args:
+        total: ``(10,)`` the segment's parameters about its joint's frame.
+        members: its links, the moving one first.
+
+    Returns:
+        The shares.
+    """
+    stated = [(member, member.parameters) for member in members if member.parameters is not None]
+    main = members[0]
+    if main.parameters is None and stated:
+        main = max(stated, key=lambda item: float(item[1][0]))[0]
+    others = [(member, own) for member, own in stated if member is not main and own.any()]
+    pseudo = _pseudo(total)
+    fixed = [moved_pseudo(_pseudo(own), member.placement) for member, own in others]
+    carried = np.sum([np.zeros((4, 4)), *fixed], axis=0)
+    share = _physical_share(pseudo, carried)
+    rest = moved_pseudo(pseudo - share * carried, main.placement.inverse())
+    shares = {main.name: parameters_of(rest)}
+    note = ""
+    names = ", ".join(member.name for member, _ in others)
+    if share < 1.0:
+        shares |= {member.name: share * own for member, own in others}
+        note = f"{main.name}: links fixed to it ({names}) got {100.0 * share:.0f} % of their nominal inertia"
+    elif others:
+        note = f"{main.name}: holds the change of all that is fixed to it; {names} stayed nominal"
+    return Split(shares, note)
+
+
+def parameters_of(pseudo: Array) -> Array:
+    """Ten parameters, pinocchio's order, of a pseudo-inertia ``(4, 4)``."""
+    second = pseudo[:3, :3]
+    inertia = np.trace(second) * np.eye(3) - second
+    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return np.concatenate([pseudo[3:, 3], pseudo[:3, 3], six])
+
+
+def moved_pseudo(pseudo: Array, placement: pin.SE3) -> Array:
+    """Pseudo-inertia of a body about the frame in which its own frame has that placement, ``(4, 4)``."""
+    transform = placement.homogeneous
+    return transform @ pseudo @ transform.T
+
+
+@dataclass(frozen=True, eq=False)
+class CentredBody:
+    """A body about its centre of mass.
+
+    Attributes:
+        mass: [kg]
+        com: ``(3,)`` [m].
+        inertia: ``(3, 3)`` about the centre of mass, axes of the link [kg·m²].
+    """
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+def centred(parameters: Array, link: str) -> CentredBody:
+    """A link's ten parameters as a file states them; raises InconsistentModelError without mass."""
+    mass = float(parameters[0])
+    if not np.any(parameters):
+        return CentredBody(0.0, np.zeros(3), np.zeros((3, 3)))
+    if mass == 0.0 or not np.isfinite(parameters).all():
+        raise InconsistentModelError([link], can_be_forced=False)
+    if mass > 0.0:
+        return CentredBody(mass, parameters[1:4] / mass, central_inertia_matrices(parameters)[0])
+    # A body of negative mass, which only a forced file holds.
+    return CentredBody(mass, parameters[1:4] / mass, -central_inertia_matrices(-parameters)[0])
+
+
+def inconsistent_links(robot: Robot, parameters: Array) -> tuple[str, ...]:
+    """Links of the segments whose pseudo-inertia is not positive semidefinite."""
+    eigenvalues = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))
+    bad = eigenvalues[:, 0] < -_ROUNDING * np.abs(eigenvalues).max(axis=1)
+    return tuple(segment.link for segment, flag in zip(robot.segments, bad, strict=True) if flag)
+
+
+def changed_segments(robot: Robot, identification: Identification, *, force: bool) -> tuple[int, ...]:
+    """Segments whose identified parameters are not the model's own, checked.
+
+    Raises:
+        InputError: the identification is of another robot.
+        InconsistentModelError: a changed segment is no body, and ``force`` is not set.
+    """
+    links = tuple(segment.link for segment in robot.segments)
+    if identification.links != links:
+        raise InputError(
+            f"was made for {identification.robot}",
+            source="identification",
+            remedy=f"hand over the robot that it was made for, not {robot.name}",
+        )
+    new, old = identification.parameters.reshape(-1, 10), robot.nominal_parameters.reshape(-1, 10)
+    changed = tuple(int(k) for k in np.flatnonzero((new != old).any(axis=1)))
+    bad = set(inconsistent_links(robot, identification.parameters)) & {links[k] for k in changed}
+    if bad and not force:
+        raise InconsistentModelError([link for link in links if link in bad])
+    return changed
+
+
+def _pseudo(parameters: Array) -> Array:
+    return pseudo_inertia_matrices(parameters)[0]
+
+
+def _physical_share(pseudo: Array, carried: Array) -> float:
+    """Greatest share of ``carried`` (at most 1) that leaves ``pseudo`` a body."""
+    least = np.linalg.eigvalsh(pseudo - carried)[0]
+    values, vectors = np.linalg.eigh(pseudo)
+    if least >= -_ROUNDING * values[-1] or values[0] < -_ROUNDING * values[-1]:
+        return 1.0
+    if values[0] <= _ROUNDING * values[-1]:
+        return 0.0
+    half = vectors / np.sqrt(values)
+    return min(1.0, _ROOM / float(np.linalg.eigvalsh(half.T @ carried @ half)[-1]))

@@ -1,0 +1,237 @@
+"""A URDF with identified inertials: its author's text, with other numbers in ``<inertial>``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from defusedxml.ElementTree import fromstring
+
+from excite.atomic import atomic_path
+from excite.errors import InputError, NoSolutionError
+from excite.export.models.bodies import Member, centred, changed_segments, parameters_of, split_segment
+from excite.export.models.verification import (
+    held_joints,
+    mujoco_error,
+    pinocchio_error,
+    robot_names,
+    urdf_in_mujoco,
+)
+from excite.export.models.written import WrittenModel
+from excite.export.models.xml_text import Element, XmlText, number_text
+from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.result import Identification
+from excite.robot.loading import link_placement, model_file
+from excite.robot.robot import Array, Robot
+from excite.robot.urdf import parse_urdf
+from excite.robot.urdf_numbers import numbers
+
+TOLERANCE = 1e-9
+"""How far, relative to the largest torque, a written model's inverse dynamics may be off."""
+
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+
+
+def write_urdf(
+    robot: Robot,
+    identification: Identification,
+    path: Path,
+    *,
+    drives: bool = False,
+    force: bool = False,
+) -> WrittenModel:
+    """Write the robot's URDF with the identified inertials in place of its own.
+
+    The original text is edited: geometry, comments, order and white space stay as they are, ``rpy`` of an
+    inertial too (its moments are expressed in that frame), and links whose segment did not change are not
+    touched. What is read back from the new text with pinocchio, and with MuJoCo where it can read the file,
+    has to give the inverse dynamics of the identified parameters.
+
+    Args:
+        robot: the robot that was identified.
+        identification: what was identified.
+        path: file to write; mesh paths that are relative stay relative to it.
+        drives: also write viscous and Coulomb friction that were identified into ``<dynamics>``.
+        force: write parameters that no rigid body has, too.
+
+    Returns:
+        The file and what was checked.
+
+    Raises:
+        InconsistentModelError: a changed segment is no rigid body, and ``force`` is not set.
+        InputError: the identification is of another robot, or the URDF has changed since it was loaded.
+        NoSolutionError: pinocchio or MuJoCo does not give the identified parameters' torques (a bug here).
+    """
+    changed = changed_segments(robot, identification, force=force)
+    file = model_file(robot)
+    parse_urdf(file)
+    text = XmlText(file.read_bytes(), file)
+    links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
+    members = _members(robot, links, file)
+    _unchanged_since_loading(robot, members, file)
+    notes: list[str] = []
+    written: list[str] = []
+    ten = identification.parameters.reshape(-1, 10)
+    for segment in changed:
+        split = split_segment(ten[segment], members[segment])
+        if split.note:
+            notes.append(split.note)
+        for link, parameters in split.shares.items():
+            _set_inertial(text, links[link], parameters, link, file)
+            written.append(link)
+    if drives:
+        notes += _set_dynamics(text, identification)
+    notes += [*_held_note(robot, file), *_mesh_note(text, file, path)]
+    content = text.edited()
+    in_pinocchio = pinocchio_error(robot, content, identification.parameters)
+    in_mujoco = _mujoco(robot, content, identification.parameters, notes)
+    _agreed(path, in_pinocchio, in_mujoco)
+    with atomic_path(Path(path)) as temporary:
+        temporary.write_bytes(content)
+    return WrittenModel(Path(path), tuple(written), tuple(notes), in_pinocchio, in_mujoco)
+
+
+def _mujoco(robot: Robot, content: bytes, parameters: Array, notes: list[str]) -> float | None:
+    try:
+        model = urdf_in_mujoco(robot, content)
+    except InputError as error:
+        notes.append(f"not checked with MuJoCo: {error.what}")
+        return None
+    names = robot_names(robot, {}, held_joints(robot, fromstring(content)))
+    return mujoco_error(robot, model, names, parameters)
+
+
+def _agreed(path: Path, *errors: float | None) -> None:
+    for error in errors:
+        if error is not None and not error <= TOLERANCE:
+            raise NoSolutionError(
+                f"{path} was not written: read back, its inverse dynamics is off by {error:.1e}",
+                remedy="report this with the model",
+            )
+
+
+def _members(robot: Robot, links: dict[str, Element], file: Path) -> list[list[Member]]:
+    """Links of each segment, the moving one first."""
+    members: list[list[Member]] = [[] for _ in robot.segments]
+    for name, link in links.items():
+        joint, placement = link_placement(robot.model, name, file, f"link {name!r}")
+        if joint == 0:
+            continue
+        member = Member(name, placement, _stated(link, file))
+        if name == robot.segments[joint - 1].link:
+            members[joint - 1].insert(0, member)
+        else:
+            members[joint - 1].append(member)
+    return members
+
+
+def _stated(link: Element, file: Path) -> Array | None:
+    """A link's own parameters as its inertial states them."""
+    for inertial in link.named("inertial"):
+        mass, com, rpy, inertia = _values(inertial, file)
+        turn = pin.rpy.rpyToMatrix(*rpy)
+        return np.asarray(pin.Inertia(mass, com, turn @ inertia @ turn.T).toDynamicParameters())
+    return None
+
+
+def _values(inertial: Element, file: Path) -> tuple[float, Array, Array, Array]:
+    parts = {}
+    for child in inertial.children:
+        parts[child.tag] = ElementTree.Element(child.tag, dict(child.attributes))
+    origin = parts.get("origin", ElementTree.Element("origin"))
+    com, rpy = (np.array(numbers(origin, key, 3, file, "origin", default="0 0 0")) for key in ("xyz", "rpy"))
+    six = [numbers(parts["inertia"], key, 1, file, "inertia")[0] for key in _MOMENTS]
+    inertia = np.zeros((3, 3))
+    inertia[_UPPER] = six
+    inertia.T[_UPPER] = six
+    return numbers(parts["mass"], "value", 1, file, "mass")[0], com, rpy, inertia
+
+
+def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file: Path) -> None:
+    for segment, (inside, nominal) in enumerate(
+        zip(members, robot.nominal_parameters.reshape(-1, 10), strict=True)
+    ):
+        total = np.zeros(10)
+        for member in inside:
+            if member.parameters is not None:
+                pseudo = pseudo_inertia_matrices(member.parameters)[0]
+                move = member.placement.homogeneous
+                total += parameters_of(move @ pseudo @ move.T)
+        if not np.allclose(total, nominal, rtol=1e-6, atol=1e-9 * (1.0 + np.abs(nominal).max())):
+            raise InputError(
+                f"does not hold the parameters of {robot.segments[segment].link!r} that were loaded",
+                source=file,
+                remedy="load the robot again",
+            )
+
+
+def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, file: Path) -> None:
+    body = centred(parameters, name)
+    found = link.named("inertial")
+    if not found:
+        moments = body.inertia[_UPPER]
+        values = " ".join(f'{key}="{number_text(m)}"' for key, m in zip(_MOMENTS, moments, strict=True))
+        text.insert_first(
+            link,
+            f'<inertial><origin xyz="{number_text(*body.com)}"/><mass value="{number_text(body.mass)}"/>'
+            f"<inertia {values}/></inertial>",
+        )
+        return
+    inertial = found[0]
+    turn = pin.rpy.rpyToMatrix(*_values(inertial, file)[2])
+    moments = (turn.T @ body.inertia @ turn)[_UPPER]
+    origin = inertial.named("origin")
+    if origin:
+        text.set(origin[0], xyz=number_text(*body.com))
+    else:
+        text.insert_first(inertial, f'<origin xyz="{number_text(*body.com)}"/>')
+    text.set(inertial.named("mass")[0], value=number_text(body.mass))
+    values_by_key = {key: number_text(m) for key, m in zip(_MOMENTS, moments, strict=True)}
+    text.set(inertial.named("inertia")[0], **values_by_key)
+
+
+def _set_dynamics(text: XmlText, identification: Identification) -> list[str]:
+    """Friction into ``<dynamics>``; what no passive joint has is left as it was and said."""
+    joints = {str(joint.attributes.get("name")): joint for joint in text.root.named("joint")}
+    found = dict(zip(identification.drive_names, identification.drives.tolist(), strict=True))
+    notes = []
+    for name, joint in joints.items():
+        values = {}
+        for term, attribute in (("viscous", "damping"), ("coulomb", "friction")):
+            value = found.get(f"{term}.{name}")
+            if value is not None and value < 0.0:
+                notes.append(
+                    f"{name}: {term} friction was identified as {value:.3g}, below zero; not written"
+                )
+            elif value is not None:
+                values[attribute] = number_text(value)
+        if not values:
+            continue
+        if joint.named("dynamics"):
+            text.set(joint.named("dynamics")[0], **values)
+        else:
+            inside = " ".join(f'{key}="{value}"' for key, value in values.items())
+            text.insert_first(joint, f"<dynamics {inside}/>")
+    return notes
+
+
+def _held_note(robot: Robot, file: Path) -> list[str]:
+    held = held_joints(robot, parse_urdf(file))
+    if not held:
+        return []
+    return [
+        "links beyond the joints that robot.yaml holds still kept their nominal inertia; the sum of their "
+        f"segment is the identified one while {', '.join(held)} stay where they are held"
+    ]
+
+
+def _mesh_note(text: XmlText, file: Path, path: Path) -> list[str]:
+    names = [mesh.attributes.get("filename", "") for mesh in text.root.everywhere("mesh")]
+    relative = any("://" not in name and not Path(name).is_absolute() for name in names)
+    if relative and Path(path).resolve().parent != file.resolve().parent:
+        return [f"mesh paths are relative: put it beside {file.name} to see them"]
+    return []

@@ -1,0 +1,249 @@
+"""Proof that a simulator took the identified parameters: its inverse dynamics against their regression."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from defusedxml.ElementTree import fromstring
+
+from excite.errors import InputError
+from excite.regressor.kernels import joint_torque_regressor
+from excite.robot.robot import Array, Robot
+from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
+
+if TYPE_CHECKING:
+    import mujoco
+
+_STATES = 20
+_SEED = 7
+_FREE = "excite_root"
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Random states and the generalised forces that the identified parameters ask for there.
+
+    Attributes:
+        q: ``(n, nq)``, v and a ``(n, nv)`` in the robot's layout.
+        v: see ``q``.
+        a: see ``q``.
+        torque: ``(n, nv)``, base in its own frame.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    torque: Array
+
+    def error(self, torque: Array) -> float:
+        """Largest difference from ``torque``, relative to the largest torque."""
+        return float(np.abs(torque - self.torque).max() / np.abs(self.torque).max())
+
+
+def random_states(robot: Robot, parameters: Array) -> States:
+    """States all over the joints' turn, and the torques of ``parameters`` ``(10·n_segments,)`` in them."""
+    random = np.random.default_rng(_SEED)
+    q = random.uniform(-np.pi, np.pi, size=(_STATES, robot.model.nq))
+    if robot.floating:
+        q[:, 3:7] = random.normal(size=(_STATES, 4))
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    v, a = random.normal(size=(2, _STATES, robot.model.nv))
+    return States(q, v, a, joint_torque_regressor(robot.model, q, v, a) @ parameters)
+
+
+def held_joints(robot: Robot, root: ElementTree.Element) -> dict[str, float]:
+    """Position of every joint of a URDF that the robot holds still, mimic followers of held ones included."""
+    held = dict(robot.description.locked_joints)
+    for joint in root.findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None and mimic.get("joint") in held and joint.get("type") != "fixed":
+            follow = float(mimic.get("multiplier", "1")) * held[str(mimic.get("joint"))]
+            held.setdefault(str(joint.get("name")), follow + float(mimic.get("offset", "0")))
+    return held
+
+
+def pinocchio_error(robot: Robot, text: bytes, parameters: Array) -> float:
+    """Relative error of inverse dynamics of a URDF text, read by pinocchio alone, against ``parameters``.
+
+    Raises:
+        InputError: the file's joints are not the robot's.
+    """
+    held = held_joints(robot, fromstring(text))
+    root = (pin.JointModelFreeFlyer(),) if robot.floating else ()
+    raw = pin.buildModelFromXML(text.decode("utf-8"), *root)
+    neutral = pin.neutral(raw)
+    ids = [raw.getJointId(name) for name in held]
+    for index, value in zip(ids, held.values(), strict=True):
+        neutral[raw.joints[index].idx_q :][: raw.joints[index].nq] = _turned(raw.joints[index].nq, value)
+    model = pin.buildReducedModel(raw, ids, neutral)
+    if list(model.names) != list(robot.model.names):
+        raise InputError("its joints are not the robot's", source="written model")
+    model.gravity = robot.model.gravity
+    data, states = model.createData(), random_states(robot, parameters)
+    torque = []
+    for q, v, a in zip(states.q, states.v, states.a, strict=True):
+        own = np.concatenate(
+            [np.zeros(0)]
+            + [
+                part if len(part) == joint.nq else _turned(joint.nq, float(part[0]))
+                for joint, part in zip(model.joints[1:], _by_joint(robot, q), strict=True)
+            ]
+        )
+        torque.append(pin.rnea(model, data, own, v, a))
+    return states.error(np.array(torque))
+
+
+def _by_joint(robot: Robot, q: Array) -> list[Array]:
+    joints = list(robot.model.joints)[1:]
+    return [q[joint.idx_q : joint.idx_q + joint.nq] for joint in joints]
+
+
+def _turned(nq: int, value: float) -> Array:
+    """Coordinates of a joint that turns without end are cosine and sine."""
+    return np.array([np.cos(value), np.sin(value)]) if nq == 2 else np.array([value])
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoNames:
+    """Names in a MuJoCo model.
+
+    Attributes:
+        joints: of the robot's actuated joints.
+        base: body of the free joint.
+        held: position of the joints that the robot does not have.
+    """
+
+    joints: tuple[str, ...]
+    base: str
+    held: Mapping[str, float]
+
+
+def robot_names(robot: Robot, names: Mapping[str, str], held: Mapping[str, float]) -> MujocoNames:
+    """Names of a robot's joints and base, ``names`` translating them where the file has its own."""
+    return MujocoNames(
+        tuple(names.get(name, name) for name in robot.joint_names),
+        names.get(robot.base_link, robot.base_link),
+        held,
+    )
+
+
+def mujoco_error(robot: Robot, model: mujoco.MjModel, names: MujocoNames, parameters: Array) -> float:
+    """Relative error of ``mj_inverse`` of a compiled model against ``parameters``.
+
+    Friction, damping and rotor inertia are left out on both sides, and contacts and limits exert nothing.
+
+    Raises:
+        InputError: a joint of the robot is not in the model.
+    """
+    import mujoco
+
+    place = mujoco_places(robot, model, names)
+    data, states = mujoco.MjData(model), random_states(robot, parameters)
+    damping, friction, armature = model.dof_damping.copy(), model.dof_frictionloss.copy(), model.dof_armature
+    armature, flags, gravity = armature.copy(), model.opt.disableflags, model.opt.gravity.copy()
+    model.dof_damping[:] = model.dof_frictionloss[:] = model.dof_armature[:] = 0.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    model.opt.gravity[:] = robot.model.gravity.linear
+    torque = []
+    for q, v, a in zip(states.q, states.v, states.a, strict=True):
+        place.pose(robot, data, q, v, a)
+        mujoco.mj_inverse(model, data)
+        force = data.qfrc_inverse[place.v].copy()
+        if robot.floating:
+            force[:3] = pin.Quaternion(q[3:7]).matrix().T @ force[:3]
+        torque.append(force)
+    model.dof_damping[:], model.dof_frictionloss[:], model.dof_armature[:] = damping, friction, armature
+    model.opt.disableflags, model.opt.gravity[:] = flags, gravity
+    return states.error(np.array(torque))
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoPlaces:
+    """Where the robot's coordinates stand in a MuJoCo model's, ``q`` ``(nq,)`` and ``v`` ``(nv,)``.
+
+    ``start`` ``(model.nq,)`` is added to them: zero of the robot's joints, position of all others.
+    """
+
+    q: Array
+    v: Array
+    start: Array
+
+    def pose(self, robot: Robot, data: mujoco.MjData, q: Array, v: Array, a: Array) -> None:
+        """Bring MuJoCo's state to the robot's ``q``, ``v``, ``a`` (base twist in the base frame)."""
+        data.qpos[:], data.qvel[:], data.qacc[:] = self.start, 0.0, 0.0
+        data.qpos[self.q] += position_to_mujoco(q, floating=robot.floating)
+        data.qvel[self.v] = velocity_to_mujoco(q, v, floating=robot.floating)
+        base = a.copy()
+        if robot.floating:
+            base[:3] += np.cross(v[3:6], v[:3])
+        data.qacc[self.v] = velocity_to_mujoco(q, base, floating=robot.floating)
+
+
+def mujoco_places(robot: Robot, model: mujoco.MjModel, names: MujocoNames) -> MujocoPlaces:
+    """Find the robot's joints in a model; raises InputError where one is not there."""
+    import mujoco
+
+    q: list[int] = []
+    v: list[int] = []
+    start = model.qpos0.copy()
+    for name, value in names.held.items():
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        if index >= 0:
+            start[model.jnt_qposadr[index]] += value
+    if robot.floating:
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.base)
+        first = int(model.body_jntadr[body]) if body >= 0 else -1
+        if first < 0 or model.jnt_type[first] != mujoco.mjtJoint.mjJNT_FREE:
+            raise InputError(
+                f"no body {names.base!r} with a free joint",
+                source="MuJoCo model",
+                remedy="give the base a <freejoint/>, or map its name",
+            )
+        q += range(model.jnt_qposadr[first], model.jnt_qposadr[first] + 7)
+        v += range(model.jnt_dofadr[first], model.jnt_dofadr[first] + 6)
+        start[q] = 0.0
+    for name in names.joints:
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        if index < 0:
+            raise InputError(
+                f"no joint {name!r}", source="MuJoCo model", remedy="map the robot's names to the file's"
+            )
+        q.append(model.jnt_qposadr[index])
+        v.append(model.jnt_dofadr[index])
+    return MujocoPlaces(np.array(q), np.array(v), start)
+
+
+def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
+    """A URDF compiled by MuJoCo without its geometry, on a free joint where the robot's base floats.
+
+    Raises:
+        InputError: MuJoCo refuses it, as it does bodies that move and have no mass.
+    """
+    import mujoco
+
+    root = fromstring(text)
+    for link in root.findall("link"):
+        for kind in ("visual", "collision"):
+            for element in link.findall(kind):
+                link.remove(element)
+    for joint in root.findall("joint"):
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    if robot.floating:
+        ElementTree.SubElement(root, "link", name="world")
+        joint = ElementTree.SubElement(root, "joint", name=_FREE, type="floating")
+        ElementTree.SubElement(joint, "parent", link="world")
+        ElementTree.SubElement(joint, "child", link=robot.base_link)
+    try:
+        return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    except ValueError as error:
+        raise InputError(
+            f"MuJoCo refuses it ({' '.join(str(error).split())})",
+            source="written model",
+            remedy="give every moving link mass",
+        ) from error

@@ -1,0 +1,95 @@
+"""All files of an identified model, as a command leaves them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from excite.errors import InputError
+from excite.export.models.bodies import InconsistentModelError
+from excite.export.models.differences import find_differences
+from excite.export.models.mjcf import write_mjcf
+from excite.export.models.urdf import write_urdf
+from excite.export.models.written import WrittenModel
+from excite.identification.result import Identification
+from excite.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class ModelFiles:
+    """The files of an identified model.
+
+    Attributes:
+        differences: the table nominal → identified.
+        urdf: ``identified.urdf``; None where it was refused.
+        mjcf: ``identified.xml``; None where it was refused.
+        refused: why models were refused, one sentence each.
+    """
+
+    differences: Path
+    urdf: WrittenModel | None
+    mjcf: WrittenModel | None
+    refused: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The block ``models`` of the command's document."""
+        return {
+            "differences": self.differences.name,
+            "urdf": None if self.urdf is None else self.urdf.to_json(),
+            "mjcf": None if self.mjcf is None else self.mjcf.to_json(),
+            "refused": list(self.refused),
+        }
+
+    def summary(self) -> str:
+        """What was written and what was not, a line each."""
+        lines = []
+        for model in (self.urdf, self.mjcf):
+            if model is not None:
+                lines.append(f"wrote {model.path.name}: {len(model.changed)} links changed")
+                lines += [f"  {note}" for note in model.notes]
+        lines.append(f"wrote {self.differences.name}")
+        return "\n".join([*lines, *(f"not written: {reason}" for reason in self.refused)])
+
+
+def write_models(
+    robot: Robot, identification: Identification, folder: Path, *, drives: bool = False, force: bool = False
+) -> ModelFiles:
+    """Write ``identified.urdf``, ``identified.xml`` (MJCF) and ``differences.csv`` into a folder.
+
+    Models that no rigid body matches are refused, and a file of an earlier run under their name removed;
+    the table is written in any case.
+
+    Args:
+        robot: the robot that was identified.
+        identification: what was identified.
+        folder: folder to write to.
+        drives: also write the identified friction.
+        force: write the URDF of physically inconsistent parameters, too (MuJoCo takes none).
+
+    Raises:
+        InputError: the identification is of another robot.
+    """
+    folder = Path(folder)
+    rows = find_differences(identification.to_json()["standard_parameters"])
+    differences = rows.save(folder / "differences.csv")
+    refused: list[str] = []
+    urdf, mjcf = folder / "identified.urdf", folder / "identified.xml"
+
+    def attempt(path: Path, write: Any, **options: bool) -> WrittenModel | None:
+        try:
+            return write(robot, identification, path, drives=drives, **options)
+        except InconsistentModelError as error:
+            path.unlink(missing_ok=True)
+            refused.append(f"{path.name}: {error.what}; {error.remedy}")
+        except InputError as error:
+            path.unlink(missing_ok=True)
+            refused.append(f"{path.name}: {error}")
+        return None
+
+    return ModelFiles(
+        differences,
+        attempt(urdf, write_urdf, force=force),
+        attempt(mjcf, write_mjcf),
+        tuple(refused),
+    )
