@@ -125,15 +125,16 @@ class JointRows:
                 field="torque",
                 remedy="log tau.* or i.* for identification",
             )
-        missing = [joint for joint in self.header.joints if joint not in self.settings.drive_gains]
+        gains = {**self.header.torque_constants, **self.settings.drive_gains}
+        missing = [joint for joint in self.header.joints if joint not in gains]
         if missing:
             raise LogError(
                 f"no torque per ampere is known for joint {missing[0]!r}",
                 source=trial.name,
                 field="torque",
-                remedy="state drive_gains in the settings [N·m/A]",
+                remedy="state torque_constants in log.yaml, or drive_gains in the settings [N·m/A]",
             )
-        return trial.current * np.array([self.settings.drive_gains[joint] for joint in self.header.joints])
+        return trial.current * np.array([gains[joint] for joint in self.header.joints])
 
 
 def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:

@@ -43,7 +43,7 @@ class TrialHeader(_Block):
 
 
 class LogHeader(_Block):
-    """The whole of ``log.yaml``."""
+    """The whole of ``log.yaml``; ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques."""
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
     robot: str
@@ -52,6 +52,7 @@ class LogHeader(_Block):
     rate_hz: float = Field(gt=0.0)
     joints: tuple[str, ...] = Field(min_length=1)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
+    torque_constants: dict[str, float] = {}
     controller: dict | None = None
     base_link: str | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None

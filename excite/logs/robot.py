@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import LogError, RobotError
+from excite.logs.header import read_header
 from excite.logs.log import Log, LogHeader, SensorHeader
 from excite.robot.description import RobotDescription
 from excite.robot.loading import build_robot, carried_link, link_placement, load_robot
@@ -37,6 +38,25 @@ def nominal_robot(log: Log) -> Robot:
     return robot_in_log(
         build_robot(_bare_description(file, log.header), file), log.header, log.folder / "log.yaml"
     )
+
+
+def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
+    """The robot that logs are to be read with: a bundled one, a ``robot.yaml``, or a bare URDF.
+
+    Args:
+        name_or_path: bundled name or path; of a URDF only the joints that the log has stay movable.
+        log: a log folder or its ``log.yaml``; asked only where a URDF is given.
+
+    Raises:
+        RobotError: the model is malformed; LogError: the log's header is, or does not fit the URDF.
+        UnknownNameError: no such robot.
+    """
+    file = Path(name_or_path)
+    if file.suffix != ".urdf":
+        return load_robot(name_or_path)
+    path = Path(log) / "log.yaml" if Path(log).is_dir() else Path(log)
+    header = read_header(path)
+    return robot_in_log(build_robot(_bare_description(file, header), file), header, path)
 
 
 def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) -> Robot:

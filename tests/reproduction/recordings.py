@@ -34,6 +34,7 @@ def ur10e_log(data_dir: Path, folder: Path) -> Log:
             "rate_hz": 100,
             "joints": UR10E_JOINTS,
             "torque": "current",
+            "torque_constants": UR10E_GAINS,
         },
         "columns": {
             "time": "t_s",
