@@ -1,0 +1,161 @@
+"""What the log says is modelled, fitted or trusted: rigid bodies, friction, rotor inertia."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.diagnosis.equations import Equations, Fit, Solver
+from excite.diagnosis.samples import ArmSamples
+from excite.identification.inertia import central_inertia_matrices
+from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
+from excite.robot.robot import Array
+
+# Widths of the sign change of Coulomb friction that are tried [rad/s].
+WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
+_RELATIVE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """The fitted baseline, with what effects need of it.
+
+    Attributes:
+        samples: the samples.
+        modelled: words of ``modelled``.
+        free: whether inertial parameters are fitted.
+        widths: ``(n_joints,)`` width of each joint's sign change [rad/s].
+        solver: the equations, ready for hypotheses.
+        fit: the baseline's own fit.
+        phi: ``(10·n_segments,)`` inertial parameters after the fit, nominal in blind directions.
+        basis: ``(10·n_segments, n_shared)``: change of the inertial parameters per unit of ``x``.
+        rigid: full-rate torque of the rigid bodies at ``phi`` ``(n_samples, n_joints)`` [N·m].
+        total: the same with friction and rotor inertia.
+    """
+
+    samples: ArmSamples
+    modelled: tuple[str, ...]
+    free: bool
+    widths: Array
+    solver: Solver
+    fit: Fit
+    phi: Array
+    basis: Array
+    rigid: Array
+    total: Array
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.samples.joints)
+
+
+def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
+    """Terms of each joint's own that ``modelled`` asks for, in order."""
+    names = [n for n in ("viscous_friction", "coulomb_friction", "armature") if n in modelled]
+    if "torque_bias" in modelled or "coulomb_asymmetry" in modelled:
+        names.append("torque_bias")
+    return tuple(names)
+
+
+def own_signals(samples: ArmSamples, names: tuple[str, ...], joint: int, width: float) -> Array:
+    """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``."""
+    i = samples.index[joint]
+    v, a = samples.stacked("v")[:, i], samples.stacked("a")[:, i]
+    made = {
+        "viscous_friction": lambda: v,
+        "coulomb_friction": lambda: np.tanh(v / width),
+        "armature": lambda: a,
+        "torque_bias": lambda: np.ones_like(v),
+    }
+    return np.column_stack([made[n]() for n in names]) if names else np.zeros((len(v), 0))
+
+
+def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
+    """Fit what ``modelled`` names; what the motion does not show of the inertial parameters stays nominal.
+
+    Args:
+        samples: the samples.
+        modelled: words of ``modelled`` in ``log.yaml``.
+        floor: ``(n_joints,)`` noise in the rows' band [N·m].
+
+    Returns:
+        The baseline.
+    """
+    model = samples.robot.model
+    q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
+    index = list(samples.index)
+    free = "rigid_body" in modelled
+    tau = samples.rows([t.tau for t in samples.trials])
+    nominal = inverse_dynamics(model, q, v, a)[:, index]
+    y = (tau - samples.rows(samples.split(nominal))).T
+    phi = _model_phi(samples)
+    shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
+    names = own_names(modelled)
+    widths = np.full(len(index), 6e-3)
+    bank = [
+        [samples.rows(samples.split(own_signals(samples, names, j, w))) for w in WIDTHS]
+        if "coulomb_friction" in names
+        else [samples.rows(samples.split(own_signals(samples, names, j, 6e-3)))]
+        for j in range(len(index))
+    ]
+    use = samples.identification
+    chosen = [min(2, len(b) - 1) for b in bank]
+    for _ in range(2):
+        own = tuple(b[k] for b, k in zip(bank, chosen, strict=True))
+        solver = Solver(Equations(shared, own, y, use, samples.trial_of_row, floor))
+        fit = solver.fit()
+        rigid = y - shared @ fit.shared
+        chosen = [_best_width(rigid[j][use], [b[use] for b in bank[j]]) for j in range(len(index))]
+    if "coulomb_friction" in names:
+        widths = np.array([WIDTHS[k] for k in chosen])
+    own = tuple(b[k] for b, k in zip(bank, chosen, strict=True))
+    solver = Solver(Equations(shared, own, y, use, samples.trial_of_row, floor))
+    fit = solver.fit()
+    basis = np.zeros((len(phi), 0)) if basis is None else basis
+    phi_hat = phi + basis @ fit.shared
+    torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
+    friction = np.column_stack(
+        [own_signals(samples, names, j, widths[j]) @ fit.own[j] for j in range(len(index))]
+    )
+    return Baseline(
+        samples, modelled, free, widths, solver, fit, phi_hat, basis, torque, torque + friction
+    )
+
+
+def _best_width(target: Array, columns: list[Array]) -> int:
+    losses = []
+    for c in columns:
+        x = np.linalg.lstsq(c, target, rcond=None)[0]
+        losses.append(float(((target - c @ x) ** 2).sum()))
+    return int(np.argmin(losses))
+
+
+def _model_phi(samples: ArmSamples) -> Array:
+    model = samples.robot.model
+    return np.concatenate([model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)])
+
+
+def _shared(samples: ArmSamples, phi: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Columns of the inertial parameters in units of their prior spread, in a basis without blind directions."""
+    index = list(samples.index)
+    regressor = joint_torque_regressor(samples.robot.model, q, v, a)[:, index]
+    rows = samples.rows(samples.split(regressor.reshape(len(q), -1)))
+    rows = rows.reshape(len(rows), len(index), -1) * _spread(phi)
+    flat = np.concatenate([rows[:, j] / max(rows[:, j].std(), 1e-9) for j in range(len(index))])
+    values, vectors = np.linalg.eigh(flat.T @ flat)
+    keep = values > 1e-9 * values[-1]
+    basis = vectors[:, keep]
+    return np.ascontiguousarray((rows @ basis).transpose(1, 0, 2)), _spread(phi)[:, None] * basis
+
+
+def _spread(phi: Array) -> Array:
+    """Prior standard deviation of the inertial parameters: half of each link's mass put on somewhere."""
+    inertial = phi.reshape(-1, 10)
+    mass = np.maximum(inertial[:, 0], 0.02)
+    centre = inertial[:, 1:4] / mass[:, None]
+    gyration = np.trace(central_inertia_matrices(phi), axis1=1, axis2=2) / (2.0 * mass)
+    radius = np.maximum(np.sqrt((centre**2).sum(axis=1) + np.maximum(gyration, 0.0)), 0.02)
+    powers = np.array([0] + [1] * 3 + [2] * 6)
+    return ((_RELATIVE * mass)[:, None] * radius[:, None] ** powers).ravel()

@@ -1,0 +1,64 @@
+"""A base that does not stand as the model says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.equations import Fit
+from excite.diagnosis.result import Estimate
+
+_G = 9.81
+
+
+class BaseTilt(Effect):
+    """Gravity in the base frame has components that the model does not have.
+
+    Two columns are the torques of a horizontal gravity; two more, cos q₁ and sin q₁ on the first row, are
+    the first moments of link 1, invisible while its axis is upright.
+    """
+
+    name = "base_tilt"
+    linear = (
+        Parameter("gravity_x", "m/s²", -5.0, 5.0),
+        Parameter("gravity_y", "m/s²", -5.0, 5.0),
+        Parameter("first_row_cosine", "N·m"),
+        Parameter("first_row_sine", "N·m"),
+    )
+    confusable_with = ("joint_spring", "torque_bias", "encoder_offset")
+    separating_motion = "a wide range of joint 1; the arm on a base that is turned"
+    mujoco = "option gravity"
+
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        return self.name not in modelled
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return ("base",)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        samples = context.baseline.samples
+        model = samples.robot.model.copy()
+        q = samples.stacked("q")
+        still = np.zeros((len(q), model.nv))
+        columns = np.zeros((len(q), len(context.joints), 4))
+        gravity = model.gravity.linear.copy()
+        up = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
+        across = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+        across /= np.linalg.norm(across)
+        for k, axis in enumerate((across, np.cross(up, across))):
+            model.gravity.linear = axis
+            columns[:, :, k] = context.torques(q, still, still, model)
+        first = context.q[:, 0]
+        columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
+        return Shape({j: columns[:, j] for j in range(len(context.joints))})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        x, y = fit.extra[:2]
+        std = float(np.hypot(*fit.extra_std[:2]) / np.sqrt(2.0) / _G)
+        return {
+            "angle": Estimate(float(np.hypot(x, y) / _G), std, "rad"),
+            **{
+                p.name: Estimate(float(b), float(s), p.unit)
+                for p, b, s in zip(self.linear[:2], fit.extra, fit.extra_std, strict=False)
+            },
+        }

@@ -1,0 +1,166 @@
+"""What every effect says of itself, and what it is given to work with."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.equations import Fit
+from excite.diagnosis.result import Estimate
+from excite.regressor.kernels import inverse_dynamics
+from excite.robot.robot import Array
+
+_STEP = 1e-4
+
+Theta = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Attributes:
+        name: its name.
+        unit: SI unit.
+        low: least value that is physical.
+        high: greatest value that is physical.
+    """
+
+    name: str
+    unit: str
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What an effect adds to the torques at given non-linear parameters.
+
+    Attributes:
+        columns: by index of the joint's row, full-rate torques per unit of each linear parameter
+            ``(n_samples, n_linear)``; rows that are not named get nothing.
+        offset: by index of the row, full-rate torques ``(n_samples,)`` that come without a factor.
+    """
+
+    columns: dict[int, Array] = field(default_factory=dict)
+    offset: dict[int, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """The baseline and full-rate signals at its parameters.
+
+    Attributes:
+        baseline: the fitted baseline.
+    """
+
+    baseline: Baseline
+    _cache: dict = field(default_factory=dict)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints with rows."""
+        return self.baseline.samples.joints
+
+    def row(self, joint: str) -> int:
+        """Index of a joint's row."""
+        return self.joints.index(joint)
+
+    @cached_property
+    def q(self) -> Array:
+        """``(n_samples, n_joints)`` [rad]."""
+        return self.baseline.samples.stacked("q")[:, list(self.baseline.samples.index)]
+
+    @cached_property
+    def v(self) -> Array:
+        """``(n_samples, n_joints)`` [rad/s]."""
+        return self.baseline.samples.stacked("v")[:, list(self.baseline.samples.index)]
+
+    @cached_property
+    def a(self) -> Array:
+        """``(n_samples, n_joints)`` [rad/s²]."""
+        return self.baseline.samples.stacked("a")[:, list(self.baseline.samples.index)]
+
+    @cached_property
+    def session(self) -> Array:
+        """``(n_samples,)`` time since the session's start [s]."""
+        return self.baseline.samples.stacked("session_s")
+
+    def sign(self, j: int) -> Array:
+        """Smoothed sign of a joint's velocity, ``(n_samples,)``."""
+        return np.tanh(self.v[:, j] / self.baseline.widths[j])
+
+    def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
+        """Torques of the rigid bodies at the fitted parameters, ``(n_samples, n_joints)`` [N·m]."""
+        model = self.baseline.samples.robot.model if model is None else model
+        return inverse_dynamics(model, q, v, a, self.baseline.phi)[:, list(self.baseline.samples.index)]
+
+    def gradient(self, j: int, what: str) -> Array:
+        """Change of the torques per unit of a joint's ``q``, ``v`` or ``a``: ``(n_samples, n_joints)``."""
+        if (j, what) not in self._cache:
+            samples = self.baseline.samples
+            motion = {name: samples.stacked(name) for name in ("q", "v", "a")}
+            step = 1.0 if what == "a" else _STEP
+            both = []
+            for sign in (1.0, -1.0):
+                moved = dict(motion)
+                moved[what] = motion[what].copy()
+                moved[what][:, samples.index[j]] += sign * step
+                both.append(self.torques(moved["q"], moved["v"], moved["a"]))
+            self._cache[j, what] = (both[0] - both[1]) / (2.0 * step)
+        return self._cache[j, what]
+
+
+class Effect(ABC):
+    """An effect: its physics, where it can be, its parameters, and what it looks like in the torques.
+
+    Attributes:
+        name: its name in a diagnosis.
+        linear: its linear parameters, in the order of the columns.
+        searched: its non-linear parameters, in the order of ``theta``.
+        confusable_with: effects that can look alike.
+        separating_motion: what motion or measurement tells them apart.
+        mujoco: how a MuJoCo model expresses it; empty where it cannot.
+    """
+
+    name: ClassVar[str]
+    linear: ClassVar[tuple[Parameter, ...]] = ()
+    searched: ClassVar[tuple[Parameter, ...]] = ()
+    confusable_with: ClassVar[tuple[str, ...]] = ()
+    separating_motion: ClassVar[str] = ""
+    mujoco: ClassVar[str] = ""
+
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        """Whether it can be told from what the baseline has."""
+        return self.name not in modelled
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        """Where it can be: every joint, unless said otherwise."""
+        return context.joints
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        """Non-linear parameters to start the search from."""
+        return [()]
+
+    @abstractmethod
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        """What it adds to the torques."""
+
+    def admissible(self, beta: Array) -> bool:
+        """Whether linear parameters are physical."""
+        return all(p.low <= b <= p.high for p, b in zip(self.linear, beta, strict=True))
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        """Its parameters, for people."""
+        found = {
+            p.name: Estimate(float(b), float(s), p.unit)
+            for p, b, s in zip(self.linear, fit.extra, fit.extra_std, strict=True)
+        }
+        return found | {
+            p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)
+        }

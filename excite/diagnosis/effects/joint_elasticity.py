@@ -1,0 +1,25 @@
+"""A soft gear between motor and link."""
+
+from __future__ import annotations
+
+from excite.diagnosis.effects.deflection import response
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+
+
+class JointElasticity(Effect):
+    """The link's angle is the logged motor's angle plus a deflection, ``k δ = −τ`` (Spong 1987)."""
+
+    name = "joint_elasticity"
+    searched = (Parameter("stiffness", "N·m/rad", 5.0, 1e5), Parameter("damping_ratio", "1", 0.01, 2.0))
+    confusable_with = ("armature", "backlash", "time_delay")
+    separating_motion = "a chirp of that joint around the resonance"
+    mujoco = "a second joint with stiffness and damping behind the motor's"
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        j = context.row(location)
+        inertia = float(context.gradient(j, "a")[:, j].mean())
+        resonances = (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)
+        return [(inertia * (6.283 * f) ** 2, z) for f in resonances for z in (0.7, 0.15)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        return Shape(offset=response(context, context.row(location), theta[0], theta[1], 0.0))

@@ -1,0 +1,43 @@
+"""A joint that sits elsewhere than the model says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+
+_STEP = 1e-4
+
+
+class LinkLengthError(Effect):
+    """The joint's placement in its parent shifted: change of all torques per metre along three axes."""
+
+    name = "link_length_error"
+    linear = tuple(Parameter(f"shift_{axis}", "m", -0.3, 0.3) for axis in "xyz")
+    confusable_with = ("link_inertia", "payload", "encoder_offset")
+    separating_motion = "fast motion of the joints before it, in several postures"
+    mujoco = "body pos"
+
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        # Free inertial parameters take up nearly all of it.
+        return "rigid_body" not in modelled and self.name not in modelled
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return context.joints[1:]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        samples = context.baseline.samples
+        motion = [samples.stacked(name) for name in ("q", "v", "a")]
+        joint = samples.robot.model.getJointId(location)
+        columns = []
+        for axis in range(3):
+            both = []
+            for sign in (1.0, -1.0):
+                model = samples.robot.model.copy()
+                placement = model.jointPlacements[joint].copy()
+                placement.translation = placement.translation + sign * _STEP * np.eye(3)[axis]
+                model.jointPlacements[joint] = placement
+                both.append(context.torques(*motion, model))
+            columns.append((both[0] - both[1]) / (2.0 * _STEP))
+        stacked = np.stack(columns, axis=2)
+        return Shape({j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9})

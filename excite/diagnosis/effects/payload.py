@@ -1,0 +1,53 @@
+"""A body on a link that the model does not have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.regressor.kernels import joint_torque_regressor
+from excite.robot.loading import carried_link
+from excite.robot.robot import Array
+
+
+def link_columns(context: Context, joint: int) -> Array:
+    """Torques per unit of the ten inertial parameters of the body after a joint, ``(n, n_joints, 10)``."""
+    key = (0, "regressor")
+    if key not in context._cache:
+        s = context.baseline.samples
+        context._cache[key] = joint_torque_regressor(
+            s.robot.model, *(s.stacked(name) for name in ("q", "v", "a"))
+        )[:, list(s.index)]
+    return context._cache[key][:, :, 10 * (joint - 1) : 10 * joint]
+
+
+class Payload(Effect):
+    """The regressor's columns of one body: mass, first moments, inertia (Atkeson, An, Hollerbach 1986)."""
+
+    name = "payload"
+    linear = tuple(
+        Parameter(n, u)
+        for n, u in zip(
+            ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"),
+            ("kg", *["kg·m"] * 3, *["kg·m²"] * 6),
+            strict=True,
+        )
+    )
+    confusable_with = ("link_inertia", "torque_gain")
+    separating_motion = "the same motion without the load; wide wrist motion for the place"
+    mujoco = "body mass, pos and inertia"
+
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        return "rigid_body" not in modelled and self.name not in modelled
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        model = context.baseline.samples.robot.model
+        return tuple(carried_link(model, k) for k in range(1, model.njoints))
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        columns = link_columns(context, self.locations(context).index(location) + 1)
+        used = np.abs(columns).max(axis=0) > 1e-12
+        return Shape({j: columns[:, j] for j in range(columns.shape[1]) if used[j].any()})
+
+    def admissible(self, beta: Array) -> bool:
+        return True

@@ -1,0 +1,38 @@
+"""A torque channel that is logged late."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+
+
+class TimeDelay(Effect):
+    """``τ_logged(t) = τ(t − d)``, on the model's side: filtering the measurement would fake an improvement.
+
+    The column is the secant ``(τ̂(t − d) − τ̂(t))/d`` of the predicted torque.
+    """
+
+    name = "time_delay"
+    linear = (Parameter("delay", "s", 0.0, 0.15),)
+    searched = (Parameter("secant", "s", 1e-3, 0.1),)
+    confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
+    separating_motion = "a chirp to some hertz"
+    mujoco = "actuator delay (a ring buffer in the control callback)"
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return ("torque",)
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(0.003,), (0.006,), (0.012,), (0.025,), (0.05,)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        samples = context.baseline.samples
+        parts = []
+        for trial, torque in zip(samples.trials, samples.split(context.baseline.total), strict=True):
+            late = np.column_stack(
+                [np.interp(trial.time - theta[0], trial.time, torque[:, j]) for j in range(torque.shape[1])]
+            )
+            parts.append((late - torque) / theta[0])
+        column = np.concatenate(parts)
+        return Shape({j: column[:, [j]] for j in range(column.shape[1])})

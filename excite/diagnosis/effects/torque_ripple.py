@@ -1,0 +1,40 @@
+"""Torque ripple and cogging: a torque periodic in the joint's position."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+
+
+class TorqueRipple(Effect):
+    """``τ = A cos(N q) + B sin(N q)`` with N periods a revolution."""
+
+    name = "torque_ripple"
+    linear = (Parameter("cosine", "N·m"), Parameter("sine", "N·m"))
+    searched = (Parameter("periods_per_rev", "1", 4.0, 200.0),)
+    confusable_with = ("joint_spring",)
+    separating_motion = "a slow sweep of the joint at constant speed"
+    mujoco = "none of its own: a control callback"
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        """The three best of 4 … 150 by a projection of the baseline's residual at the rows."""
+        j = context.row(location)
+        samples = context.baseline.samples
+        q = np.concatenate([p[t.rows] for p, t in zip(samples.split(context.q[:, j]), samples.trials, strict=True)])
+        use = samples.identification
+        residual, q = context.baseline.fit.residual[j][use], q[use]
+        periods = np.arange(4.0, 150.0, 0.5)
+        power = np.abs(np.exp(-1j * np.outer(periods, q)) @ residual)
+        best: list[Theta] = []
+        for k in np.argsort(-power):
+            if all(abs(periods[k] - b[0]) > 1.5 for b in best):
+                best.append((float(periods[k]),))
+            if len(best) == 3:
+                break
+        return best
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        phase = theta[0] * context.q[:, j]
+        return Shape({j: np.column_stack([np.cos(phase), np.sin(phase)])})

@@ -1,0 +1,19 @@
+"""Viscous friction: a torque against the velocity and proportional to it."""
+
+from __future__ import annotations
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+
+
+class ViscousFriction(Effect):
+    """``τ = f_v v`` (Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, section 2.1)."""
+
+    name = "viscous_friction"
+    linear = (Parameter("coefficient", "N·m·s/rad", 0.0),)
+    confusable_with = ("coulomb_friction", "actuator_lag")
+    separating_motion = "constant speeds from slow to fast, both ways"
+    mujoco = "joint damping"
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        return Shape({j: context.v[:, [j]]})

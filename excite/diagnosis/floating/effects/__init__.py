@@ -1,0 +1,1 @@
+"""Effects that a floating-base log can show, one a file."""

@@ -1,0 +1,100 @@
+"""An effect on the base's wrench equation: what would be true if it were there."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from excite.diagnosis.floating.state import State
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Attributes:
+        name: its name.
+        unit: SI unit.
+        scale: standard deviation of what one would expect before looking at data, in ``unit``.
+        step: step of finite differences, in ``unit``.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    step: float
+
+
+class FloatingEffect(ABC):
+    """One effect; parameters at zero mean that it is absent.
+
+    Attributes:
+        name: a word of the contract.
+        reads_as: what it is confused with, and what tells it apart.
+    """
+
+    name: ClassVar[str]
+    reads_as: ClassVar[str]
+
+    @abstractmethod
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Places where it can sit."""
+
+    @abstractmethod
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """Its parameters there."""
+
+    @abstractmethod
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """What is true if it is there with parameters ``theta``, given all else in ``state``."""
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """Minus the derivative of the residual with respect to ``theta``, ``(n, 6, k)``, central differences."""
+        columns = []
+        for i, parameter in enumerate(self.parameters(state, location)):
+            ahead, behind = theta.copy(), theta.copy()
+            ahead[i] += parameter.step
+            behind[i] -= parameter.step
+            change = self.apply(state, location, ahead).residual - self.apply(state, location, behind).residual
+            columns.append(-change / (2.0 * parameter.step))
+        return np.stack(columns, axis=2)
+
+    def scales(self, state: State, location: str) -> Array:
+        """``(k,)`` expected size of each parameter."""
+        return np.array([p.scale for p in self.parameters(state, location)])
+
+
+def links(state: State) -> tuple[str, ...]:
+    """Names of the measured links that have mass, one a segment."""
+    phi, unmeasured = state.record.tree.phi, state.record.unmeasured
+    return tuple(
+        segment.link
+        for i, segment in enumerate(state.record.robot.segments)
+        if i not in unmeasured and phi[10 * i] > 0.0
+    )
+
+
+def segment_of(state: State, link: str) -> int:
+    """Index of a link's segment."""
+    return [segment.link for segment in state.record.robot.segments].index(link)
+
+
+def joints(state: State) -> tuple[str, ...]:
+    """Joints whose motion or placement shows in the base's equation: all but those beyond every sensor."""
+    record = state.record
+    beyond = {segment + 1 for segment in record.unmeasured}
+    carriers = {sensor.joint for sensor in record.robot.sensors}
+    return tuple(
+        name
+        for name in record.robot.joint_names
+        if (j := joint_of(state, name)) not in beyond or j in carriers
+    )
+
+
+def joint_of(state: State, joint: str) -> int:
+    """Index of a joint in the tree."""
+    return state.record.tree.names.index(joint)

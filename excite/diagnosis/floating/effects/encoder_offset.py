@@ -1,0 +1,30 @@
+"""A joint's encoder is off by a constant."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.state import State
+from excite.robot.robot import Array
+
+
+class EncoderOffset(FloatingEffect):
+    """True position = logged + offset."""
+
+    name: ClassVar[str] = "encoder_offset"
+    reads_as: ClassVar[str] = "link length and inertia beyond the joint; postures that turn it against gravity"
+
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Joints."""
+        return joints(state)
+
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """The offset, true less logged."""
+        return (Parameter("offset", "rad", 0.05, 1e-3),)
+
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """Turn the joint."""
+        q = state.q.copy()
+        q[:, state.tree.idx_q[joint_of(state, location)]] += theta[0]
+        return state.but(q=q)

@@ -1,0 +1,31 @@
+"""A joint does not sit where the model says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.state import State
+from excite.robot.robot import Array
+
+
+class LinkLengthError(FloatingEffect):
+    """True placement of the joint = the model's + error, in the parent's frame."""
+
+    name: ClassVar[str] = "link_length_error"
+    reads_as: ClassVar[str] = "sensor frame at the leg's end; inertia of what the joint carries"
+
+    def locations(self, state: State) -> tuple[str, ...]:
+        """Joints."""
+        return joints(state)
+
+    def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
+        """Displacement of the joint's origin."""
+        return tuple(Parameter(axis, "m", 0.015, 1e-3) for axis in "xyz")
+
+    def apply(self, state: State, location: str, theta: Array) -> State:
+        """Move the joint."""
+        translations = state.tree.translations.copy()
+        translations[joint_of(state, location)] += theta
+        return state.but(tree=replace(state.tree, translations=translations))

@@ -1,0 +1,33 @@
+"""The effects that a floating-base diagnosis tries."""
+
+from __future__ import annotations
+
+from excite.diagnosis.floating.effects.base_orientation_bias import BaseOrientationBias
+from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.effects.encoder_offset import EncoderOffset
+from excite.diagnosis.floating.effects.external_force import ExternalForce
+from excite.diagnosis.floating.effects.joint_elasticity import JointElasticity
+from excite.diagnosis.floating.effects.link_inertia import LinkInertia
+from excite.diagnosis.floating.effects.link_length_error import LinkLengthError
+from excite.diagnosis.floating.effects.sensor_bias import SensorBias
+from excite.diagnosis.floating.effects.sensor_crosstalk import SensorCrosstalk
+from excite.diagnosis.floating.effects.sensor_frame_offset import SensorFrameOffset
+from excite.diagnosis.floating.effects.sensor_gain import SensorGain
+from excite.diagnosis.floating.effects.time_delay import TimeDelay
+
+FLOATING_EFFECTS: dict[str, FloatingEffect] = {
+    effect.name: effect
+    for effect in (
+        LinkInertia(),
+        LinkLengthError(),
+        EncoderOffset(),
+        JointElasticity(),
+        BaseOrientationBias(),
+        SensorGain(),
+        SensorBias(),
+        SensorCrosstalk(),
+        SensorFrameOffset(),
+        ExternalForce(),
+        TimeDelay(),
+    )
+}

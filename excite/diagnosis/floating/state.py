@@ -1,0 +1,128 @@
+"""What a hypothesis makes of a record: the base wrench that is then measured less the one predicted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
+from excite.regressor.tree import KinematicTree
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Robot, motion and readings as a hypothesis says they truly were; effects replace fields of it.
+
+    Attributes:
+        record: what was logged.
+        tree: kinematics; its ``rotations`` and ``translations`` may be replaced.
+        q: ``(n, nq)``.
+        v: ``(n, nv)``.
+        a: ``(n, nv)``.
+        phi: ``(10·n_segments,)`` inertial parameters, those beyond the sensors included.
+        readings: by sensor, ``(n, 6)`` true contact wrench in the sensor's frame.
+        placements: by sensor, its pose in the frame of its joint (of the world for a plate).
+        extra: ``(n, 6)`` further wrench on the robot at the base, base frame.
+    """
+
+    record: FloatingRecord
+    tree: KinematicTree
+    q: Array
+    v: Array
+    a: Array
+    phi: Array
+    readings: dict[str, Array]
+    placements: dict[str, pin.SE3]
+    extra: Array | float = field(default=0.0)
+
+    @classmethod
+    def logged(cls, record: FloatingRecord, phi: Array | None = None) -> State:
+        """The state in which the log and the nominal model are right."""
+        return cls(
+            record=record,
+            tree=record.tree,
+            q=record.q,
+            v=record.v,
+            a=record.a,
+            phi=record.tree.phi if phi is None else phi,
+            readings=record.readings,
+            placements={s.name: s.placement for s in record.robot.sensors},
+        )
+
+    def but(self, **changes: object) -> State:
+        """A copy with fields replaced."""
+        return replace(self, **changes)
+
+    @cached_property
+    def poses(self) -> Placements:
+        """World poses of all joints."""
+        return forward_kinematics(self.tree, self.q)
+
+    @cached_property
+    def measured(self) -> Array:
+        """``(n, 6)`` sum of the contact wrenches at the base's origin, base frame (Jovic et al. 2015, eq. 2)."""
+        total = np.zeros((len(self.q), 6))
+        for sensor in self.record.robot.sensors:
+            placement, wrench = self.placements[sensor.name], self.readings[sensor.name]
+            rotation = self.poses.rotation[:, sensor.joint] @ placement.rotation
+            force = np.einsum("nij,nj->ni", rotation, wrench[:, :3])
+            moment = np.einsum("nij,nj->ni", rotation, wrench[:, 3:])
+            total += self.at_base(force, self.poses.point(sensor.joint, placement.translation), moment)
+        return total
+
+    def at_base(self, force: Array, point: Array, moment: Array | float = 0.0) -> Array:
+        """Wrench ``(n, 6)`` in the base frame of world ``force (n, 3)`` at ``point (n, 3)`` and ``moment``."""
+        rotation = self.poses.rotation[:, 1]
+        moment = moment + np.cross(point - self.poses.translation[:, 1], force)
+        return np.hstack(
+            [np.einsum("nji,nj->ni", rotation, force), np.einsum("nji,nj->ni", rotation, moment)]
+        )
+
+    @cached_property
+    def measured_phi(self) -> Array:
+        """Inertial parameters with those of unmeasured segments set to zero."""
+        phi = self.phi.copy()
+        for segment in self.record.unmeasured:
+            phi[10 * segment : 10 * segment + 10] = 0.0
+        return phi
+
+    @cached_property
+    def predicted(self) -> Array:
+        """``(n, 6)`` wrench that the motion needs, base frame."""
+        return inverse_dynamics(self.tree, self.q, self.v, self.a, self.measured_phi)[:, :6]
+
+    @property
+    def residual(self) -> Array:
+        """``(n, 6)`` measured plus further wrenches less predicted [N, N·m]."""
+        return self.measured + self.extra - self.predicted
+
+    @cached_property
+    def regressor(self) -> Array:
+        """``(n, 6, 10·n_segments)`` of the wrench, columns of unmeasured segments zero."""
+        body = base_link_regressor(self.tree, self.q, self.v, self.a)
+        for segment in self.record.unmeasured:
+            body[:, :, 10 * segment : 10 * segment + 10] = 0.0
+        return body
+
+    @cached_property
+    def joint_torques(self) -> Array:
+        """``(n, nv)`` torque that each joint carries, contact wrenches taken into account [N·m]."""
+        torque = inverse_dynamics(self.tree, self.q, self.v, self.a, self.measured_phi)
+        for sensor in self.record.robot.sensors:
+            placement, wrench = self.placements[sensor.name], self.readings[sensor.name]
+            rotation = self.poses.rotation[:, sensor.joint] @ placement.rotation
+            force = np.einsum("nij,nj->ni", rotation, wrench[:, :3])
+            moment = np.einsum("nij,nj->ni", rotation, wrench[:, 3:])
+            point = self.poses.point(sensor.joint, placement.translation)
+            joint = sensor.joint or self.record.robot.foot(sensor.foot).joint
+            while joint > 1:
+                axis = self.poses.rotation[:, joint] @ self.tree.axes[joint]
+                arm = np.cross(point - self.poses.translation[:, joint], force) + moment
+                torque[:, self.tree.idx_v[joint]] -= np.einsum("ni,ni->n", axis, arm)
+                joint = int(self.tree.parents[joint])
+        return torque

@@ -1,0 +1,122 @@
+"""Every effect at every place, fitted: grids of non-linear parameters first, then a local search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
+from excite.diagnosis.equations import Fit, Solver
+from excite.robot.robot import Array
+
+_GOLDEN = 0.381966
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A shape at the rows: ``extra`` ``(n_joints, n_rows, n_linear)`` or None, ``offset`` ``(n_joints, n_rows)`` or None."""
+
+    extra: Array | None
+    offset: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """An effect at a place at its best parameters.
+
+    Attributes:
+        effect: the effect.
+        location: the place.
+        theta: non-linear parameters.
+        columns: at the rows.
+        fit: the fit with it.
+    """
+
+    effect: Effect
+    location: str
+    theta: Theta
+    columns: Columns
+    fit: Fit
+
+    @property
+    def loss(self) -> float:
+        """``Σ_j log σ_j``: what the search makes small."""
+        return float(np.log(self.fit.sigma).sum())
+
+    @property
+    def n_parameters(self) -> int:
+        """Linear and non-linear parameters."""
+        return len(self.effect.linear) + len(self.effect.searched)
+
+
+def at_rows(context: Context, shape: Shape) -> Columns:
+    """Filter a shape and keep it at the rows."""
+    samples = context.baseline.samples
+    n_rows = sum(len(t.rows) for t in samples.trials)
+    extra = offset = None
+    if shape.columns:
+        keys = sorted(shape.columns)
+        m = shape.columns[keys[0]].shape[1]
+        stacked = samples.rows(samples.split(np.concatenate([shape.columns[k] for k in keys], axis=1)))
+        extra = np.zeros((len(context.joints), n_rows, m))
+        for place, k in enumerate(keys):
+            extra[k] = stacked[:, m * place : m * (place + 1)]
+    if shape.offset:
+        keys = sorted(shape.offset)
+        stacked = samples.rows(samples.split(np.column_stack([shape.offset[k] for k in keys])))
+        offset = np.zeros((len(context.joints), n_rows))
+        offset[keys] = stacked.T
+    return Columns(extra, offset)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Fits effects against one baseline.
+
+    Attributes:
+        context: the context.
+        solver: the equations.
+        before: columns of effects that are already accepted; None at the start.
+    """
+
+    context: Context
+    solver: Solver
+
+    def try_at(self, effect: Effect, location: str, theta: Theta, iterations: int = 6) -> Hypothesis | None:
+        """One fit; None where its linear parameters are not physical or it is not finite."""
+        columns = at_rows(self.context, effect.shape(self.context, location, theta))
+        for values in (columns.extra, columns.offset):
+            if values is not None and not np.isfinite(values).all():
+                return None
+        fit = self.solver.fit(columns.extra, columns.offset, iterations)
+        if not effect.admissible(fit.extra):
+            return None
+        return Hypothesis(effect, location, theta, columns, fit)
+
+    def coarse(self, effect: Effect, location: str) -> Hypothesis | None:
+        """The best of the grid."""
+        tried = (self.try_at(effect, location, theta, 3) for theta in effect.grid(self.context, location))
+        found = [item for item in tried if item is not None]
+        return min(found, key=lambda item: item.loss, default=None)
+
+    def refine(self, start: Hypothesis, rounds: int = 2) -> Hypothesis:
+        """Coordinate-wise search of the non-linear parameters, on a logarithmic scale, with a shrinking step."""
+        best = self.try_at(start.effect, start.location, start.theta) or start
+        step = 0.4
+        for _ in range(rounds):
+            for k, parameter in enumerate(start.effect.searched):
+                moved = True
+                while moved:
+                    moved = False
+                    for sign in (1.0, -1.0):
+                        theta = list(best.theta)
+                        theta[k] = float(np.clip(theta[k] * np.exp(sign * step), parameter.low, parameter.high))
+                        if theta[k] == best.theta[k]:
+                            continue
+                        item = self.try_at(start.effect, start.location, tuple(theta))
+                        if item is not None and item.loss < best.loss - 1e-5:
+                            best, moved = item, True
+                            break
+            step *= 0.45
+        return best
