@@ -29,6 +29,7 @@ from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.com_box import com_boxes
 from excite.robot.robot import Robot
+from excite.threads import one_blas_thread
 
 # Once bodies are known to have changed, the others are believed this much more (see _informed_settings).
 _UNCHANGED_SHARE = 0.1
@@ -65,6 +66,7 @@ def identify(
     return identify_problem(problem, validation, estimator, settings or EstimatorSettings())
 
 
+@one_blas_thread
 def identify_problem(
     problem: IdentificationProblem,
     validation: IdentificationProblem | None,

@@ -17,6 +17,7 @@ from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.robot.robot import Array, Robot
+from excite.threads import one_blas_thread
 
 _BLOCK = 4096
 
@@ -111,6 +112,7 @@ _PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _FEWEST_ROWS = 10
 
 
+@one_blas_thread
 def build_problem(
     robot: Robot,
     log: Log,

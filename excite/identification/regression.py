@@ -13,6 +13,7 @@ from excite.identification.inertia import central_inertia_matrices
 from excite.identification.noise import NoiseModel, TrialGrid, estimate_noise, trial_grids, triangle
 from excite.identification.problem import IdentificationProblem
 from excite.robot.robot import Array
+from excite.threads import one_blas_thread
 
 _BLOCK = 4096
 # Singular values of the column-scaled rows below this share of the greatest are structural zeros.
@@ -57,6 +58,7 @@ class Regression:
         return (squares**2).sum(axis=1) / np.maximum(counts, 1)
 
 
+@one_blas_thread
 def regression(problem: IdentificationProblem) -> Regression:
     """Condense a problem, all channels weighted alike (the unweighted least squares of eq. 3, Jovic 2015).
 
@@ -84,6 +86,7 @@ def regression(problem: IdentificationProblem) -> Regression:
     return Regression(problem, trial_grids(problem), factors, np.ones(len(problem.channel_names)))
 
 
+@one_blas_thread
 def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float = 1e-3) -> Regression:
     """Weight each channel by one over the standard deviation of its own least-squares residual.
 

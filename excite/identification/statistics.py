@@ -16,6 +16,7 @@ from excite.identification.regression import RANK_TOLERANCE, Regression
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS
 from excite.robot.robot import Array
+from excite.threads import one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,7 @@ class BaseStatistics:
         return relative_percent(self.std, values)
 
 
+@one_blas_thread
 def base_statistics(rows: Regression) -> BaseStatistics:
     """Least squares on the base parameters of weighted rows, with the covariance of correlated noise.
 

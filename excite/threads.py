@@ -1,0 +1,33 @@
+"""One thread for linear algebra, so that no result depends on how many there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, wraps
+from typing import ParamSpec, TypeVar
+
+import scipy.linalg  # noqa: F401  (its BLAS has to be loaded before the controller looks)
+from threadpoolctl import ThreadpoolController
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def one_blas_thread(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Run a function with one BLAS thread.
+
+    Threads split sums, and sums of other order round otherwise; many small factorisations are also faster
+    on one.
+    """
+
+    @wraps(function)
+    def limited(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with _controller().limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
+
+
+@cache
+def _controller() -> ThreadpoolController:
+    return ThreadpoolController()
