@@ -8,16 +8,16 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.atomic import write_text
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit
-from excite.errors import InputError
 
 NAME = "init-robot"
 
 
 def command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="URDF of the robot.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="URDF of the robot, or its MuJoCo model (MJCF).")
+    ],
     out: OutOption = None,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")
@@ -26,17 +26,22 @@ def command(
     seed: SeedOption = 0,
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
-    """Write a commented robot.yaml: what could be derived, and what a person must fill in."""
-    target = (out or file.parent) / "robot.yaml"
-    if target.exists() and not force:
-        raise InputError("exists already", source=target, remedy="give --force to overwrite it, or --out DIR")
-    text = excite.scaffold_description(file, target.parent, seed=seed)
-    write_text(target, text)
-    marks = [line.partition("FILL IN:")[2].strip() for line in text.splitlines() if "FILL IN:" in line]
+    """Write a commented robot.yaml: what could be derived, and what a person must fill in.
+
+    Of a MuJoCo model the URDF and its meshes are written too.
+    """
+    written = excite.write_scaffold(file, out or file.parent, seed=seed, overwrite=force)
     document = {
         "schema": "excite.init-robot/1",
-        "file": "robot.yaml" if out else str(target),
-        "fill_in": marks,
+        "file": "robot.yaml" if out else str(written.description),
+        "fill_in": list(written.fill_in),
+        "urdf": str(written.urdf) if not out else written.urdf.name,
+        "notes": list(written.notes),
     }
-    lines = [f"wrote {target}", *(f"  fill in: {mark}" for mark in marks), f"then: excite plan {target}"]
+    lines = [f"wrote {written.description}"]
+    if written.urdf != file:
+        lines.append(f"wrote {written.urdf}")
+    lines += [f"  note: {note}" for note in written.notes]
+    lines += [f"  fill in: {mark}" for mark in written.fill_in]
+    lines.append(f"then: excite plan {written.description}")
     emit("\n".join(lines), document, as_json=as_json)

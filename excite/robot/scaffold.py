@@ -79,13 +79,16 @@ class Draft:
     review: PairReview | None
 
 
-def scaffold_description(urdf_path: str | Path, folder: str | Path | None = None, *, seed: int = 0) -> str:
+def scaffold_description(
+    urdf_path: str | Path, folder: str | Path | None = None, *, seed: int = 0, floating: bool | None = None
+) -> str:
     """Text of a commented ``robot.yaml`` for a URDF.
 
     Args:
         urdf_path: the URDF.
         folder: folder that the text will be written to; the URDF's own by default.
         seed: seed of the random postures behind inertia and collision pairs.
+        floating: whether the base is free; guessed from the limbs where None.
 
     Returns:
         YAML text with ``FILL IN:`` comments where a person must say something.
@@ -93,14 +96,17 @@ def scaffold_description(urdf_path: str | Path, folder: str | Path | None = None
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend.
     """
-    return render(draft_description(Path(urdf_path), folder, np.random.default_rng(seed)))
+    return render(draft_description(Path(urdf_path), folder, np.random.default_rng(seed), floating))
 
 
-def draft_description(path: Path, folder: str | Path | None, rng: np.random.Generator) -> Draft:
+def draft_description(
+    path: Path, folder: str | Path | None, rng: np.random.Generator, floating: bool | None = None
+) -> Draft:
     """Derive what can be derived from a URDF; arguments and errors as for :func:`scaffold_description`."""
     root = parse_urdf(path)
     joints = check_tree(root, path)
-    floating = guess_floating(root, joints)
+    if floating is None:
+        floating = guess_floating(root, joints)
     guesses = guess_joints(joints, path)
     locked = _locked(guesses)
     free = tuple(guess for guess in guesses if guess.name not in locked and guess.follows is None)

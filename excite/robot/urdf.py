@@ -100,7 +100,10 @@ def parse_urdf(path: Path) -> ElementTree.Element:
         known = {"mujoco": "a MuJoCo model", "sdf": "an SDF model"}
         what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
         raise RobotError(
-            what, source=path, field=root.tag, remedy="export the model as URDF; only URDF is read"
+            what,
+            source=path,
+            field=root.tag,
+            remedy="export it as URDF; excite init-robot does so for MuJoCo",
         )
     _bounded_nesting(root, path)
     return root

@@ -164,7 +164,7 @@ def test_same_seed_same_text(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"), [("<mujoco/>", "only URDF is read"), ("<robot name='x'/>", "no <link>")]
+    ("text", "message"), [("<mujoco/>", "export it as URDF"), ("<robot name='x'/>", "no <link>")]
 )
 def test_what_cannot_be_described_is_refused(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "model.xml"

@@ -1,0 +1,190 @@
+"""MuJoCo models as URDFs: the same dynamics, and a clear refusal of what a URDF cannot say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.errors import InputError, RobotError
+from excite.robot.loading import load_robot
+from excite.robot.meshes import mesh_points
+from excite.robot.mjcf_import import convert_mjcf, is_mjcf
+from excite.robot.scaffold_files import write_scaffold
+from tests.robot.test_scaffold import fill_in
+
+ODD = """
+<mujoco model="odd">
+  <compiler angle="degree" autolimits="true"/>
+  <default><geom density="900"/></default>
+  <asset><mesh name="wedge" vertex="0 0 0  .1 0 0  0 .2 0  0 0 .3  .1 .2 0"/></asset>
+  <worldbody>
+    <geom type="plane" size="1 1 .1"/>
+    <body name="base" pos="0.1 0 0.4" euler="0 20 0">
+      <geom type="box" size=".1 .1 .05"/>
+      <body name="shoulder" pos="0 0.05 0.1" euler="30 0 10">
+        <joint name="yaw" axis="0 0 1" pos="0.01 0.02 0" range="-90 120"/>
+        <joint name="pitch" axis="0.1 1 0.2" pos="0 -0.03 0.04" ref="10" range="-40 60"/>
+        <geom type="capsule" fromto="0 0 0 0.02 0.1 0.3" size=".03"/>
+        <body name="slider" pos="0 0 0.3" quat="0.9 0.1 0.3 -0.2">
+          <joint name="reach" type="slide" axis="1 0 1" pos="0.05 0 0" range="-0.1 0.2"/>
+          <geom type="mesh" mesh="wedge" pos="0.02 0 0" euler="0 0 40"/>
+          <body pos="0 0.1 0"><geom type="ellipsoid" size=".02 .03 .04" contype="0" conaffinity="0"/></body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="yaw" gear="20" ctrlrange="-2 2" ctrllimited="true"/>
+    <position joint="pitch" kp="50" forcerange="-12 12"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def saved(text: str, folder: Path, name: str = "odd.xml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def inverse_dynamics_agree(mjcf: Path, urdf: str, base: pin.JointModel | None = None) -> None:
+    """Torques of MuJoCo and of pinocchio, at random states of both models."""
+    theirs = mujoco.MjModel.from_xml_path(str(mjcf))
+    theirs.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+    theirs.dof_damping[:], theirs.dof_armature[:], theirs.dof_frictionloss[:] = 0.0, 0.0, 0.0
+    ours = pin.buildModelFromXML(urdf) if base is None else pin.buildModelFromXML(urdf, base)
+    state, data = mujoco.MjData(theirs), ours.createData()
+    rng = np.random.default_rng(1)
+    first, free = (0, 0) if base is None else (7, 6)
+    order = [ours.joints[ours.getJointId(theirs.joint(j).name)].idx_v for j in range(bool(free), theirs.njnt)]
+    assert sorted(order) == list(range(free, ours.nv))
+    places = [int(address) for address in theirs.jnt_qposadr[bool(free) :]]
+    for _ in range(5):
+        q, v, a = pin.neutral(ours), rng.normal(size=ours.nv), rng.normal(size=ours.nv)
+        q[first:] = rng.uniform(-0.5, 0.5, ours.nq - first)
+        state.qpos[places] = q[np.array(order) + first - free] + theirs.qpos0[places]
+        state.qvel[free:], state.qacc[free:] = v[order], a[order]
+        if free:
+            q[:3] = rng.normal(size=3)
+            state.qpos[:7] = np.r_[q[:3], 1.0, 0.0, 0.0, 0.0]
+            state.qvel[:6], state.qacc[:6] = v[:6], a[:6]
+            # MuJoCo's linear acceleration of a free body is in the world, without ω × v of the turning frame.
+            state.qacc[:3] += np.cross(v[3:6], v[:3])
+        mujoco.mj_inverse(theirs, state)
+        tau = pin.rnea(ours, data, q, v, a)
+        np.testing.assert_allclose(state.qfrc_inverse[free:], tau[order], atol=1e-9)
+        np.testing.assert_allclose(state.qfrc_inverse[:free], tau[:free], atol=1e-9)
+
+
+def test_joints_that_share_a_body_keep_the_dynamics(tmp_path: Path) -> None:
+    path = saved(ODD, tmp_path)
+    conversion = convert_mjcf(path)
+    inverse_dynamics_agree(path, conversion.urdf)
+    assert not conversion.floating
+    assert any("'pitch' has ref" in note for note in conversion.notes)
+
+
+def test_a_free_base_keeps_the_dynamics(tmp_path: Path) -> None:
+    path = saved(ODD.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"'), tmp_path)
+    conversion = convert_mjcf(path)
+    assert conversion.floating
+    inverse_dynamics_agree(path, conversion.urdf, pin.JointModelFreeFlyer())
+
+
+def test_limits_geometry_and_torques_are_carried_over(tmp_path: Path) -> None:
+    conversion = convert_mjcf(saved(ODD, tmp_path))
+    urdf = conversion.write(tmp_path / "odd.urdf")
+    model = pin.buildModelFromUrdf(str(urdf))
+    order = [model.getJointId(name) - 1 for name in ("yaw", "pitch", "reach")]
+    np.testing.assert_allclose(np.degrees(model.lowerPositionLimit[order[:2]]), [-90.0, -50.0])
+    np.testing.assert_allclose(np.degrees(model.upperPositionLimit[order[:2]]), [120.0, 50.0])
+    np.testing.assert_allclose(model.effortLimit[order[:2]], [40.0, 12.0])
+    assert list(conversion.meshes) == ["meshes/wedge.stl"]
+    # The mesh is stored about its own centre: its extents are those of the corners given.
+    points = mesh_points(tmp_path / "meshes" / "wedge.stl")
+    assert len(np.unique(points.round(6), axis=0)) == 5
+    assert np.linalg.norm(points.max(axis=0) - points.min(axis=0)) > 0.3
+    text = conversion.urdf
+    assert text.count("<visual>") == 1 and text.count("<cylinder") == 1 and text.count("<sphere") == 2
+
+
+def test_a_file_of_a_collection_becomes_a_robot(data_dir: Path, tmp_path: Path) -> None:
+    source = data_dir / "robot_models" / "iiwa14_menagerie.xml"
+    conversion = convert_mjcf(source)
+    bare = [line for line in source.read_text().splitlines() if "mesh" not in line or "compiler" in line]
+    inverse_dynamics_agree(saved("\n".join(bare), tmp_path), conversion.urdf)
+    written = write_scaffold(source, tmp_path / "mine")
+    assert written.urdf.name == "iiwa14_menagerie.urdf" and "13 mesh files" in written.notes[0]
+    text = written.description.read_text(encoding="utf-8")
+    written.description.write_text(fill_in(text, 1.0), encoding="utf-8")
+    robot = load_robot(written.description)
+    assert robot.n_joints == 7 and robot.mass == pytest.approx(25.61)
+    np.testing.assert_allclose(robot.limits.torque, [320, 320, 176, 176, 110, 40, 40])
+
+
+def test_a_coupled_joint_becomes_a_mimic_joint(tmp_path: Path) -> None:
+    equality = '<equality><joint joint1="reach" joint2="yaw" polycoef="0.1 -2 0 0 0"/></equality></mujoco>'
+    conversion = convert_mjcf(saved(ODD.replace("</mujoco>", equality), tmp_path))
+    assert '<mimic joint="yaw" multiplier="-2.0" offset="0.1"' in conversion.urdf
+
+
+FAULTS = {
+    "ball joint": (
+        '<joint name="yaw" axis="0 0 1" pos="0.01 0.02 0" range="-90 120"/>',
+        "yaw.*is a ball joint",
+    ),
+    "loop": ("</mujoco>", "equality.*welds two bodies"),
+    "tendon": ("</mujoco>", "tendon 'rope'.*is a tendon"),
+    "two robots": ("</worldbody>", "2 bodies that move on their own: 'base', 'ball'"),
+    "mesh": (
+        'vertex="0 0 0  .1 0 0  0 .2 0  0 0 .3  .1 .2 0"',
+        "'gone.stl' is not there, and the inertia of",
+    ),
+    "nonsense": ("<worldbody>", "MuJoCo cannot compile it"),
+}
+FAULTY = {
+    "ball joint": '<joint name="yaw" type="ball"/>',
+    "loop": '<equality><weld body1="slider" body2="base"/></equality></mujoco>',
+    "tendon": '<tendon><fixed name="rope"><joint joint="pitch" coef="1"/></fixed></tendon></mujoco>',
+    "two robots": '<body name="ball"><freejoint/><geom size=".1"/></body></worldbody>',
+    "mesh": 'file="gone.stl"',
+    "nonsense": "<worldbody><bodies/>",
+}
+
+
+@pytest.mark.parametrize("fault", sorted(FAULTS))
+def test_what_a_urdf_cannot_say_is_refused_by_name(fault: str, tmp_path: Path) -> None:
+    old, message = FAULTS[fault]
+    text = ODD.replace(old, FAULTY[fault])
+    if fault == "ball joint":
+        text = text.replace('<motor joint="yaw" gear="20" ctrlrange="-2 2" ctrllimited="true"/>', "")
+        text = "\n".join(line for line in text.splitlines() if 'name="pitch"' not in line)
+        text = "\n".join(line for line in text.splitlines() if 'joint="pitch"' not in line)
+    if fault == "two robots":
+        text = text.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"')
+    path = saved(text, tmp_path)
+    with pytest.raises(RobotError, match=message):
+        write_scaffold(path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_that_are_there_stay(tmp_path: Path) -> None:
+    path = saved(ODD, tmp_path)
+    saved("<robot/>", tmp_path, "odd.urdf")
+    with pytest.raises(InputError, match=r"odd\.urdf: exists already"):
+        write_scaffold(path, tmp_path)
+    assert (tmp_path / "odd.urdf").read_text() == "<robot/>"
+    written = write_scaffold(path, tmp_path, overwrite=True)
+    assert "joint of a MuJoCo" not in written.description.read_text() and written.urdf.stat().st_size > 1000
+    # The second joint of a body has no mass of its own, and the description says so.
+    assert "shoulder_before_1" in written.description.read_text()
+
+
+def test_what_is_no_mujoco_model_is_told_apart(tmp_path: Path) -> None:
+    assert is_mjcf(saved(ODD, tmp_path))
+    assert not is_mjcf(saved("<robot name='x'/>", tmp_path, "a.xml"))
+    assert not is_mjcf(saved("no xml", tmp_path, "b.xml")) and not is_mjcf(tmp_path / "c.xml")
