@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from excite.errors import LogError
 from excite.excitation.conditioning import Conditioning
 from excite.identification.identify import Identification
 from excite.identification.problem import build_problem
+from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
 from excite.report.data import ConditioningComparison, ForceComparison, MassComparison
 from excite.robot.catalogue import data_folder
@@ -28,26 +30,32 @@ def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
 
 
 def force_comparison(robot: Robot, identification: Identification, log: Log) -> ForceComparison | None:
-    """Measured, nominal and identified curves of the validation trial that moves most; None without one."""
-    if not log.role("validation"):
+    """Measured, nominal and identified curves of the validation trial that moves most; None without one.
+
+    Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
+    a second would draw corners.
+    """
+    trials = log.role("validation")
+    if not trials:
         return None
-    problem = build_problem(robot, log, role="validation")
-    spread = [float(np.std(problem.y[problem.trial == i])) for i in range(len(problem.trial_names))]
+    coarse = build_problem(robot, log, role="validation")
+    spread = [float(np.std(coarse.y[coarse.trial == i])) for i in range(len(coarse.trial_names))]
     shown = int(np.argmax(spread))
-    mine = problem.trial == shown
-    time = np.unique(problem.time[mine])
+    alone = replace(log, trials=(trials[shown],))
+    problem = build_problem(robot, alone, ProblemSettings(rate_hz=log.header.rate_hz), role="validation")
+    time = np.unique(problem.time)
 
     def curves(values: Array) -> Array:
         """One column a channel; a channel's rows can leave out instants that others have."""
         columns = []
         for channel in range(len(problem.channel_names)):
-            rows = mine & (problem.channel == channel)
+            rows = problem.channel == channel
             order = np.argsort(problem.time[rows], kind="stable")
             columns.append(np.interp(time, problem.time[rows][order], values[rows][order]))
         return np.column_stack(columns)
 
     return ForceComparison(
-        trial=problem.trial_names[shown],
+        trial=problem.trial_names[0],
         channels=problem.channel_names,
         units=problem.channel_units,
         time=time,
