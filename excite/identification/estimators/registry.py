@@ -7,6 +7,7 @@ from excite.identification.estimators.base import Estimator
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.ls import LeastSquares
 from excite.identification.estimators.map import MaximumAPosteriori
+from excite.identification.estimators.physical import PhysicalRetrieval
 from excite.identification.estimators.qp import QuadraticProgram
 from excite.identification.estimators.wls import WeightedLeastSquares
 
@@ -18,6 +19,7 @@ ESTIMATORS: dict[str, type[Estimator]] = {
         MaximumAPosteriori,
         QuadraticProgram,
         PhysicallyConsistent,
+        PhysicalRetrieval,
     )
 }
 

@@ -1,0 +1,141 @@
+"""Retrieval of physical parameters by global optimisation (Xu et al., IEEE Access 2020, eq. 15 to 18)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from excite.errors import InputError
+from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
+from excite.identification.estimators.checked import no_solution
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.physical.bounds import PhysicalBounds
+from excite.identification.physical.coordinates import physical_parameters
+from excite.identification.physical.default_bounds import default_bounds, weighed, with_drives
+from excite.identification.physical.feasible_set import FeasibleSet
+from excite.identification.physical.objective import base_objective, essential_objective
+from excite.identification.physical.retrieval import Certificate, RetrievalSettings, retrieve
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import RANK_TOLERANCE, prior_std, regression, square_factor
+from excite.identification.statistics import parameter_labels
+from excite.regressor.base_parameters import base_parameters
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalEstimate(Estimate):
+    """An estimate with a certificate of global optimality.
+
+    Attributes:
+        certificate: objective of eq. (15), its proven lower bound, and what is left between.
+        essential: names of the base parameters that the objective contains.
+    """
+
+    certificate: Certificate | None = None
+    essential: tuple[str, ...] = ()
+
+
+class PhysicalRetrieval(Estimator):
+    """Mass, centre of mass and inertia of each segment, within bounds, that explain the torques best.
+
+    The objective is eq. (15): the unweighted residual of the essential parameters. The bounds (16), the total
+    mass (17) and the rules of the inertias (18) are those of a file, else wide ones about the nominal model,
+    see :func:`~excite.identification.physical.default_bounds.default_bounds`. Of equally good parameters
+    those nearest to the nominal model are taken.
+
+    Args:
+        bounds: bounds and rules; None derives them from the robot.
+        effort: number of starts, seed, and gap at which the search ends.
+        essential: whether the objective leaves out the base parameters that the elimination cancels, as
+            eq. (15) does; None does so for joint torques. On a floating base, whose hundreds of small
+            parameters matter together, thresholds that were chosen for an arm cost accuracy.
+    """
+
+    name: ClassVar[str] = "physical"
+    title: ClassVar[str] = "physical parameters within bounds, globally optimal (Xu et al. 2020)"
+    consistent: ClassVar[bool] = True
+    guarantees: ClassVar[str] = (
+        "bounds, total mass and rules of the inertias hold exactly; no other parameters that meet them have an "
+        "objective below the certificate's lower bound"
+    )
+
+    def __init__(
+        self,
+        bounds: PhysicalBounds | None = None,
+        effort: RetrievalSettings | None = None,
+        *,
+        essential: bool | None = None,
+    ):
+        self._bounds, self._effort, self._essential = bounds, effort or RetrievalSettings(), essential
+
+    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> PhysicalEstimate:
+        """See :meth:`Estimator.estimate`; uses ``com_boxes``, ``inertia_floor`` and ``total_mass``.
+
+        Raises:
+            InputError: the bounds are of another robot.
+        """
+        rows = regression(problem)
+        allowed = feasible_set(problem, self._bounds_for(problem, settings), settings)
+        n = problem.n_inertial
+        base = base_parameters(rows.factor[:, :-1], parameter_labels(problem), RANK_TOLERANCE)
+        factor = square_factor(rows.factor[:, [*base.independent, problem.n_params]])
+        objective = (
+            essential_objective(factor, base.matrix, problem.n_rows)
+            if self._leaves_out(problem)
+            else base_objective(factor, base.matrix)
+        )
+        nominal = np.nan_to_num(physical_parameters(problem.prior[:n]))
+        found = retrieve(objective, allowed, allowed.coordinates(nominal, problem.prior[n:]), self._effort)
+        parameters, certificate = found.parameters, found.certificate
+        drives = dict(zip(problem.parameter_names[n:], parameters[n:].tolist(), strict=True))
+        violations = allowed.bounds.violations(physical_parameters(parameters[:n]), drives, allowed.free)
+        noise = objective.floor / np.sqrt(max(problem.n_rows - len(objective.kept), 1))
+        missing = np.sqrt(max(certificate.objective**2 - certificate.lower_bound**2, 0.0))
+        best = PhysicalEstimate(
+            method=self.name,
+            parameters=parameters,
+            status=SolveStatus.SOLVED,
+            regression=rows,
+            residual=float(np.sqrt(np.mean(problem.residual(parameters) ** 2))),
+            distance=missing / noise if noise > 0.0 else 0.0,
+            violations=violations,
+            total_mass=settings.total_mass,
+            certificate=certificate,
+            essential=tuple(base.labels[k] for k in objective.kept),
+        )
+        if not np.isfinite(parameters).all():
+            raise no_solution(SolveStatus.NOT_FINITE, best)
+        if max(violations.values()) > 0.0:
+            raise no_solution(SolveStatus.VIOLATED, replace(best, status=SolveStatus.VIOLATED))
+        return best
+
+    def _leaves_out(self, problem: IdentificationProblem) -> bool:
+        return problem.channel_names[0] != "fx" if self._essential is None else self._essential
+
+    def _bounds_for(self, problem: IdentificationProblem, settings: EstimatorSettings) -> PhysicalBounds:
+        links = tuple(segment.link for segment in problem.robot.segments)
+        if self._bounds is None:
+            return default_bounds(problem.robot, settings)
+        if self._bounds.links != links:
+            raise InputError(
+                f"bounds links {', '.join(self._bounds.links)}",
+                source=self._bounds.source or None,
+                remedy=f"the links of {problem.robot.name} are " + ", ".join(links),
+            )
+        return weighed(self._bounds, settings.total_mass)
+
+
+def feasible_set(
+    problem: IdentificationProblem, bounds: PhysicalBounds, settings: EstimatorSettings
+) -> FeasibleSet:
+    """The set that bounds and rules allow; segments that the sensors do not see stay nominal."""
+    names = problem.parameter_names[problem.n_inertial :]
+    usual = prior_std(problem, settings.spreads(problem.robot))[problem.n_inertial :]
+    segments = range(len(bounds.links))
+    return FeasibleSet(
+        bounds=with_drives(bounds, names, usual),
+        drive_names=names,
+        free=np.array([k for k in segments if k not in problem.unmeasured], dtype=np.int64),
+        frozen=problem.prior[: problem.n_inertial].copy(),
+    )

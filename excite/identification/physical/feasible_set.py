@@ -1,0 +1,231 @@
+"""The set of physical parameters that bounds and rules allow: convex in (m, mc, inertia about the CoM).
+
+In these coordinates eq. (16) to (18) of Xu et al. 2020 are linear, all of them: the boxes of the centres of
+mass as ``lower·m ≤ mc ≤ upper·m``, bounds and rules of the inertias in the inertias alone. Only the way from
+here to the standard parameters (eq. 14, through ``hhᵀ/m``) is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.errors import NoSolutionError
+from excite.identification.physical.bounds import PhysicalBounds, least_density_moments
+from excite.identification.physical.cone_program import ConeProgram, solve
+from excite.identification.physical.coordinates import DIAGONAL, STEINER, second_moments
+from excite.robot.robot import Array
+
+# How far inside the set answers are drawn, in scaled units: above rounding, of no weight in the objective.
+_INSIDE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class FeasibleSet:
+    """Coordinates ``x``: per free segment ``m, h = mc, inertia about the CoM`` (ten), then the drives.
+
+    Attributes:
+        bounds: bounds and rules of all segments, and bounds of all drives.
+        drive_names: names of the drives' parameters, in their order.
+        free: ``(n_free,)`` segments that may move.
+        frozen: ``(10·n_segments,)`` standard parameters that the others keep.
+    """
+
+    bounds: PhysicalBounds
+    drive_names: tuple[str, ...]
+    free: NDArray[np.int64]
+    frozen: Array
+
+    @property
+    def n_body(self) -> int:
+        """Number of coordinates of bodies."""
+        return 10 * len(self.free)
+
+    @property
+    def drive_lower(self) -> Array:
+        """Lower bounds of the drives' parameters, ``(n_drives,)``."""
+        return np.array([self.bounds.drives[name][0] for name in self.drive_names])
+
+    @property
+    def drive_upper(self) -> Array:
+        """Upper bounds of the drives' parameters, ``(n_drives,)``."""
+        return np.array([self.bounds.drives[name][1] for name in self.drive_names])
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.n_body + len(self.drive_names)
+
+    @cached_property
+    def reach(self) -> Array:
+        """Greatest size of each component of each centre of mass, ``(n_free, 3)`` [m]."""
+        low, high = self.bounds.lower[self.free, 1:4], self.bounds.upper[self.free, 1:4]
+        return np.maximum(np.abs(low), np.abs(high))
+
+    @cached_property
+    def scale(self) -> Array:
+        """Size of each coordinate, ``(size,)``."""
+        mass, reach = self.bounds.upper[self.free, :1], self.reach.max(axis=1, keepdims=True)
+        body = mass * reach ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+        return np.concatenate([body.ravel(), self.drive_upper - self.drive_lower])
+
+    @property
+    def rows(self) -> Array:
+        """Rows ``A`` of ``A x ≥ b``, ``(k, size)``, each of unit length in scaled coordinates."""
+        return self._linear[0]
+
+    @property
+    def bound(self) -> Array:
+        """``b``, ``(k,)``."""
+        return self._linear[1]
+
+    @cached_property
+    def _linear(self) -> tuple[Array, Array]:
+        rows: list[Array] = []
+        bound: list[Array] = []
+
+        def add(part: Array, start: int, values: Array) -> None:
+            block = np.zeros((len(part), self.size))
+            block[:, start : start + part.shape[1]] = part
+            rows.append(block)
+            bound.append(values)
+
+        for place, segment in enumerate(self.free):
+            low, high, at = self.bounds.lower[segment], self.bounds.upper[segment], 10 * place
+            add(np.array([[1.0], [-1.0]]), at, np.array([low[0], -high[0]]))
+            add(self._box_rows(low[1:4], high[1:4]), at, np.zeros(6))
+            add(np.vstack([np.eye(6), -np.eye(6)]), at + 4, np.concatenate([low[4:], -high[4:]]))
+            rules = self.bounds.rules.rows(self.bounds.links[segment])
+            add(rules, at + 4, np.zeros(len(rules)))
+        drives = np.eye(len(self.drive_lower))
+        add(drives, self.n_body, self.drive_lower)
+        add(-drives, self.n_body, -self.drive_upper)
+        total = np.zeros((1, self.n_body))
+        total[0, ::10] = 1.0
+        masses = self.frozen[::10]
+        rest = float(masses.sum() - masses[self.free].sum())
+        least, greatest = self.bounds.total_mass
+        add(np.vstack([total, -total]), 0, np.array([least - rest, rest - greatest]))
+        matrix, values = np.vstack(rows), np.concatenate(bound)
+        length = np.linalg.norm(matrix * self.scale, axis=1)
+        return matrix / length[:, None], values / length
+
+    @staticmethod
+    def _box_rows(low: Array, high: Array) -> Array:
+        """Rows on ``(m, h)`` of ``low·m ≤ h ≤ high·m``, ``(6, 4)``."""
+        return np.vstack([np.column_stack([-low, np.eye(3)]), np.column_stack([high, -np.eye(3)])])
+
+    def box_rows(self, low: Array, high: Array) -> Array:
+        """Rows ``A x ≥ 0`` that keep the centres of mass in boxes ``(n_free, 3)``, ``(6·n_free, size)``."""
+        rows = np.zeros((len(self.free), 6, self.size))
+        for place in range(len(self.free)):
+            rows[place, :, 10 * place : 10 * place + 4] = self._box_rows(low[place], high[place])
+        return rows.reshape(-1, self.size)
+
+    @cached_property
+    def density(self) -> Array:
+        """Triangles of ``½tr(I)·1 − I`` about the CoMs, scaled, that the rules keep PSD, ``(k, 6, size)``."""
+        if not self.bounds.rules.principal_triangle:
+            return np.zeros((0, 6, self.size))
+        rows = np.zeros((len(self.free), 6, self.size))
+        matrix = -np.eye(6)
+        matrix[np.ix_(DIAGONAL, DIAGONAL)] += 0.5
+        for place in range(len(self.free)):
+            rows[place, :, 10 * place + 4 : 10 * place + 10] = matrix / self.scale[10 * place + 4]
+        return rows
+
+    def slack(self, x: Array) -> float:
+        """Least slack of all constraints in scaled units; negative outside the set."""
+        least = float((self.rows @ x - self.bound).min())
+        if self.bounds.rules.principal_triangle:
+            inertias = x[: self.n_body].reshape(-1, 10)[:, 4:]
+            moments = least_density_moments(inertias) / self.scale[4 : self.n_body : 10]
+            least = min(least, float(moments.min()))
+        return least
+
+    @cached_property
+    def interior(self) -> Array:
+        """A point far inside, ``(size,)``.
+
+        Raises:
+            NoSolutionError: bounds and rules contradict each other.
+        """
+        deep = np.zeros((1, self.size + 1))
+        deep[0, -1] = 1.0
+        identity = np.zeros((len(self.density), 6, 1))
+        identity[:, DIAGONAL] = -1.0
+        answer = solve(
+            ConeProgram(
+                matrix=deep,
+                target=np.ones(1),
+                rows=np.hstack([self.rows, -np.ones((len(self.rows), 1))]),
+                bound=self.bound,
+                cones=(np.concatenate([self.density, identity], axis=2),) if len(self.density) else (),
+                weight=np.append(1e-4 / self.scale, 0.0),
+                center=np.zeros(self.size + 1),
+                scale=np.append(self.scale, 1.0),
+            )
+        )
+        if answer is None or self.slack(answer.z[:-1]) <= 2.0 * _INSIDE:
+            raise NoSolutionError(
+                "bounds and rules of the physical parameters leave nothing between them",
+                remedy="widen the bounds, the total mass or the rules of the inertias",
+            )
+        return answer.z[:-1]
+
+    def nearest(self, x: Array) -> Array:
+        """Point of the set nearest to ``x`` in scaled units, ``(size,)``."""
+        nothing = np.zeros((0, self.size))
+        return self.step(nothing, np.zeros(0), 1.0 / self.scale, x)
+
+    def step(self, matrix: Array, target: Array, weight: Array, center: Array) -> Array:
+        """Minimum over the set of ``½‖matrix·x − target‖² + ½‖weight∘(x − center)‖²``, drawn inside."""
+        cones = (self.density,) if len(self.density) else ()
+        answer = solve(ConeProgram(matrix, target, self.rows, self.bound, cones, weight, center, self.scale))
+        return self.interior if answer is None else self.inside(answer.z)
+
+    def inside(self, x: Array) -> Array:
+        """``x`` drawn towards the interior as little as is needed to meet every constraint with a margin."""
+        slack = self.slack(x)
+        if slack >= _INSIDE:
+            return x
+        # Slack is concave along the way, so that this share is always enough.
+        share = (_INSIDE - slack) / (self.slack(self.interior) - slack)
+        return x + min(1.0, 1.01 * share) * (self.interior - x)
+
+    def moments(self, x: Array) -> Array:
+        """Second moments ``hhᵀ/m`` of the free segments, ``(6·n_free,)``."""
+        body = x[: self.n_body].reshape(-1, 10)
+        return second_moments(body[:, 0], body[:, 1:4]).ravel()
+
+    def standard(self, x: Array) -> Array:
+        """Standard parameters and drives, ``(n_params,)`` (eq. 14)."""
+        return self.lift @ np.concatenate([x, self.moments(x)]) + self.offset
+
+    @cached_property
+    def lift(self) -> Array:
+        """Standard parameters and drives as linear in ``(x, hhᵀ/m)``, ``(n_params, size + 6·n_free)``."""
+        n, n_free = 10 * len(self.bounds.links), len(self.free)
+        matrix = np.zeros((n + len(self.drive_lower), self.size + 6 * n_free))
+        for place, segment in enumerate(self.free):
+            matrix[10 * segment : 10 * segment + 10, 10 * place : 10 * place + 10] = np.eye(10)
+            moments = slice(self.size + 6 * place, self.size + 6 * place + 6)
+            matrix[10 * segment + 4 : 10 * segment + 10, moments] = STEINER
+        matrix[n:, self.n_body : self.size] = np.eye(len(self.drive_lower))
+        return matrix
+
+    @cached_property
+    def offset(self) -> Array:
+        """What the frozen segments contribute, ``(n_params,)``."""
+        fixed = self.frozen.reshape(-1, 10).copy()
+        fixed[self.free] = 0.0
+        return np.concatenate([fixed.ravel(), np.zeros(len(self.drive_lower))])
+
+    def coordinates(self, physical: Array, drives: Array) -> Array:
+        """``x`` of physical parameters of all segments ``(n_segments, 10)`` and drives ``(n_drives,)``."""
+        body = physical[self.free].copy()
+        body[:, 1:4] *= body[:, :1]
+        return np.concatenate([body.ravel(), drives])
