@@ -36,7 +36,7 @@ _PELVIS = (0.02, 0.04, 0.08, 0.20)
 _SHIFT_BIAS, _SWING_BIAS = 0.06, 0.05
 # Rate of the path while the weight shifts [1/s]: the shift takes three units of it, and a robot that is heavier
 # than its model must not swing over the foot's outer edge.
-_SHIFT_RATE = 1.8
+_SHIFT_RATE = 1.4
 # Heights of the free sole before and after the swings, in shares of the lift: a robot that leans by a few
 # millimetres touches down early, and then the foot has to be slow already.
 _UP, _SETTLE = (0.06, 1.0), (1.0, 0.3, 0.1, 0.035)

@@ -15,7 +15,7 @@ from excite.robot.robot import Robot
 
 _WAYPOINTS = (8, 12)
 # Shares of the leg's length: how far the pelvis goes down and up, how far the centre of mass sways in x and y.
-_DOWN, _UP, _SWAY = 0.13, 0.02, (0.04, 0.10)
+_DOWN, _UP, _SWAY = 0.13, 0.02, (0.02, 0.08)
 _TURN = (0.20, 0.12, 0.35)
 _ARMS = (0.1, 0.45)
 

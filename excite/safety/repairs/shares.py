@@ -26,10 +26,10 @@ class Shares:
     velocity: float = 0.8
     acceleration: float = 0.92
     torque: float = 0.85
-    leg_torque: float = 0.75
+    leg_torque: float = 0.6
     jerk: float = 1.0
-    friction: float = 0.7
+    friction: float = 0.6
     weight: float = 0.5
-    zmp: float = 0.04
-    zmp_one_foot: float = 0.85
-    zmp_shift: float = 0.97
+    zmp: float = 0.06
+    zmp_one_foot: float = 0.87
+    zmp_shift: float = 1.0
