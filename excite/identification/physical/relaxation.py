@@ -94,7 +94,7 @@ class Relaxation:
             w -= np.einsum("ktn,kt->n", cone, dual)
         low, high = self._corners()
         least = float(np.minimum(w * low, w * high).sum())
-        half = -0.5 * y @ y - y @ program.target + linear @ program.bound + least
+        half = float(linear @ program.bound - y @ program.target - 0.5 * y @ y) + least
         return float(np.sqrt(max(2.0 * half, 0.0) + self.objective.floor**2))
 
     def _lifted_scale(self) -> Array:
