@@ -5,7 +5,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 JOBS ?= 2
 
-.PHONY: demo test test-all test-fast bench lint format report clean
+.PHONY: demo test test-all test-fast bench reproduce lint format report clean
 
 # The environment is rebuilt whenever the pins or the project file change.
 $(VENV)/.ready: pyproject.toml constraints.txt
@@ -30,6 +30,9 @@ test-all: test
 
 bench: $(VENV)/.ready
 	$(BIN)/python -m tests.benchmarks
+
+reproduce: $(VENV)/.ready
+	$(BIN)/python -m tests.reproduction
 
 lint: $(VENV)/.ready
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
