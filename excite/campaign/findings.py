@@ -17,7 +17,13 @@ from excite.identification.identify import Identification
 from excite.identification.problem import build_problem
 from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
-from excite.report.data import ConditioningComparison, ForceComparison, MassComparison
+from excite.report.data import (
+    ConditioningComparison,
+    ForceComparison,
+    MassComparison,
+    ReportData,
+    save_report_data,
+)
 from excite.robot.catalogue import data_folder
 from excite.robot.robot import Array, Robot
 
@@ -29,7 +35,32 @@ def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
     return {"robot_file": os.path.relpath(robot.source.resolve(), Path(folder).resolve())}
 
 
-def force_comparison(robot: Robot, identification: Identification, log: Log) -> ForceComparison | None:
+def save_findings(
+    robot: Robot,
+    identification: Identification,
+    log: Log,
+    folder: Path,
+    settings: ProblemSettings | None = None,
+) -> Path:
+    """Write ``report_data.npz`` of an identification: forces of a validation trial, masses.
+
+    Args:
+        robot: the robot.
+        identification: what was identified from ``log`` with ``settings``.
+        log: the log.
+        folder: folder to write to.
+        settings: of the problem; defaults if None.
+    """
+    data = ReportData(
+        forces=force_comparison(robot, identification, log, settings),
+        masses=mass_comparison(robot, identification, None),
+    )
+    return save_report_data(data, Path(folder) / "report_data.npz")
+
+
+def force_comparison(
+    robot: Robot, identification: Identification, log: Log, settings: ProblemSettings | None = None
+) -> ForceComparison | None:
     """Measured, nominal and identified curves of the validation trial that moves most; None without one.
 
     Filtered as for identification, but at the log's own rate: rows that identification thins out to some ten
@@ -38,11 +69,13 @@ def force_comparison(robot: Robot, identification: Identification, log: Log) -> 
     trials = log.role("validation")
     if not trials:
         return None
-    coarse = build_problem(robot, log, role="validation")
+    settings = settings or ProblemSettings()
+    coarse = build_problem(robot, log, settings, role="validation")
     spread = [float(np.std(coarse.y[coarse.trial == i])) for i in range(len(coarse.trial_names))]
     shown = int(np.argmax(spread))
     alone = replace(log, trials=(trials[shown],))
-    problem = build_problem(robot, alone, ProblemSettings(rate_hz=log.header.rate_hz), role="validation")
+    fine = replace(settings, rate_hz=log.header.rate_hz)
+    problem = build_problem(robot, alone, fine, role="validation")
     time = np.unique(problem.time)
 
     def curves(values: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from excite.campaign.findings import conditioning_comparison, robot_file
+from excite.campaign.rehearsal import rehearse
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
 from excite.excitation.ranking import rank
@@ -20,12 +21,15 @@ from excite.motion.files import save_motion
 from excite.motion.generators.registry import plan_candidates
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
-from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
 from excite.safety.filter import FilterReport, filter_candidates
 
 SCHEMA = "excite.plan/1"
+
+# Reason for which a motion is refused that topples the robot in simulation.
+FELL = "fell_in_rehearsal"
 
 # Motions kept back for cross-validation.
 _N_VALIDATION = 4
@@ -145,6 +149,8 @@ def plan(
 ) -> Plan:
     """Plan excitation motions (Jovic et al. 2015, section II.B).
 
+    What is chosen was found safe by the independent check, and stood its rehearsal in simulation.
+
     Args:
         robot: the robot.
         n_candidates: how many candidate motions to generate.
@@ -179,32 +185,80 @@ def plan(
         )
     accepted = tuple(motion.renamed(prefix + motion.name) for motion in report.motions)
     base = structural_base_parameters(robot)
-    factors = _factors(robot, accepted, progress)
-    ranking = rank(robot, factors, base)
-    selection = best_three_per_dof(robot, ranking)
-    indices = selection.indices
-    if not indices:
-        raise NoSolutionError(
-            f"none of the {len(accepted)} accepted motions excites any segment of {robot.name} to full rank",
-            best=report,
-            remedy="ask for more candidates",
-        )
-    chosen = conditioning(robot, [factors[i] for i in indices], base)
-    seconds = sum(accepted[i].duration for i in indices)
-    unchosen = conditioning(robot, [factors[i] for i in _first_seconds(accepted, seconds)], base)
+    pool = _Pool(accepted, _factors(robot, accepted, progress))
     ranked = time.perf_counter()
+    choice = _choose(robot, pool, base, jobs, progress)
+    pool, selection = choice.pool, choice.selection
+    indices = selection.indices
+    chosen = conditioning(robot, [pool.factors[i] for i in indices], base)
+    seconds = sum(pool.motions[i].duration for i in indices)
+    unchosen = conditioning(robot, [pool.factors[i] for i in _first_seconds(pool.motions, seconds)], base)
+    rejected = {**report.rejected, FELL: choice.fallen} if choice.fallen else report.rejected
+    finished = time.perf_counter()
     return Plan(
         robot=robot,
         generated=len(candidates),
-        rejected=report.rejected,
-        accepted=accepted,
-        factors=factors,
+        rejected=rejected,
+        accepted=pool.motions,
+        factors=pool.factors,
         selection=selection,
-        validation=_unchosen_in_turn(accepted, indices),
+        validation=choice.validation,
         conditioning=chosen,
         unchosen=unchosen,
-        stages={"generate": generated - started, "filter": filtered - generated, "rank": ranked - filtered},
+        stages={
+            "generate": generated - started,
+            "filter": filtered - generated,
+            "rank": ranked - filtered,
+            "choose": finished - ranked,
+        },
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Pool:
+    """Motions to choose from, and the R factor of each."""
+
+    motions: tuple[Motion, ...]
+    factors: tuple[MotionFactor, ...]
+
+    def without(self, fallen: set[str]) -> _Pool:
+        """The pool without motions of these names."""
+        kept = [i for i, motion in enumerate(self.motions) if motion.name not in fallen]
+        return _Pool(tuple(self.motions[i] for i in kept), tuple(self.factors[i] for i in kept))
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """Motions that were chosen and rehearsed: indices are those of the pool."""
+
+    pool: _Pool
+    selection: Selection
+    validation: tuple[int, ...]
+    fallen: int
+
+
+def _choose(robot: Robot, pool: _Pool, base: BaseParameters, jobs: int, progress: Progress) -> _Choice:
+    """Choose the best motions, rehearse them, and choose again without those that fell; raises NoSolutionError."""
+    fallen: set[str] = set()
+    stood: set[str] = set()
+    while True:
+        left = pool.without(fallen)
+        selection = best_three_per_dof(robot, rank(robot, left.factors, base)) if left.motions else None
+        if selection is None or not selection.indices:
+            raise NoSolutionError(
+                f"none of the {len(left.motions)} safe motions excites any segment of {robot.name} to full rank",
+                best=left.motions,
+                remedy="ask for more candidates",
+            )
+        validation = _unchosen_in_turn(left.motions, selection.indices)
+        new = [
+            left.motions[i] for i in (*selection.indices, *validation) if left.motions[i].name not in stood
+        ]
+        if not new:
+            return _Choice(left, selection, validation, len(fallen))
+        verdicts = rehearse(robot, new, jobs=jobs, progress=progress)
+        for motion, stands in zip(new, verdicts, strict=True):
+            (stood if stands else fallen).add(motion.name)
 
 
 def _factors(robot: Robot, motions: Sequence[Motion], progress: Progress) -> tuple[MotionFactor, ...]:

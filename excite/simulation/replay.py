@@ -19,6 +19,7 @@ from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 # A base that tilts or sinks further than this from where the motion wants it has fallen.
 FALL_TILT_RAD = 0.5
 FALL_HEIGHT_M = 0.15
+FALL_END_TILT_RAD = 0.1
 # A foot has this long after touchdown to come to rest before its slip counts.
 _TOUCHDOWN_S = 0.05
 
@@ -123,7 +124,10 @@ def _judge(virtual: VirtualRobot, planned: Motion, run: Recording) -> Replay:
     tilt, sink = np.zeros(1), np.zeros(1)
     if robot.floating:
         tilt, sink = _departure(run.q, planned.q[: len(run.q)])
-    fallen = np.flatnonzero((tilt > FALL_TILT_RAD) | (sink > FALL_HEIGHT_M))
+    lost = (tilt > FALL_TILT_RAD) | (sink > FALL_HEIGHT_M)
+    # A robot that has not come upright again when the motion ends is on its way down.
+    lost[-1] |= tilt[-1] > FALL_END_TILT_RAD
+    fallen = np.flatnonzero(lost)
     slip, lift = _feet(robot, run, planned)
     saturated = np.abs(run.tau_motor) >= 0.999 * virtual.drives.torque_limit
     return Replay(

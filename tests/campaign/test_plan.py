@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from excite.campaign.check import check
 from excite.campaign.plan import Plan, plan
 from excite.campaign.rank import rank
+from excite.campaign.rehearsal import rehearse
 from excite.errors import InputError, UnknownNameError
 from excite.motion.files import load_motion
 from excite.robot.robot import Robot
+from excite.simulation.replay import replay
 
 
 def test_plan_document_has_what_scripts_read(small_plan: Plan) -> None:
@@ -23,7 +26,7 @@ def test_plan_document_has_what_scripts_read(small_plan: Plan) -> None:
     assert counts["accepted"] + sum(counts["rejected"].values()) == 8
     assert {"full", "log_det", "n_base_parameters", "segments"} <= set(document["conditioning"])
     assert document["conditioning"]["n_base_parameters"] == 36 + 12
-    assert [stage["stage"] for stage in document["stages"]] == ["generate", "filter", "rank"]
+    assert [stage["stage"] for stage in document["stages"]] == ["generate", "filter", "rank", "choose"]
     for entry in document["selected"]:
         assert entry["segments"] and entry["duration_s"] > 0.0
 
@@ -67,3 +70,22 @@ def test_bad_arguments_are_refused(ur10: Robot) -> None:
         plan(ur10, n_candidates=0)
     with pytest.raises(UnknownNameError, match="no_such_joint"):
         plan(ur10, n_candidates=1, targets=("no_such_joint",))
+
+
+def test_chosen_motions_of_a_humanoid_were_rehearsed(g1: Robot) -> None:
+    made = plan(g1, n_candidates=10, seed=4, jobs=2)
+    assert {motion.metadata.generator for motion in made.accepted} == {"random_joint", "leg_swing", "squat"}
+    assert made.conditioning.n_base_parameters == 199
+    for motion in made.motions[:3]:
+        assert replay(g1, motion).on_its_feet
+
+
+def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot) -> None:
+    made = plan(g1, n_candidates=4, seed=4, jobs=2)
+    motion = made.accepted[0]
+    leaning = motion.q.copy()
+    waist = g1.n_base_q + g1.joint_index("waist_pitch_joint")
+    ankles = [g1.n_base_q + g1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right")]
+    leaning[:, waist] += 0.5
+    leaning[:, ankles] += 0.4
+    assert rehearse(g1, [motion, replace(motion, q=leaning)]) == (True, False)
