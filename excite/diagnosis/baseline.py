@@ -119,9 +119,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     friction = np.column_stack(
         [own_signals(samples, names, j, widths[j]) @ fit.own[j] for j in range(len(index))]
     )
-    return Baseline(
-        samples, modelled, free, widths, solver, fit, phi_hat, basis, torque, torque + friction
-    )
+    return Baseline(samples, modelled, free, widths, solver, fit, phi_hat, basis, torque, torque + friction)
 
 
 def _best_width(target: Array, columns: list[Array]) -> int:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,20 +43,48 @@ class Fit:
     """A hypothesis fitted on the identification rows.
 
     Attributes:
+        equations: the rows.
         shared: ``(n_shared,)`` x.
-        own: one ``(n_own,)`` a joint.
         extra: ``(n_extra,)`` coefficients of the hypothesis' columns.
-        extra_std: their standard deviations, correlation of the residuals included.
-        residual: ``(n_joints, n_rows)`` of all rows [N·m].
+        extra_std: their standard deviations for white residuals.
         sigma: ``(n_joints,)`` weights' standard deviations [N·m].
+        columns: ``(n_joints, n_rows, n_extra)`` of the hypothesis, None where it has none.
+        offset: ``(n_joints, n_rows)`` torque taken off, None where there is none.
     """
 
+    equations: Equations
     shared: Array
-    own: tuple[Array, ...]
     extra: Array
     extra_std: Array
-    residual: Array
     sigma: Array
+    columns: Array | None
+    offset: Array | None
+
+    @cached_property
+    def before_own(self) -> Array:
+        """What the joints' own columns have to explain, ``(n_joints, n_rows)`` [N·m]."""
+        e = self.equations
+        rest = e.y - e.shared @ self.shared
+        if self.columns is not None:
+            rest = rest - self.columns @ self.extra
+        return rest if self.offset is None else rest - self.offset
+
+    @cached_property
+    def own(self) -> tuple[Array, ...]:
+        """Coefficients of the joints' own columns, one ``(n_own,)`` a joint."""
+        e = self.equations
+        return tuple(
+            np.linalg.lstsq(e.own[j][e.use], self.before_own[j][e.use], rcond=1e-10)[0]
+            for j in range(e.n_joints)
+        )
+
+    @cached_property
+    def residual(self) -> Array:
+        """Residual of all rows, ``(n_joints, n_rows)`` [N·m]."""
+        rest = self.before_own.copy()
+        for j, o in enumerate(self.own):
+            rest[j] -= self.equations.own[j] @ o
+        return rest
 
 
 @dataclass(eq=False)
@@ -63,7 +93,6 @@ class Solver:
 
     Attributes:
         equations: the rows.
-        ridge: weight of the prior on ``x``; and of the prior on each extra coefficient where one is given.
     """
 
     equations: Equations
@@ -75,17 +104,29 @@ class Solver:
 
     def __post_init__(self) -> None:
         e = self.equations
-        self._q, self._a, self._y = [], [], []
-        n = e.shared.shape[2]
+        n, empty = e.shared.shape[2], np.zeros(0)
+        self._q, self._a, self._y = ([empty] * e.n_joints for _ in range(3))
         self._gram, self._cross = np.zeros((e.n_joints, n, n)), np.zeros((e.n_joints, n))
         for j in range(e.n_joints):
-            own = e.own[j][e.use]
-            q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0] if own.shape[1] else own
-            self._q.append(q)
-            self._a.append(_project(q, e.shared[j][e.use]))
-            self._y.append(_project(q, e.y[j][e.use]))
-            self._gram[j] = self._a[j].T @ self._a[j]
-            self._cross[j] = self._a[j].T @ self._y[j]
+            self._prepare(j)
+
+    def _prepare(self, j: int) -> None:
+        e = self.equations
+        own = e.own[j][e.use]
+        q = np.linalg.qr(own / np.maximum(np.linalg.norm(own, axis=0), 1e-12))[0] if own.shape[1] else own
+        self._q[j], self._a[j], self._y[j] = q, _project(q, e.shared[j][e.use]), _project(q, e.y[j][e.use])
+        self._gram[j] = self._a[j].T @ self._a[j]
+        self._cross[j] = self._a[j].T @ self._y[j]
+
+    def with_own(self, joint: int, own: Array) -> Solver:
+        """The same equations with other own columns of one joint."""
+        columns = tuple(own if k == joint else o for k, o in enumerate(self.equations.own))
+        new = copy(self)
+        new.equations = replace(self.equations, own=columns)
+        new._q, new._a, new._y = list(self._q), list(self._a), list(self._y)
+        new._gram, new._cross = self._gram.copy(), self._cross.copy()
+        new._prepare(joint)
+        return new
 
     def fit(self, extra: Array | None = None, offset: Array | None = None, iterations: int = 6) -> Fit:
         """Fit by iterated weights, one a joint.
@@ -141,17 +182,8 @@ class Solver:
                 break
         beta = x[n:] / scale
         covariance = np.linalg.inv(normal)[n:, n:] if m else np.zeros((0, 0))
-        residual = e.y - e.shared @ x[:n]
-        if extra is not None:
-            residual -= extra @ beta
-        if offset is not None:
-            residual -= offset
-        own = []
-        for j in range(e.n_joints):
-            o = np.linalg.lstsq(e.own[j][e.use], residual[j][e.use], rcond=1e-10)[0]
-            residual[j] -= e.own[j] @ o
-            own.append(o)
-        return Fit(x[:n], tuple(own), beta, np.sqrt(np.diag(covariance)) / scale, residual, sigma)
+        std = np.sqrt(np.diag(covariance)) / scale
+        return Fit(e, x[:n], beta, std, sigma, extra, offset)
 
 
 def _project(q: Array, values: Array) -> Array:

@@ -6,16 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
 from excite.diagnosis.equations import Fit, Solver
 from excite.robot.robot import Array
 
-_GOLDEN = 0.381966
-
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A shape at the rows: ``extra`` ``(n_joints, n_rows, n_linear)`` or None, ``offset`` ``(n_joints, n_rows)`` or None."""
+    """A shape at the rows.
+
+    Attributes:
+        extra: ``(n_joints, n_rows, n_linear)`` or None.
+        offset: ``(n_joints, n_rows)`` or None.
+    """
 
     extra: Array | None
     offset: Array | None
@@ -31,6 +35,7 @@ class Hypothesis:
         theta: non-linear parameters.
         columns: at the rows.
         fit: the fit with it.
+        baseline: what it was fitted on; its widths may differ from those that the search began with.
     """
 
     effect: Effect
@@ -38,6 +43,7 @@ class Hypothesis:
     theta: Theta
     columns: Columns
     fit: Fit
+    baseline: Baseline
 
     @property
     def loss(self) -> float:
@@ -77,7 +83,6 @@ class Search:
     Attributes:
         context: the context.
         solver: the equations.
-        before: columns of effects that are already accepted; None at the start.
     """
 
     context: Context
@@ -92,7 +97,7 @@ class Search:
         fit = self.solver.fit(columns.extra, columns.offset, iterations)
         if not effect.admissible(fit.extra):
             return None
-        return Hypothesis(effect, location, theta, columns, fit)
+        return Hypothesis(effect, location, theta, columns, fit, self.context.baseline)
 
     def coarse(self, effect: Effect, location: str) -> Hypothesis | None:
         """The best of the grid."""
@@ -111,7 +116,9 @@ class Search:
                     moved = False
                     for sign in (1.0, -1.0):
                         theta = list(best.theta)
-                        theta[k] = float(np.clip(theta[k] * np.exp(sign * step), parameter.low, parameter.high))
+                        theta[k] = float(
+                            np.clip(theta[k] * np.exp(sign * step), parameter.low, parameter.high)
+                        )
                         if theta[k] == best.theta[k]:
                             continue
                         item = self.try_at(start.effect, start.location, tuple(theta))

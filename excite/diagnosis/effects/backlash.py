@@ -7,8 +7,6 @@ import numpy as np
 from excite.diagnosis.effects.deflection import response
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 
-_CONTACT_HZ = 15.0
-
 
 class Backlash(Effect):
     """The link flies freely through a dead band between two contacts (Nordin, Gutman 2002, section 2)."""
@@ -20,7 +18,7 @@ class Backlash(Effect):
     mujoco = "a second joint with limited range behind the motor's"
 
     def grid(self, context: Context, location: str) -> list[Theta]:
-        return [(w, f) for w in (0.002, 0.005, 0.01, 0.02, 0.04) for f in (10.0, 25.0)]
+        return [(w, 20.0) for w in (0.002, 0.005, 0.01, 0.02, 0.04)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)

@@ -11,7 +11,6 @@ from excite.regressor.lazy import LazyKernel
 from excite.robot.robot import Array
 
 
-
 @LazyKernel
 def deflect(load, inertia, starts, dt, stiffness, damping, gap):  # pragma: no cover - compiled
     """Integrate ``M δ̈ = −τ − k(δ) − D δ̇`` with a dead band of ±gap, semi-implicitly.
@@ -66,7 +65,9 @@ def response(context: Context, j: int, stiffness: float, ratio: float, gap: floa
     mass = context.gradient(j, "a")
     inertia = np.maximum(mass[:, j], 1e-3 * max(float(np.abs(mass[:, j]).max()), 1e-6))
     starts = np.zeros(len(load), dtype=np.bool_)
-    starts[np.concatenate([[0], np.cumsum([len(t.time) for t in context.baseline.samples.trials])[:-1]])] = True
+    starts[np.concatenate([[0], np.cumsum([len(t.time) for t in context.baseline.samples.trials])[:-1]])] = (
+        True
+    )
     damping = 2.0 * ratio * math.sqrt(stiffness * float(inertia.mean()))
     x, s, acc = deflect(
         load, inertia, starts, 1.0 / context.baseline.samples.rate_hz, stiffness, damping, gap

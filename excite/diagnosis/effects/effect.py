@@ -15,7 +15,7 @@ from excite.diagnosis.result import Estimate
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array
 
-_STEP = 1e-4
+_STEP = 1e-5
 
 Theta = tuple[float, ...]
 
@@ -106,13 +106,11 @@ class Context:
             samples = self.baseline.samples
             motion = {name: samples.stacked(name) for name in ("q", "v", "a")}
             step = 1.0 if what == "a" else _STEP
-            both = []
-            for sign in (1.0, -1.0):
-                moved = dict(motion)
-                moved[what] = motion[what].copy()
-                moved[what][:, samples.index[j]] += sign * step
-                both.append(self.torques(moved["q"], moved["v"], moved["a"]))
-            self._cache[j, what] = (both[0] - both[1]) / (2.0 * step)
+            moved = dict(motion)
+            moved[what] = motion[what].copy()
+            moved[what][:, samples.index[j]] += step
+            change = self.torques(moved["q"], moved["v"], moved["a"]) - self.baseline.rigid
+            self._cache[j, what] = change / step
         return self._cache[j, what]
 
 
@@ -161,6 +159,4 @@ class Effect(ABC):
             p.name: Estimate(float(b), float(s), p.unit)
             for p, b, s in zip(self.linear, fit.extra, fit.extra_std, strict=True)
         }
-        return found | {
-            p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)
-        }
+        return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}

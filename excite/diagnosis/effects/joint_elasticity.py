@@ -19,7 +19,7 @@ class JointElasticity(Effect):
         j = context.row(location)
         inertia = float(context.gradient(j, "a")[:, j].mean())
         resonances = (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)
-        return [(inertia * (6.283 * f) ** 2, z) for f in resonances for z in (0.7, 0.15)]
+        return [(inertia * (6.283 * f) ** 2, 0.5) for f in resonances]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         return Shape(offset=response(context, context.row(location), theta[0], theta[1], 0.0))

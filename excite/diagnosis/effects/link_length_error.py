@@ -40,4 +40,6 @@ class LinkLengthError(Effect):
                 both.append(context.torques(*motion, model))
             columns.append((both[0] - both[1]) / (2.0 * _STEP))
         stacked = np.stack(columns, axis=2)
-        return Shape({j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9})
+        return Shape(
+            {j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9}
+        )

@@ -21,9 +21,12 @@ class TorqueRipple(Effect):
         """The three best of 4 … 150 by a projection of the baseline's residual at the rows."""
         j = context.row(location)
         samples = context.baseline.samples
-        q = np.concatenate([p[t.rows] for p, t in zip(samples.split(context.q[:, j]), samples.trials, strict=True)])
+        q = np.concatenate(
+            [p[t.rows] for p, t in zip(samples.split(context.q[:, j]), samples.trials, strict=True)]
+        )
         use = samples.identification
-        residual, q = context.baseline.fit.residual[j][use], q[use]
+        # Every second row: the sampling of the phase matters little, that of the periods much.
+        residual, q = context.baseline.fit.residual[j][use][::2], q[use][::2]
         periods = np.arange(4.0, 150.0, 0.5)
         power = np.abs(np.exp(-1j * np.outer(periods, q)) @ residual)
         best: list[Theta] = []

@@ -114,9 +114,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
         trials=tuple(names),
         validation=tuple(trial.role == "validation" for trial in log.trials),
         repeats=tuple(
-            (names.index(trial.repeats), i)
-            for i, trial in enumerate(log.trials)
-            if trial.repeats in names
+            (names.index(trial.repeats), i) for i, trial in enumerate(log.trials) if trial.repeats in names
         ),
         unmeasured=tuple(sorted({segment for s in robot.sensors for segment in s.excludes})),
         sensor_noise=robust_covariance(np.concatenate([part.above_band for part in parts])),
@@ -169,8 +167,17 @@ def _prepare_trial(
 def _above_band(values: Array, rate_hz: float) -> Array:
     """What is left between 9 and 15 Hz, scaled so that white noise keeps its variance."""
     low, high = min(9.0, 0.2 * rate_hz), min(15.0, 0.35 * rate_hz)
-    share = 2.0 * (high - low) / rate_hz
+    share = _difference_bandwidth(rate_hz, low, high)
     return (lowpass(values, rate_hz, high, 6) - lowpass(values, rate_hz, low, 6)) / np.sqrt(share)
+
+
+def _difference_bandwidth(rate_hz: float, low: float, high: float, order: int = 6) -> float:
+    """Share of white noise's power in the difference of two zero-phase Butterworth filters."""
+    angle = np.tan(0.5 * np.pi * (np.arange(4096) + 0.5) / 4096)
+    gains = [
+        1.0 / (1.0 + (angle / np.tan(np.pi * corner / rate_hz)) ** (2 * order)) for corner in (high, low)
+    ]
+    return float(((gains[0] - gains[1]) ** 2).mean())
 
 
 def robust_covariance(values: Array, kept: float = 0.9, rounds: int = 5) -> Array:

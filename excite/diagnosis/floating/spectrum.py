@@ -8,7 +8,7 @@ covariance matrix a frequency (Whittle 1953).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal.windows import tukey
@@ -66,17 +66,77 @@ class Whitening:
         return mask
 
 
+@dataclass(frozen=True, eq=False)
+class Repeatability:
+    """What repeated trials say of the noise model.
+
+    Attributes:
+        level: power of the difference of repeated trials over what the noise model expects, in the lower
+            half of the band; None without repeated trials.
+        repeatable: whether that is noise: a push or a contact at other moments is not.
+    """
+
+    level: float | None
+    repeatable: bool
+
+
+# A difference of repeated trials that is this many times the expected noise is something that happened.
+_NOT_NOISE = 3.0
+_SCALE_RANGE = (0.8, 2.5)
+
+
+def scaled_to_repeats(whitening: Whitening, residual: Array) -> tuple[Whitening, Repeatability]:
+    """The whitening with its noise scaled, by a straight line in frequency, to what repeated trials show.
+
+    Args:
+        whitening: from :func:`make_whitening`.
+        residual: ``(n, 6)`` nominal residual.
+    """
+    white, record = whitening(residual), whitening.record
+    levels = []
+    for first, second in record.repeats:
+        n_bins = min(len(whitening.factors[first]), len(whitening.factors[second]))
+        one, two = (_bin_power_parts(white[whitening.rows[i]], n_bins) for i in (first, second))
+        levels.append((0.5 * (one - two) ** 2).mean(axis=1))
+    if not levels:
+        return whitening, Repeatability(None, True)
+    shortest = min(map(len, levels))
+    level = np.mean([item[:shortest] for item in levels], axis=0)
+    low = float(level[: shortest // 2].mean())
+    if low > _NOT_NOISE:
+        return whitening, Repeatability(low, False)
+    line = np.polynomial.Polynomial.fit(np.arange(shortest), level, 1)
+    factors = tuple(
+        factor
+        / np.sqrt(np.clip(line(np.arange(len(factor)) * shortest / len(factor)), *_SCALE_RANGE))[
+            :, None, None
+        ]
+        for factor in whitening.factors
+    )
+    return replace(whitening, factors=factors), Repeatability(low, True)
+
+
+def _bin_power_parts(white: Array, n_bins: int) -> Array:
+    """``(n_bins, 12)`` real and imaginary parts of a trial's whitened bins; those of a constant are real."""
+    n_all = (len(white) + 6) // 12
+    real = white[: 6 * n_all].reshape(n_all, 6)
+    imaginary = np.vstack([real[:1], white[6 * n_all :].reshape(n_all - 1, 6)])
+    return np.hstack([real, imaginary])[:n_bins]
+
+
 def make_whitening(record: FloatingRecord, state: State) -> Whitening:
     """Noise model from what cannot hold any effect: readings above the band, predictions at its upper edge.
 
-    ``S(f) = A + B (f/f0)^4``: A, white noise of the sensors; B, noise of the kinematics, differentiated twice.
+    ``S(f) = A + C + B (f/f0)^4``: A, white noise of the sensors; B, noise of the kinematics, differentiated
+    twice; C, what the same noise does to gravity and to the sensors' levers.
 
     Args:
         record: the record.
         state: the nominal state, whose predictions carry the kinematics' noise.
     """
     sensors = record.sensor_noise * record.rate_hz / record.full_rate_hz
-    kinematics, centre = _kinematic_noise(record, state.predicted)
+    kinematics, centre = _noise_above_motion(record, state.predicted)
+    sensors = sensors + _pose_noise(record, state)
     factors, tapers, rows, start = [], [], [], 0
     for span in record.spans:
         taper, frequency = _taper_and_frequency(record, span)
@@ -98,16 +158,51 @@ def _taper_and_frequency(record: FloatingRecord, span: slice) -> tuple[Array, Ar
     return taper / np.sqrt((taper**2).sum()), np.fft.rfftfreq(n, 1.0 / record.rate_hz)
 
 
-def _kinematic_noise(record: FloatingRecord, predicted: Array) -> tuple[Array, float]:
-    """``(6, 6)`` noise of predictions at the centre of the noise band, and that frequency [Hz]."""
+def _noise_above_motion(record: FloatingRecord, values: Array, order: int = 2) -> tuple[Array, float]:
+    """``(k, k)`` spectrum of ``values (n, k)`` where no motion is left, at the band's centre, and that [Hz].
+
+    Args:
+        record: the record.
+        values: signals.
+        order: their noise grows with this power of frequency.
+    """
     low, high = _NOISE_BAND_HZ
     centre = float(np.sqrt(low * high))
     pieces = []
     for span in record.spans:
         taper, frequency = _taper_and_frequency(record, span)
         inside = (frequency >= low) & (frequency <= high)
-        smooth = predicted[span] - predicted[span].mean(axis=0)
+        smooth = values[span] - values[span].mean(axis=0)
         spectrum = np.fft.rfft(smooth * taper[:, None], axis=0)[inside]
-        pieces.append(spectrum * (centre / frequency[inside, None]) ** 2)
+        pieces.append(spectrum * (centre / frequency[inside, None]) ** order)
     spectrum = np.concatenate(pieces)
     return (spectrum.conj().T @ spectrum).real / len(spectrum), centre
+
+
+def _pose_noise(record: FloatingRecord, state: State) -> Array:
+    """``(6, 6)`` noise of the residual that white noise of all positions brings, accelerations left out."""
+    # Rotations of the base are small, so that the quaternion's vector part is half the rotation.
+    positions = np.hstack([state.q[:, :3], 2.0 * state.q[:, 3:6], state.q[:, 7:]])
+    power = np.diag(_noise_above_motion(record, positions, order=0)[0])
+    few = slice(None, None, 8)
+    total, nominal = np.zeros((6, 6)), _thin(state, few).residual
+    for i, variance in enumerate(power):
+        q = state.q[few].copy()
+        step = 1e-4
+        if 3 <= i < 6:
+            q[:, i] += 0.5 * step
+            q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+        else:
+            q[:, i + (i >= 6)] += step
+        change = (_thin(state, few).but(q=q).residual - nominal) / step
+        total += variance * change.T @ change / len(change)
+    return total
+
+
+def _thin(state: State, few: slice) -> State:
+    return state.but(
+        q=state.q[few],
+        v=state.v[few],
+        a=state.a[few],
+        readings={name: values[few] for name, values in state.readings.items()},
+    )

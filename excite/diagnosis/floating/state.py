@@ -13,6 +13,16 @@ from excite.regressor.kernels import Placements, base_link_regressor, forward_ki
 from excite.regressor.tree import KinematicTree
 from excite.robot.robot import Array
 
+_MOTION = {"tree", "q"}
+_DEPENDS: dict[str, set[str]] = {
+    "poses": _MOTION,
+    "measured": _MOTION | {"readings", "placements"},
+    "measured_phi": {"phi"},
+    "predicted": _MOTION | {"v", "a", "phi"},
+    "regressor": _MOTION | {"v", "a"},
+    "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
+}
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -55,8 +65,12 @@ class State:
         )
 
     def but(self, **changes: object) -> State:
-        """A copy with fields replaced."""
-        return replace(self, **changes)
+        """A copy with fields replaced; what was computed and does not depend on them is kept."""
+        other = replace(self, **changes)
+        for name, depends in _DEPENDS.items():
+            if name in self.__dict__ and not depends & changes.keys():
+                other.__dict__[name] = self.__dict__[name]
+        return other
 
     @cached_property
     def poses(self) -> Placements:

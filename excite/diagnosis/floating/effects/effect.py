@@ -53,14 +53,15 @@ class FloatingEffect(ABC):
         """What is true if it is there with parameters ``theta``, given all else in ``state``."""
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
-        """Minus the derivative of the residual with respect to ``theta``, ``(n, 6, k)``, central differences."""
-        columns = []
+        """Minus the derivative of the residual with respect to ``theta``, ``(n, 6, k)``.
+
+        Forward differences: the fit is iterated, and its steps are evaluated in full.
+        """
+        columns, here = [], self.apply(state, location, theta).residual if theta.any() else state.residual
         for i, parameter in enumerate(self.parameters(state, location)):
-            ahead, behind = theta.copy(), theta.copy()
+            ahead = theta.copy()
             ahead[i] += parameter.step
-            behind[i] -= parameter.step
-            change = self.apply(state, location, ahead).residual - self.apply(state, location, behind).residual
-            columns.append(-change / (2.0 * parameter.step))
+            columns.append((here - self.apply(state, location, ahead).residual) / parameter.step)
         return np.stack(columns, axis=2)
 
     def scales(self, state: State, location: str) -> Array:

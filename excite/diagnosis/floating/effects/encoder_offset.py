@@ -13,7 +13,9 @@ class EncoderOffset(FloatingEffect):
     """True position = logged + offset."""
 
     name: ClassVar[str] = "encoder_offset"
-    reads_as: ClassVar[str] = "link length and inertia beyond the joint; postures that turn it against gravity"
+    reads_as: ClassVar[str] = (
+        "link length and inertia beyond the joint; postures that turn it against gravity"
+    )
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Joints."""

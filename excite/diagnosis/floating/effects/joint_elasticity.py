@@ -8,7 +8,10 @@ import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
 from excite.diagnosis.floating.state import State
+from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
+
+_CUTOFF_HZ = 4.0
 
 
 class JointElasticity(FloatingEffect):
@@ -31,9 +34,11 @@ class JointElasticity(FloatingEffect):
         iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
         bend = -theta[0] * state.joint_torques[:, iv]
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
-        q[:, iq] += bend
         for span in state.record.spans:
+            # The torque's own noise would be differentiated twice.
+            bend[span] = lowpass(bend[span], state.record.rate_hz, _CUTOFF_HZ)
             rate = np.gradient(bend[span], 1.0 / state.record.rate_hz)
             v[span, iv] += rate
             a[span, iv] += np.gradient(rate, 1.0 / state.record.rate_hz)
+        q[:, iq] += bend
         return state.but(q=q, v=v, a=a)

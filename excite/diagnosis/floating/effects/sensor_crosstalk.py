@@ -31,7 +31,11 @@ class SensorCrosstalk(FloatingEffect):
         source, target = location.partition(".")[2].split("->")
         if source[0] == target[0]:
             return (Parameter("coefficient", "1", 0.05, 1e-3),)
-        return (Parameter("coefficient", "m", 0.03, 1e-3) if source[0] == "f" else Parameter("coefficient", "1/m", 0.3, 1e-2),)
+        return (
+            Parameter("coefficient", "m", 0.03, 1e-3)
+            if source[0] == "f"
+            else Parameter("coefficient", "1/m", 0.3, 1e-2),
+        )
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Subtract the leak; the source's channel is right as logged."""

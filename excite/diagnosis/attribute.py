@@ -1,0 +1,253 @@
+"""Attribution: effects added one by one, each the best of all candidates, until nothing above the floor is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from excite.diagnosis.baseline import WIDTHS, Baseline, own_names, own_signals
+from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations import Fit, Solver
+from excite.diagnosis.evidence import Judge, effective_counts
+from excite.diagnosis.hypotheses import Hypothesis, Search
+from excite.diagnosis.noise_floor import repeat_floor
+from excite.robot.robot import Array
+
+_REFINED = 6
+_LISTED = 24
+
+
+@dataclass(frozen=True)
+class Gates:
+    """What an effect must reach to be named.
+
+    Attributes:
+        evidence: nats, identification and validation trials together, less the price of its parameters.
+        validation: nats on validation trials alone.
+        closed: share of the power above the floor, on validation trials, that it removes on some joint.
+        closed_again: the same for a further effect.
+        relative: strength of a further effect against the strongest one, as normalised torque amplitude.
+        same_joint: the same where the joint has an accepted effect already, and for timing.
+        most: effects at most.
+    """
+
+    evidence: float = 25.0
+    validation: float = 4.0
+    closed: float = 0.4
+    closed_again: float = 0.4
+    relative: float = 0.25
+    same_joint: float = 0.6
+    most: int = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A hypothesis and its merits against the fit before it.
+
+    Attributes:
+        hypothesis: the hypothesis.
+        evidence: nats less the price of its parameters and of the candidates tried.
+        validation: nats on validation trials.
+        closed: ``(n_joints,)`` share of the validation power above the floor that it removes.
+        strength: amplitude that it removes, over channels, normalised by the channels' deviation.
+        place: index of the joint that it changes most.
+    """
+
+    hypothesis: Hypothesis
+    evidence: float
+    validation: float
+    closed: Array
+    strength: float
+    place: int
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.hypothesis.effect.name
+
+    @property
+    def location(self) -> str:
+        """Its place."""
+        return self.hypothesis.location
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One step of the attribution.
+
+    Attributes:
+        context: what the effects were tried against.
+        ranking: candidates, best first.
+        accepted: the one that was accepted, None at the end.
+    """
+
+    context: Context
+    ranking: tuple[Scored, ...]
+    accepted: Scored | None
+
+
+@dataclass(frozen=True, eq=False)
+class Attribution:
+    """All steps.
+
+    Attributes:
+        stages: in order; the last accepts nothing unless the most effects were reached.
+        before: fit of the baseline.
+        after: fit with all accepted effects.
+        final: the baseline with them.
+        floor: ``(n_joints,)`` noise floor after them [N·m].
+        scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m].
+    """
+
+    stages: tuple[Stage, ...]
+    before: Fit
+    after: Fit
+    final: Baseline
+    floor: Array
+    scale: Array
+
+    @property
+    def accepted(self) -> tuple[Scored, ...]:
+        """Accepted effects in order."""
+        return tuple(s.accepted for s in self.stages if s.accepted is not None)
+
+
+@dataclass(eq=False)
+class Attributor:
+    """Runs the attribution.
+
+    Attributes:
+        baseline: the fitted baseline.
+        spectral: ``(n_joints,)`` spectral noise floor [N·m].
+        gates: what an effect must reach.
+    """
+
+    baseline: Baseline
+    spectral: Array
+    gates: Gates = field(default_factory=Gates)
+
+    def run(self) -> Attribution:
+        """Add effects until none passes."""
+        samples = self.baseline.samples
+        use = samples.identification
+        tau = samples.rows([t.tau for t in samples.trials])
+        scale = np.maximum(tau[use].std(axis=0), 1e-9)
+        current, stages, accepted = self.baseline, [], []
+        before = current.fit
+        while len(accepted) < self.gates.most:
+            context = Context(current)
+            ranking = self._rank(context, scale)
+            best = next((s for s in ranking if self._passes(s, accepted)), None)
+            stages.append(Stage(context, ranking, best))
+            if best is None:
+                break
+            accepted.append(best)
+            current = extended(best.hypothesis)
+        return Attribution(tuple(stages), before, current.fit, current, self._floor(current.fit), scale)
+
+    def _floor(self, fit: Fit) -> Array:
+        """Of repeated trials; of the spectrum where there are none."""
+        repeat = repeat_floor(self.baseline.samples, fit.residual)
+        return self.spectral if repeat is None else np.maximum(repeat, 0.5 * self.spectral)
+
+    def _rank(self, context: Context, scale: Array) -> tuple[Scored, ...]:
+        search = Search(context, context.baseline.solver)
+        found: list[Hypothesis] = []
+        for effect in self._offered():
+            for location in effect.locations(context):
+                item = search.coarse(effect, location)
+                if item is not None:
+                    found.append(item)
+        if not found:
+            return ()
+        found.sort(key=_loss)
+        found = found[:_LISTED]
+        refined = [refine_with_width(search, item) for item in found[:_REFINED]] + found[_REFINED:]
+        refined.sort(key=_loss)
+        samples = context.baseline.samples
+        use, before = samples.identification, context.baseline.fit
+        counts = effective_counts(refined[0].fit.residual, use, samples.trial_of_row)
+        judge = Judge(use, counts, self.spectral)
+        floor = self._floor(refined[0].fit)
+        scored = [self._score(judge, before, item, floor, scale) for item in refined]
+        return tuple(scored)
+
+    def _offered(self) -> list[Effect]:
+        return [e for e in EFFECTS.values() if e.offered(self.baseline.modelled)]
+
+    def _score(self, judge: Judge, before: Fit, item: Hypothesis, floor: Array, scale: Array) -> Scored:
+        ratio = judge.ratio(before, item.fit)
+        price = 0.5 * item.n_parameters * np.log(max(judge.count.sum(), 2.0)) + np.log(200.0)
+        old, new = judge.power(before).validation, judge.power(item.fit).validation
+        change = old - new
+        room = np.maximum(old - floor**2, 0.05 * old)
+        closed = change / room
+        normal = change / scale**2
+        strength = float(np.sqrt(max(float(normal[normal > 0.0].sum()), 0.0)))
+        place = int(np.argmax(judge.ratio(before, item.fit).sum(axis=1)))
+        return Scored(item, float(ratio.sum() - price), float(ratio[:, 1].sum()), closed, strength, place)
+
+    def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
+        gates = self.gates
+        if item.evidence < gates.evidence or item.validation < gates.validation:
+            return False
+        closed = float(item.closed[item.place])
+        if not accepted:
+            return closed >= gates.closed
+        strongest = max(a.strength for a in accepted)
+        crowded = item.hypothesis.location in {a.location for a in accepted} | {"torque", "base"}
+        needed = gates.same_joint if crowded else gates.closed_again
+        return closed >= needed and item.strength >= gates.relative * strongest
+
+
+def _loss(item: Hypothesis) -> float:
+    return item.loss
+
+
+def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
+    """Local search; for friction the width of the joint's sign change is searched along with it."""
+    best = search.refine(start)
+    base = search.context.baseline
+    if best.effect.name not in _FRICTION or "coulomb_friction" not in base.modelled:
+        return best
+    samples, names = base.samples, own_names(base.modelled)
+    j, place, step = (
+        search.context.row(best.location),
+        WIDTHS.index(base.widths[search.context.row(best.location)]),
+        1,
+    )
+    for step in (1, -1):
+        k = place + step
+        while 0 <= k < len(WIDTHS):
+            own = samples.rows(samples.split(own_signals(samples, names, j, WIDTHS[k])))
+            widths = base.widths.copy()
+            widths[j] = WIDTHS[k]
+            moved = replace(base, widths=widths, solver=search.solver.with_own(j, own))
+            item = Search(replace(search.context, baseline=moved), moved.solver).refine(best, rounds=1)
+            if item.loss >= best.loss - 1e-3:
+                break
+            best, k = item, k + step
+    return best
+
+
+_FRICTION = frozenset({"stribeck", "load_dependent_friction", "friction_drift"})
+
+
+def extended(item: Hypothesis) -> Baseline:
+    """The baseline with an effect in it: its columns shared ones with hardly any prior, its offset taken off."""
+    baseline = item.baseline
+    e = baseline.solver.equations
+    y, shared = e.y, e.shared
+    basis = baseline.basis
+    fit = item.fit
+    if item.columns.offset is not None:
+        y = y - item.columns.offset
+    if item.columns.extra is not None:
+        scale = np.maximum(np.abs(fit.extra), 10.0 * np.maximum(fit.extra_std, 1e-12)) * 10.0
+        shared = np.concatenate([shared, item.columns.extra * scale], axis=2)
+        basis = np.hstack([basis, np.zeros((len(basis), len(scale)))])
+    solver = Solver(replace(e, y=y, shared=shared))
+    new = solver.fit()
+    return replace(baseline, solver=solver, fit=new, basis=basis)

@@ -1,0 +1,172 @@
+"""The Bayesian linear problem that every hypothesis is judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from excite.diagnosis.floating.prior import inertial_scales
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.spectrum import (
+    Repeatability,
+    Whitening,
+    make_whitening,
+    scaled_to_repeats,
+)
+from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.unloaded import UnloadedRows, find_unloaded
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True, eq=False)
+class LinearFit:
+    """A hypothesis' fit to whitened numbers.
+
+    Attributes:
+        theta: parameters, in units of their scales.
+        covariance: of the same.
+        gain: what it lowers half the sum of squares by, priors included [nats].
+        evidence: the same less the price of its parameters: log of the Bayes factor against the baseline.
+    """
+
+    theta: Array
+    covariance: Array
+    gain: float
+    evidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Whitened residuals of a record with the baseline's freedom taken out.
+
+    Rows: the base's equation in the frequency domain, then mean readings of unloaded sensors. The baseline's
+    parameters (inertials where they are identified, those of feet beyond their sensors) have a loose Gaussian
+    prior and are integrated out; so the evidence of a hypothesis is that of a linear Gaussian model
+    (MacKay 1992, eq. 2.5).
+
+    Attributes:
+        record: the record.
+        nominal: the logged state.
+        whitening: of the base's rows.
+        repeatability: what repeated trials say.
+        unloaded: unloaded sensors.
+        basis: ``(m, r)`` orthonormal basis of what the baseline takes out, scaled by the prior.
+        columns: ``(m, p)`` the baseline's columns in units of its scales.
+        scales: ``(p,)`` its scales.
+        index: ``(p,)`` which inertial parameters they are.
+    """
+
+    record: FloatingRecord
+    nominal: State
+    whitening: Whitening
+    repeatability: Repeatability
+    unloaded: UnloadedRows
+    basis: Array
+    columns: Array
+    scales: Array
+    index: NDArray[np.int64]
+
+    def rows(self, state: State) -> Array:
+        """``(m,)`` whitened residual in a state."""
+        return np.concatenate([self.whitening(state.residual), self.unloaded.residual(state)])
+
+    @cached_property
+    def nominal_rows(self) -> Array:
+        """Those of the nominal state."""
+        return self.rows(self.nominal)
+
+    @cached_property
+    def validation(self) -> NDArray[np.bool_]:
+        """``(m,)`` which rows are of validation trials."""
+        held_out = np.array(self.record.validation)
+        unloaded = np.repeat(held_out[list(self.unloaded.trial)] if self.unloaded.trial else [], 6)
+        return np.concatenate([self.whitening.validation_rows(), unloaded.astype(bool)])
+
+    def project(self, rows: Array) -> Array:
+        """``(r, …)`` components that the baseline takes out."""
+        return self.basis.T @ rows
+
+    def baseline_parameters(self, rows: Array) -> Array:
+        """Most probable errors of all inertial parameters, ``(10·n_segments,)``, given residual rows."""
+        delta = np.zeros(len(self.record.tree.phi))
+        if len(self.index):
+            gram = self.columns.T @ self.columns + np.eye(len(self.index))
+            delta[self.index] = self.scales * np.linalg.solve(gram, self.columns.T @ rows)
+        return delta
+
+    def power(self, rows: Array) -> float:
+        """Sum of squares left by the baseline, its prior included."""
+        return float(rows @ rows - (self.project(rows) ** 2).sum())
+
+    def fit(self, rows: Array, columns: Array) -> LinearFit:
+        """Fit ``columns (m, k)``, in units of their scales, to ``rows (m,)``."""
+        projected, shadow = self.project(columns), self.project(rows)
+        gram = columns.T @ columns - projected.T @ projected
+        right = columns.T @ rows - projected.T @ shadow
+        return solve(gram, right)
+
+
+def solve(gram: Array, right: Array, overdispersion: float = 1.0) -> LinearFit:
+    """Ridge solution with unit prior, and its evidence, from normal equations.
+
+    Args:
+        gram: ``(k, k)``.
+        right: ``(k,)``.
+        overdispersion: variance of the noise over that expected.
+    """
+    information = np.eye(len(gram)) + gram / overdispersion
+    factor = scipy.linalg.cho_factor(information)
+    theta = scipy.linalg.cho_solve(factor, right / overdispersion)
+    gain = 0.5 * float(right @ theta) / overdispersion
+    price = float(np.log(np.diag(factor[0])).sum())
+    return LinearFit(theta, scipy.linalg.cho_solve(factor, np.eye(len(gram))), gain, gain - price)
+
+
+def build_problem(record: FloatingRecord) -> Problem:
+    """Whiten the record's nominal residual and prepare the baseline."""
+    nominal = State.logged(record)
+    whitening, repeatability = scaled_to_repeats(make_whitening(record, nominal), nominal.residual)
+    unloaded = find_unloaded(record, nominal)
+    blocks, scales, index = [], [], []
+    feet = np.flatnonzero(unloaded.scales)
+    n_base, n_unloaded = whitening.n_rows, 6 * len(unloaded.sensors)
+    if record.inertials_free:
+        own = inertial_scales(record.tree.phi)
+        for segment in record.unmeasured:
+            own[10 * segment : 10 * segment + 10] = 0.0
+        free = np.flatnonzero(own)
+        blocks.append(
+            np.vstack(
+                [whitening(nominal.regressor[:, :, free]) * own[free], np.zeros((n_unloaded, len(free)))]
+            )
+        )
+        scales.append(own[free])
+        index.append(free)
+    if len(feet) and n_unloaded:
+        blocks.append(np.vstack([np.zeros((n_base, len(feet))), unloaded.foot_columns()]))
+        scales.append(unloaded.scales[feet])
+        index.append(feet)
+    if not blocks:
+        empty = np.zeros((n_base + n_unloaded, 0))
+        return Problem(
+            record, nominal, whitening, repeatability, unloaded, empty, empty, np.zeros(0), np.zeros(0, int)
+        )
+    columns = np.hstack(blocks)
+    # Of the stacked [columns; 1] only the upper part of Q is needed: it carries the prior's damping.
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    basis = u * (s / np.sqrt(1.0 + s**2))
+    return Problem(
+        record,
+        nominal,
+        whitening,
+        repeatability,
+        unloaded,
+        basis,
+        columns,
+        np.concatenate(scales),
+        np.concatenate(index),
+    )

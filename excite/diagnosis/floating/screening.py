@@ -1,0 +1,58 @@
+"""Every effect at every place, linearised once: which deserve a closer look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.problem import LinearFit, Problem
+from excite.diagnosis.floating.state import State
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """An effect at a place and its linearised fit."""
+
+    effect: FloatingEffect
+    location: str
+    fit: LinearFit
+
+
+def effect_columns(
+    problem: Problem, state: State, effect: FloatingEffect, location: str, theta: Array
+) -> Array:
+    """Whitened columns of an effect in units of its scales, unloaded sensors included, ``(m, k)``."""
+    base = problem.whitening(effect.columns(state, location, theta))
+    unloaded = np.zeros((6 * len(problem.unloaded.sensors), base.shape[1]))
+    if len(unloaded):
+        for i, parameter in enumerate(effect.parameters(state, location)):
+            ahead = theta.copy()
+            ahead[i] += parameter.step
+            change = problem.unloaded.residual(
+                effect.apply(state, location, ahead)
+            ) - problem.unloaded.residual(effect.apply(state, location, theta))
+            unloaded[:, i] = -change / parameter.step
+    return np.vstack([base, unloaded]) * effect.scales(state, location)
+
+
+def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
+    """Linearised fits of all effects at all places, best evidence first.
+
+    Args:
+        problem: the problem.
+        state: the state to linearise at.
+        rows: ``(m,)`` whitened residual there.
+    """
+    hypotheses = [
+        (effect, location) for effect in FLOATING_EFFECTS.values() for location in effect.locations(state)
+    ]
+    screened = []
+    for effect, location in hypotheses:
+        theta = np.zeros(len(effect.parameters(state, location)))
+        columns = effect_columns(problem, state, effect, location, theta)
+        screened.append(Screened(effect, location, problem.fit(rows, columns)))
+    return sorted(screened, key=lambda item: -item.fit.evidence)

@@ -1,0 +1,79 @@
+"""What no model can go below: from repeated trials, and from the spectrum above the motion's band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import welch
+
+from excite.diagnosis.samples import ArmSamples
+from excite.logs.signals.butterworth import noise_bandwidth
+from excite.robot.robot import Array
+
+_ABOVE = (1.5, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFloor:
+    """Two floors of each joint's residual in the rows' band [N·m].
+
+    Attributes:
+        spectral: ``(n_joints,)`` from the torque's spectrum above the band, as if it were flat below.
+        repeat: ``(n_joints,)`` from repeated trials; None where there are none.
+    """
+
+    spectral: Array
+    repeat: Array | None
+
+    @property
+    def level(self) -> Array:
+        """The floor to compare a gap with, ``(n_joints,)``: of repeats where there are some."""
+        return self.spectral if self.repeat is None else np.maximum(self.repeat, 0.5 * self.spectral)
+
+
+def spectral_floor(samples: ArmSamples) -> Array:
+    """Noise of each torque channel in the rows' band, ``(n_joints,)`` [N·m].
+
+    The median over Welch's segments of the density between 1.5 and 3 times the band's end, so that single
+    jumps do not count, times the band.
+    """
+    low, high = (k * samples.bands.rows_hz for k in _ABOVE)
+    high = min(high, 0.45 * samples.rate_hz)
+    low = min(low, 0.7 * high)
+    floors = []
+    for j in range(len(samples.joints)):
+        densities = []
+        for trial in samples.trials:
+            f, p = welch(
+                np.diff(trial.tau[:, j]),
+                samples.rate_hz,
+                nperseg=min(256, len(trial.time) // 2),
+                average="median",
+            )
+            band = (f > low) & (f < high)
+            densities.append(
+                float(np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / samples.rate_hz)) ** 2))
+            )
+        density = float(np.median(densities))
+        width = noise_bandwidth(samples.rate_hz, samples.bands.rows_hz)
+        floors.append(np.sqrt(density * 0.5 * samples.rate_hz * width))
+    return np.maximum(np.array(floors), 1e-9)
+
+
+def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:
+    """RMS of half the difference of residuals in repeated trials, times √2: ``(n_joints,)`` or None.
+
+    Differences of residuals, not of torques: the same command does not give quite the same motion.
+    """
+    names = [trial.name for trial in samples.trials]
+    of_row = samples.trial_of_row
+    squares, count = np.zeros(len(residual)), 0
+    for k, trial in enumerate(samples.trials):
+        if trial.repeats is None or trial.repeats not in names:
+            continue
+        first, again = residual[:, of_row == names.index(trial.repeats)], residual[:, of_row == k]
+        n = min(first.shape[1], again.shape[1])
+        squares += 0.5 * ((again[:, :n] - first[:, :n]) ** 2).sum(axis=1)
+        count += n
+    return np.sqrt(squares / count) if count else None
