@@ -7,7 +7,7 @@ joints: 84 columns, of which 57 base parameters stay.
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import numpy as np
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.bounds_file import load_physical_bounds, load_physical_values
 from excite.identification.physical.coordinates import NAMES, physical_parameters, standard_parameters
+from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.problem import IdentificationProblem
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS, measured_columns, regressor_rows
@@ -160,3 +161,22 @@ def problem(q: Array, v: Array, a: Array, tau: Array) -> IdentificationProblem:
         prior=published_parameters("ref37"),
         n_inertial=N_INERTIAL,
     )
+
+
+def allowed_set(*, principal: bool = False) -> FeasibleSet:
+    """What eq. (16) to (18) allow; with ``principal`` only bodies that can exist."""
+    known = bounds()
+    if principal:
+        known = replace(known, rules=replace(known.rules, principal_triangle=True))
+    return FeasibleSet(known, DRIVES, np.arange(N_JOINTS), np.zeros(N_INERTIAL))
+
+
+def coordinates(allowed: FeasibleSet, parameters: Array) -> Array:
+    """Coordinates in the set of standard parameters and friction ``(84,)``."""
+    return allowed.coordinates(physical_parameters(parameters[:N_INERTIAL]), parameters[N_INERTIAL:])
+
+
+def allowed_near(parameters: Array) -> Array:
+    """Parameters ``(84,)`` of bodies that can exist, within eq. (16) to (18), nearest to given ones."""
+    allowed = allowed_set(principal=True)
+    return allowed.standard(allowed.nearest(coordinates(allowed, parameters)))

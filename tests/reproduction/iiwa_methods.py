@@ -1,0 +1,116 @@
+"""The parameter sets that Xu et al. 2020 compare, identified from a recording of the excitation."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identification.momentum_observer import observe
+from excite.identification.physical.objective import TorqueObjective, base_objective, essential_objective
+from excite.identification.physical.relaxation import Relaxation
+from excite.identification.physical.retrieval import Certificate, RetrievalSettings, retrieve
+from excite.identification.physical.search import descend
+from excite.regressor.factor import r_factor
+from excite.robot.robot import Array
+from tests.reproduction.iiwa import (
+    N_COLUMNS,
+    N_INERTIAL,
+    N_JOINTS,
+    allowed_set,
+    coordinates,
+    grouping,
+    iiwa,
+    published_base,
+    published_parameters,
+)
+from tests.reproduction.iiwa_twins import Recorded
+
+COLUMNS = np.array([row.column for row in published_base()])
+EFFORT = RetrievalSettings(starts=5, seed=0, gap=1e-3, nodes=100)
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What one recording gives.
+
+    Attributes:
+        base: least-squares base parameters, ``(57,)`` in Table 4's order (eq. 6).
+        base_rsd: ``(57,)`` relative standard deviations of eq. (7) [%].
+        essential: objective of eq. (15), with the indices of the parameters kept.
+        sets: standard parameters and friction ``(84,)`` by method; those of base and essential parameters
+            stand in the columns of Table 4, all others zero.
+        certificate: of the retrieval.
+        seconds: that the retrieval took.
+    """
+
+    base: Array
+    base_rsd: Array
+    essential: TorqueObjective
+    sets: dict[str, Array]
+    certificate: Certificate
+    seconds: float
+
+
+def identify(recorded: Recorded) -> Identified:
+    """Base, essential and physical parameters, and the methods of the paper's references [30] and [37]."""
+    regressor, torque = recorded.regressor(), recorded.tau.ravel()
+    triangle = r_factor(np.column_stack([regressor[:, COLUMNS], torque]))
+    n = len(COLUMNS)
+    base = np.linalg.solve(triangle[:n, :n], triangle[:n, n])
+    inverse = np.linalg.inv(triangle[:n, :n])
+    variance = triangle[n, n] ** 2 / (len(torque) - n)
+    std = np.sqrt(variance * np.einsum("ij,ij->i", inverse, inverse))
+    essential = essential_objective(triangle, grouping(), len(torque))
+    values = np.linalg.lstsq(essential.factor[:, COLUMNS[essential.kept]], essential.target, rcond=None)[0]
+    allowed = allowed_set()
+    center = coordinates(allowed, published_parameters("ref37"))
+    start = time.perf_counter()
+    found = retrieve(essential, allowed, center, EFFORT)
+    seconds = time.perf_counter() - start
+    middle = 0.5 * (allowed.bounds.lower + allowed.bounds.upper)
+    drives = 0.5 * (allowed.drive_lower + allowed.drive_upper)
+    local = Relaxation(
+        base_objective(triangle, grouping()),
+        allowed,
+        1e-6 / allowed.scale,
+        allowed.nearest(allowed.coordinates(middle, drives)),
+    )
+    apart = TorqueObjective(grouping(), base, 0.0, np.arange(n))
+    return Identified(
+        base=base,
+        base_rsd=100.0 * std / np.abs(base),
+        essential=essential,
+        sets={
+            "base": _placed(COLUMNS, base),
+            "essential": _placed(COLUMNS[essential.kept], values),
+            "physical": found.parameters,
+            "[30]": retrieve(apart, allowed, center, RetrievalSettings(starts=5, nodes=1)).parameters,
+            "[37]": allowed.standard(descend(local, local.center).x),
+            "published": published_parameters("xu2020"),
+            "published [37]": published_parameters("ref37"),
+        },
+        certificate=found.certificate,
+        seconds=seconds,
+    )
+
+
+def rms(recorded: Recorded, parameters: Array) -> Array:
+    """RMS of measured minus predicted torque of each joint, ``(7,)`` [N·m]."""
+    rest = recorded.tau.ravel() - recorded.regressor() @ parameters
+    return np.sqrt(np.mean(rest.reshape(-1, N_JOINTS) ** 2, axis=0))
+
+
+def largest_residual(recorded: Recorded, parameters: Array, gain: float) -> Array:
+    """Largest residual of the momentum observer of each joint, ``(7,)`` [N·m]."""
+    friction = parameters[N_INERTIAL:].reshape(2, N_JOINTS)
+    torque = recorded.tau - friction[0] * recorded.v - friction[1] * np.sign(recorded.v)
+    found = observe(iiwa(), recorded.time, recorded.q, recorded.v, torque, parameters[:N_INERTIAL], gain=gain)
+    return np.array(list(found.largest().values()))
+
+
+def _placed(columns: Array, values: Array) -> Array:
+    parameters = np.zeros(N_COLUMNS)
+    parameters[columns] = values
+    return parameters
