@@ -188,9 +188,9 @@ def table_9(found: Identified) -> Table:
         note=(
             "[30]: distance of base parameters as objective; [37]: torques of all base parameters as objective, one "
             "local search from the middle of the bounds; both within the same bounds, as run here. The set that the "
-            "paper quotes from [37] is of a robot without payload. Fval contains all base parameters, so that no method can "
-            "have a smaller one than [37]'s objective at its optimum, which a single search reaches here: the paper's "
-            "advantage over [37] is one of search and bounds, not of leaving four parameters out."
+            "paper quotes from [37] is of a robot without payload. Fval contains all base parameters: what [37] "
+            "minimises, so that it cannot be beaten there once its search ends at the global optimum, as it does "
+            "here. The advantage over [37] that the paper reports does not show."
         ),
     )
 
