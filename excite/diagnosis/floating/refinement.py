@@ -1,0 +1,129 @@
+"""Gauss-Newton on the full equations: what a hypothesis of one or more effects can really explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.problem import Problem, solve
+from excite.diagnosis.floating.screening import effect_columns
+from excite.diagnosis.floating.state import State
+from excite.robot.robot import Array
+
+_MAX_STEPS = 5
+_CONVERGED_NATS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """An effect at a place."""
+
+    effect: FloatingEffect
+    location: str
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A hypothesis fitted to all trials.
+
+    Attributes:
+        placed: its effects.
+        theta: parameters of each effect, in their units.
+        std: standard deviations of the same.
+        delta: errors of the inertial parameters, ``(10·n_segments,)``.
+        power: sum of squares that it leaves, priors included.
+        evidence: log Bayes factor against the baseline for unit noise [nats].
+        price: the part of it that its parameters cost [nats].
+    """
+
+    placed: tuple[Placed, ...]
+    theta: tuple[Array, ...]
+    std: tuple[Array, ...]
+    delta: Array
+    power: float
+    evidence: float
+    price: float
+
+
+def nominal_fit(problem: Problem) -> Fitted:
+    """The baseline alone."""
+    rows = problem.nominal_rows
+    return Fitted((), (), (), problem.baseline_parameters(rows), problem.power(rows), 0.0, 0.0)
+
+
+def apply_all(state: State, placed: tuple[Placed, ...], theta: tuple[Array, ...]) -> State:
+    """The state with all effects in it, in order."""
+    for item, values in zip(placed, theta, strict=True):
+        state = item.effect.apply(state, item.location, values)
+    return state
+
+
+def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...], before: Fitted) -> Fitted:
+    """Iterate linearised fits until they gain nothing.
+
+    Args:
+        problem: the problem.
+        placed: the effects.
+        start: their parameters to begin with.
+        before: a fit whose inertial parameters to begin with.
+
+    Returns:
+        The best point that was evaluated in full.
+    """
+    counts = [len(values) for values in start]
+    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in placed])
+    theta, delta = np.concatenate(start), before.delta
+    rows = _rows(problem, placed, theta, counts, delta)
+    cost = _cost(problem, rows, theta / scales, delta)
+    price, std = 0.0, np.zeros_like(theta)
+    for _ in range(_MAX_STEPS):
+        columns = _columns(problem, placed, theta, counts, delta)
+        base = np.zeros(0) if not len(problem.index) else delta[problem.index] / problem.scales
+        target = rows + problem.columns @ base + columns @ (theta / scales)
+        fit = problem.fit(target, columns)
+        price, std = fit.gain - fit.evidence, scales * np.sqrt(np.diag(fit.covariance))
+        step, best = 1.0, None
+        aim = scales * fit.theta
+        aim_delta = problem.baseline_parameters(target - columns @ fit.theta)
+        while step > 0.05:
+            trial, trial_delta = theta + step * (aim - theta), delta + step * (aim_delta - delta)
+            trial_rows = _rows(problem, placed, trial, counts, trial_delta)
+            trial_cost = _cost(problem, trial_rows, trial / scales, trial_delta)
+            if trial_cost < cost:
+                best = (trial, trial_delta, trial_rows, trial_cost)
+                break
+            step *= 0.4
+        if best is None:
+            break
+        gained = 0.5 * (cost - best[3])
+        theta, delta, rows, cost = best
+        if gained < _CONVERGED_NATS:
+            break
+    null = nominal_fit(problem).power
+    parts = _split(theta, counts)
+    return Fitted(placed, parts, _split(std, counts), delta, cost, 0.5 * (null - cost) - price, price)
+
+
+def _rows(problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array) -> Array:
+    state = State.logged(problem.record, problem.record.tree.phi + delta)
+    return problem.rows(apply_all(state, placed, _split(theta, counts)))
+
+
+def _columns(problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array) -> Array:
+    state, columns = State.logged(problem.record, problem.record.tree.phi + delta), []
+    parts = _split(theta, counts)
+    for item, values in zip(placed, parts, strict=True):
+        columns.append(effect_columns(problem, state, item.effect, item.location, values))
+        state = item.effect.apply(state, item.location, values)
+    return np.hstack(columns)
+
+
+def _cost(problem: Problem, rows: Array, scaled: Array, delta: Array) -> float:
+    base = delta[problem.index] / problem.scales if len(problem.index) else np.zeros(0)
+    return float(rows @ rows + scaled @ scaled + base @ base)
+
+
+def _split(values: Array, counts: list[int]) -> tuple[Array, ...]:
+    return tuple(np.split(values, np.cumsum(counts)[:-1]))
