@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -14,11 +15,14 @@ from excite.json_document import write_json
 
 NAME = "identify"
 
+# Not read from the registry, whose import would slow every ``--help`` down; a test compares the two.
+METHODS = "ls, wls, robust, map, qp, hqp, cls1, cls2, cls3, lmi, physical"
+
 
 def command(
     robot: RobotArgument,
     logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log folders (excite.log/1).")],
-    method: Annotated[str, typer.Option("--method", help="Estimator: ls, wls, qp, …")] = "qp",
+    method: Annotated[str, typer.Option("--method", help=f"Estimator: {METHODS}.")] = "qp",
     total_mass: Annotated[
         float | None, typer.Option("--total-mass", min=0.0, help="Weighed mass of the robot [kg].")
     ] = None,
@@ -32,6 +36,13 @@ def command(
     force: Annotated[
         bool, typer.Option("--force", help="Write a URDF even of parameters that no rigid body has.")
     ] = False,
+    align: Annotated[
+        bool, typer.Option("--align", help="Estimate how late torques were logged, and take it out.")
+    ] = False,
+    explain_signals: Annotated[
+        bool,
+        typer.Option("--explain-signals", help="Show what each step of the signal processing does."),
+    ] = False,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -41,16 +52,32 @@ def command(
 
     With --out also the robot's URDF and a MuJoCo model with the identified inertials, and differences.csv.
     """
-    loaded = excite.load_robot(robot)
+    loaded = excite.robot_for_log(robot, logs[0])
+    log = excite.join_logs([excite.load_log(log, loaded) for log in logs])
+    settings = excite.ProblemSettings(cutoff_hz=cutoff_hz)
+    lag = excite.estimate_torque_delay(loaded, log, settings) if align else None
+    if lag is not None:
+        settings = replace(settings, torque_delay_s=lag.lag_s)
     result = excite.identify(
         loaded,
-        excite.join_logs([excite.load_log(log, loaded) for log in logs]),
+        log,
         method,
         settings=excite.EstimatorSettings(total_mass=total_mass),
-        problem_settings=excite.ProblemSettings(cutoff_hz=cutoff_hz),
+        problem_settings=settings,
     )
     document, summary = result.to_json(), result.summary()
+    if lag is not None:
+        document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
+        summary += f"\naligned: {lag.summary()}"
+    if explain_signals:
+        trace = excite.explain_signals(loaded, log, settings)
+        summary += f"\n\n{trace.summary()}"
+        document["signals"] = [{"step": step.name, "effect": step.effect} for step in trace.steps]
+        if out is not None:
+            write_json(trace.to_json(), out / "signals.json")
+            excite.save_signal_figure(trace, out / "signals.png")
     if out is not None:
+        excite.save_findings(loaded, result, log, out, settings)
         models = excite.write_models(loaded, result, out, drives=drives, force=force)
         document["models"] = models.to_json()
         summary = f"{summary}\n\n{models.summary()}"

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from excite.errors import LogError
-from excite.identification.kinematics import forces_on_grid, trial_kinematics
+from excite.identification.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
 from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
@@ -114,10 +114,7 @@ class BaseRows:
                 remedy="log it",
             )
         k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
-        readings = {
-            name: forces_on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()
-        }
-        measured = base_wrench(self.robot, k.q, readings)
+        measured = self._measured(trial, k)
         unseen = [10 * segment + i for segment in self.unmeasured for i in range(10)]
 
         def source(part: slice) -> Array:
@@ -126,3 +123,15 @@ class BaseRows:
             return np.concatenate([body, measured[part, :, None]], axis=2)
 
         return filtered_rows(source, k, self.filters, np.repeat(k.valid[:, None], 6, axis=1))
+
+    def measurement(self, trial: Trial, k: TrialKinematics) -> TrialRows:
+        """Only the measured side of :meth:`rows`, ``values`` ``(m, 6, 1)``, for kinematics ``k``."""
+        measured = self._measured(trial, k)
+        use = np.repeat(k.valid[:, None], 6, axis=1)
+        return filtered_rows(lambda part: measured[part, :, None], k, self.filters, use)
+
+    def _measured(self, trial: Trial, k: TrialKinematics) -> Array:
+        readings = {
+            name: forces_on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()
+        }
+        return base_wrench(self.robot, k.q, readings)

@@ -25,6 +25,7 @@ class JointSamples:
         a: ``(m, nv)``.
         joints: indices into ``v`` of the joints that have rows, ``(n_joints,)``.
         width: velocity over which Coulomb friction changes sign [rad/s].
+        motors: matrix ``C`` from joint to motor velocities, ``(n_joints, n_joints)``; None for the identity.
     """
 
     robot: Robot
@@ -33,11 +34,25 @@ class JointSamples:
     a: Array
     joints: list[int]
     width: float
+    motors: Array | None = None
 
     @property
     def velocity(self) -> Array:
-        """Velocities of the joints with rows, ``(m, n_joints)``."""
-        return self.v[:, self.joints]
+        """Velocities of the joints' motors through their gears, ``(m, n_joints)``."""
+        return self.v[:, self.joints] if self.motors is None else self.v[:, self.joints] @ self.motors.T
+
+    @property
+    def acceleration(self) -> Array:
+        """Accelerations of the motors likewise, ``(m, n_joints)``."""
+        return self.a[:, self.joints] if self.motors is None else self.a[:, self.joints] @ self.motors.T
+
+    @property
+    def shared_velocity(self) -> Array:
+        """Velocities of the joints whose motor also turns with another, zero for others, ``(m, n_joints)``."""
+        if self.motors is None:
+            return np.zeros((len(self.v), len(self.joints)))
+        shared = np.count_nonzero(self.motors, axis=1) > 1
+        return np.where(shared, self.v[:, self.joints], 0.0)
 
     def own(self, values: Array) -> Array:
         """Columns that act on their own joint only: ``(m, n_joints)`` → ``(m, n_joints, n_joints)``."""
@@ -45,6 +60,12 @@ class JointSamples:
         diagonal = np.arange(values.shape[1])
         columns[:, diagonal, diagonal] = values
         return columns
+
+    def driven(self, values: Array) -> Array:
+        """Columns of torques at the motors, brought to the joints by ``Cᵀ``: same shapes as :meth:`own`."""
+        if self.motors is None:
+            return self.own(values)
+        return self.motors.T[None] * values[:, None, :]
 
 
 @dataclass(frozen=True)
@@ -134,19 +155,27 @@ def _across(axis: Array) -> Array:
 DRIVE_TERMS: dict[str, DriveTerm] = {
     term.name: term
     for term in (
-        DriveTerm("viscous", "N·m·s/rad", ("viscous_friction",), lambda s: s.own(s.velocity)),
-        DriveTerm("coulomb", "N·m", ("coulomb_friction",), lambda s: s.own(smooth_sign(s.velocity, s.width))),
+        DriveTerm("viscous", "N·m·s/rad", ("viscous_friction",), lambda s: s.driven(s.velocity)),
         DriveTerm(
-            "offset", "N·m", ("torque_bias", "coulomb_asymmetry"), lambda s: s.own(np.ones_like(s.velocity))
+            "coulomb", "N·m", ("coulomb_friction",), lambda s: s.driven(smooth_sign(s.velocity, s.width))
         ),
-        DriveTerm("armature", "kg·m²", ("armature",), lambda s: s.own(s.a[:, s.joints])),
+        DriveTerm(
+            "offset",
+            "N·m",
+            ("torque_bias", "coulomb_asymmetry"),
+            lambda s: s.driven(np.ones_like(s.velocity)),
+        ),
+        DriveTerm("armature", "kg·m²", ("armature",), lambda s: s.driven(s.acceleration)),
         # Concave growth with speed, which viscous friction alone cannot follow.
         DriveTerm(
             "root",
             "N·m·(s/rad)^½",
             (),
-            lambda s: s.own(smooth_sign(s.velocity, s.width) * np.sqrt(np.abs(s.velocity))),
+            lambda s: s.driven(smooth_sign(s.velocity, s.width) * np.sqrt(np.abs(s.velocity))),
         ),
+        # Friction behind a gear that two motors drive, which turns with the joint and not with its motor.
+        DriveTerm("joint_viscous", "N·m·s/rad", (), lambda s: s.own(s.shared_velocity)),
+        DriveTerm("joint_coulomb", "N·m", (), lambda s: s.own(smooth_sign(s.shared_velocity, s.width))),
         # Zero of an encoder as it is calibrated, about a quarter of a degree.
         DriveTerm("encoder", "rad", ("encoder_offset",), encoder_columns, spread=5e-3),
         # Cross-talk as data sheets of torque sensors state it, some tenths of a per cent.

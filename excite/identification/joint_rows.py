@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening
 
 from excite.errors import LogError
 from excite.identification.drive_terms import DRIVE_TERMS, JointSamples
@@ -14,11 +14,14 @@ from excite.identification.kinematics import TrialKinematics, forces_on_grid, tr
 from excite.identification.rows import TrialRows, filtered_rows
 from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
+from excite.logs.signals.coupling import coupling_matrix, joint_torques
+from excite.logs.signals.trim import long_standstill
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.loading import per_joint
 from excite.robot.robot import Array, Robot
 
-_STANDS_FOR_S = 0.25
+STANDS_FOR_S = 0.25
+"""Stretches of standstill that are at least this long are left out [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,31 +94,51 @@ class JointRows:
             LogError: the trial has no torques, is too short, or stands still.
         """
         k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
-        torque = forces_on_grid(trial.time, self._torque(trial), k.time)
-        joints = [self.robot.n_base_v + self.robot.joint_index(name) for name in self.header.joints]
+        torque = forces_on_grid(trial.time, self.torque(trial), k.time)
+        joints = self._joints()
 
         def source(part: slice) -> Array:
             body = joint_torque_regressor(self.robot.model, k.q[part], k.v[part], k.a[part])[:, joints]
             samples = JointSamples(
-                self.robot, k.q[part], k.v[part], k.a[part], joints, self.settings.coulomb_width
+                self.robot, k.q[part], k.v[part], k.a[part], joints, self.settings.coulomb_width, self.motors
             )
             drives = [DRIVE_TERMS[term].columns(samples) for term in self.terms]
             return np.concatenate([body, *drives, torque[part, :, None]], axis=2)
 
         return filtered_rows(source, k, self.filters, self._usable(k, joints))
 
+    def measurement(self, trial: Trial, k: TrialKinematics) -> TrialRows:
+        """Only the measured side of :meth:`rows`, ``values`` ``(m, n_joints, 1)``, for kinematics ``k``."""
+        torque = forces_on_grid(trial.time, self.torque(trial), k.time)
+        return filtered_rows(
+            lambda part: torque[part, :, None], k, self.filters, self._usable(k, self._joints())
+        )
+
+    @cached_property
+    def motors(self) -> Array | None:
+        """Matrix from joint to motor velocities, None where each joint has its own motor."""
+        if not self.settings.coupling:
+            return None
+        return coupling_matrix(self.header.joints, self.settings.coupling)
+
+    def _joints(self) -> list[int]:
+        return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.header.joints]
+
     def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
         """Samples inside the motion at which the joint itself moves: where it stands, stiction rules."""
         use = np.repeat(k.valid[:, None], len(joints), axis=1)
         use[: k.moving.start] = use[k.moving.stop :] = False
         if "coulomb" in self.terms:
-            slow = np.abs(k.v[:, joints]) < self.settings.standstill_velocity
-            long = np.ones((max(2, round(_STANDS_FOR_S * k.rate_hz)), 1), dtype=bool)
-            use &= ~binary_opening(slow, long)
+            shortest = max(2, round(STANDS_FOR_S * k.rate_hz))
+            use &= ~long_standstill(k.v[:, joints], self.settings.standstill_velocity, shortest)
         return use
 
-    def _torque(self, trial: Trial) -> Array:
-        """Joint torques ``(n, n_joints)`` [N·m]."""
+    def torque(self, trial: Trial) -> Array:
+        """Joint torques ``(n, n_joints)`` [N·m]; raises LogError where there are none."""
+        motor = self._motor_torque(trial)
+        return motor if self.motors is None else joint_torques(motor, self.motors)
+
+    def _motor_torque(self, trial: Trial) -> Array:
         if self.header.torque in {"motor_side", "link_side"} and trial.tau is not None:
             return trial.tau
         if self.header.torque != "current" or trial.current is None:
@@ -148,5 +171,7 @@ def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]
     )
     if named:
         return named
-    usual = ("viscous", "coulomb", "offset")
+    usual: tuple[str, ...] = ("viscous", "coulomb", "offset")
+    if settings.coupling:
+        usual = (*usual, "joint_viscous", "joint_coulomb")
     return usual if header.torque == "link_side" else (*usual, "armature")

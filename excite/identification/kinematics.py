@@ -13,7 +13,7 @@ from excite.logs.log import LogHeader, Trial
 from excite.logs.robot import base_offset
 from excite.logs.signals.base_pose import base_motion, continuous_quaternions
 from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.differentiate import central_differences, wrapped_derivatives
 from excite.logs.signals.resample import (
     is_uniform,
     near_samples,
@@ -68,9 +68,11 @@ def trial_kinematics(
     """
     rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
     grid = trial.time if is_uniform(trial.time, rate) else uniform_grid(trial.time, rate)
-    joints = central_differences(
-        lowpass(positions_on_grid(trial.time, trial.q, grid), rate, cutoff_hz, filters.order), rate
-    )
+    positions = positions_on_grid(trial.time, trial.q, grid)
+    if settings.differentiation == "fourier" and settings.period_s is not None:
+        joints = wrapped_derivatives(positions, rate, round(settings.period_s * rate), cutoff_hz)
+    else:
+        joints = central_differences(lowpass(positions, rate, cutoff_hz, filters.order), rate)
     n, model = len(grid), robot.model
     q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
     columns = [robot.joint_index(name) for name in header.joints]

@@ -11,6 +11,7 @@ from excite.errors import LogError
 from excite.identification.base_rows import BaseRows
 from excite.identification.joint_rows import JointRows, drive_terms
 from excite.identification.kinematics import trial_rate
+from excite.identification.preparation import prepare_trial
 from excite.identification.rows import decimation
 from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import Log, Trial
@@ -151,6 +152,7 @@ def build_problem(
     else:
         builder = JointRows(robot, log.header, settings, filters, drive_terms(log.header, settings))
         unmeasured = ()
+    trials = tuple(prepare_trial(trial, settings, filters).trial for trial in trials)
     parts = [_flatten(builder, trial, i) for i, trial in enumerate(trials)]
     n_rows = sum(len(part.y) for part in parts)
     if n_rows < _FEWEST_ROWS:

@@ -12,6 +12,7 @@ from scipy.ndimage import binary_erosion
 from excite.identification.kinematics import TrialKinematics
 from excite.identification.settings import Filters
 from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.decimate import decimation_step, kept_samples
 from excite.robot.robot import Array
 
 _BLOCK_BYTES = 64e6
@@ -56,7 +57,7 @@ def filtered_rows(
     rate, cutoff, n = kinematics.rate_hz, filters.cutoff_hz, len(kinematics.time)
     settling = settling_samples(rate, cutoff)
     step = decimation(rate, filters)
-    kept = np.arange(step // 2, n, step)
+    kept = kept_samples(n, step)
     use = _eroded(use, kinematics.valid, settling)
     probe = source(slice(0, 1))
     block = max(4 * settling, int(_BLOCK_BYTES / (8 * probe[0].size)), 1)
@@ -75,7 +76,7 @@ def filtered_rows(
 
 def decimation(rate_hz: float, filters: Filters) -> int:
     """Every how manieth sample is kept."""
-    return max(1, int(rate_hz / filters.rate_hz + 1e-9))
+    return decimation_step(rate_hz, filters.rate_hz)
 
 
 def _eroded(use: NDArray[np.bool_], valid: NDArray[np.bool_], settling: int) -> NDArray[np.bool_]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import Literal
 
 from excite.errors import InputError, UnknownNameError
 from excite.identification.drive_terms import DRIVE_TERMS
+
+_CHOICES = {"clock": ("stamps", "positions"), "differentiation": ("central", "fourier")}
 
 
 def _setting(default: float | int | None, unit: str, low: float, high: float, what: str):
@@ -51,6 +54,17 @@ class ProblemSettings:
         drive_terms: names among ``DRIVE_TERMS``; None takes those that ``modelled`` in the log names, else
             viscous and Coulomb friction and offset, and armature where torques are on the motor's side.
         drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
+        coupling: how much a motor, named after its joint, turns per turn of other joints, as
+            :func:`~excite.logs.signals.coupling.coupling_matrix` takes it; torques and currents of the log are
+            then the motors', reflected through their own gears.
+        clock: ``stamps`` takes them as they are, ``positions`` the regular clock behind them where positions
+            say that it fits better.
+        outlier_sigma: samples further from their neighbours are replaced; None leaves all.
+        torque_delay_s: how much later than positions torques (currents, wrenches) were logged.
+        period_s: period of a motion that repeats; whole periods are averaged. None does not.
+        skip_periods: periods that are left out at the start, while transients die down.
+        differentiation: ``central`` differences of filtered positions, or ``fourier`` in the frequency domain,
+            for which a period has to be known.
     """
 
     cutoff_hz: float | None = _setting(
@@ -66,6 +80,15 @@ class ProblemSettings:
     longest_gap_s: float = _setting(0.1, "s", 0.0, 1e3, "longest gap that is interpolated")
     drive_terms: tuple[str, ...] | None = None
     drive_gains: Mapping[str, float] = field(default_factory=dict)
+    coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    clock: Literal["stamps", "positions"] = "stamps"
+    outlier_sigma: float | None = _setting(
+        None, "1", 2.0, 1e3, "deviations beyond which a sample is replaced"
+    )
+    torque_delay_s: float = _setting(0.0, "s", -10.0, 10.0, "delay of torques behind positions")
+    period_s: float | None = _setting(None, "s", 1e-3, 1e5, "period over which signals are averaged")
+    skip_periods: int = _setting(0, "1", 0, 1000, "periods left out at the start")
+    differentiation: Literal["central", "fourier"] = "central"
 
     def filters(self, *, floating: bool) -> Filters:
         """The filters, with every None that depends on the robot or on others filled in."""
@@ -96,6 +119,7 @@ class ProblemSettings:
                     field=item.name,
                     remedy=f"choose {low:g} … {high:g} {unit}",
                 )
+        _check_choices(self)
         for name in self.drive_terms or ():
             if name not in DRIVE_TERMS:
                 raise UnknownNameError("drive term", name, list(DRIVE_TERMS))
@@ -104,3 +128,15 @@ class ProblemSettings:
                 raise InputError(
                     f"is {gain!r}", source="settings", field=f"drive_gains.{joint}", remedy="give N·m/A"
                 )
+
+
+def _check_choices(settings: ProblemSettings) -> None:
+    for name, allowed in _CHOICES.items():
+        value = getattr(settings, name)
+        if value not in allowed:
+            remedy = "choose " + " or ".join(allowed)
+            raise InputError(f"is {value!r}", source="settings", field=name, remedy=remedy)
+    if settings.differentiation == "fourier" and settings.period_s is None:
+        raise InputError(
+            "needs a period", source="settings", field="differentiation", remedy="state period_s"
+        )

@@ -21,6 +21,7 @@ _SCHEMAS = {
     "check": "excite.check/1",
     "identification": "excite.identification/1",
     "campaign": "excite.campaign/1",
+    "signals": "excite.signals/1",
 }
 _ABSENT = {
     "plan": "the plan (plan.json: candidates, chosen motions)",
@@ -40,6 +41,7 @@ class Findings:
         check: of ``check.json``.
         identification: of ``identification.json``, else the one inside ``campaign.json``.
         campaign: of ``campaign.json``.
+        signals: of ``signals.json``, which only ``identify --explain-signals`` writes.
         data: of ``report_data.npz``; empty where there is none.
         robot: the robot, None where it cannot be found.
         motions: the plan's chosen motions that could be read, in the plan's order.
@@ -52,6 +54,7 @@ class Findings:
     check: Document | None
     identification: Document | None
     campaign: Document | None
+    signals: Document | None
     data: ReportData
     robot: Robot | None
     motions: tuple[Motion, ...]
@@ -73,7 +76,7 @@ def read_folder(folder: Path) -> Findings:
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
         documents["identification"] = documents["campaign"].get("identification")
-    left_out = [_ABSENT[name] for name, content in documents.items() if content is None]
+    left_out = [_ABSENT[name] for name, content in documents.items() if content is None and name in _ABSENT]
     if arrays.is_file():
         data = load_report_data(arrays)
         files.append(arrays.name)

@@ -80,7 +80,7 @@ def test_the_page_is_well_formed_and_needs_no_network(page):
 def test_every_section_and_every_figure_is_there(page):
     outline = _outline(page)
     assert {part.identifier for part in SECTIONS} <= set(outline.ids)
-    assert outline.drawings == 6
+    assert outline.drawings == 7
     assert "Left out" not in page
 
 
@@ -96,6 +96,8 @@ def test_every_section_and_every_figure_is_there(page):
         "triangle inequality",
         "clipped in 12 samples &lt;of trial_03&gt;",
         "−0.00400",
+        "filter &lt;of 5 Hz&gt;",
+        "mostly by the data",
     ],
 )
 def test_the_numbers_of_the_files_are_on_the_page(fact, page):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import correlate1d
 
+from excite.errors import LogError
 from excite.robot.robot import Array
 
 # Central differences of sixth order, for neighbours 0, 1, 2, 3 on either side.
@@ -79,3 +80,33 @@ def periodic_derivatives(values: Array, rate_hz: float, max_frequency_hz: float)
         first=np.fft.irfft(1j * omega * spectrum, n, axis=0),
         second=np.fft.irfft(-(omega**2) * spectrum, n, axis=0),
     )
+
+
+def wrapped_derivatives(
+    values: Array, rate_hz: float, samples_per_period: int, max_frequency_hz: float
+) -> Derivatives:
+    """:func:`periodic_derivatives` of the middle period of a signal that repeats, continued over all of it.
+
+    Args:
+        values: ``(n, …)``, n at least ``samples_per_period`` K, repeating with it.
+        rate_hz: sampling rate [Hz].
+        samples_per_period: K.
+        max_frequency_hz: highest frequency kept [Hz].
+
+    Returns:
+        The signal and its derivatives, ``(n, …)``.
+
+    Raises:
+        LogError: there is no whole period.
+    """
+    n = len(values)
+    if not 0 < samples_per_period <= n:
+        raise LogError(
+            f"{n} samples hold no period of {samples_per_period}",
+            field="period_s",
+            remedy="record whole periods",
+        )
+    start = (n - samples_per_period) // 2
+    d = periodic_derivatives(values[start : start + samples_per_period], rate_hz, max_frequency_hz)
+    index = (np.arange(n) - start) % samples_per_period
+    return Derivatives(d.value[index], d.first[index], d.second[index])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_opening
 
 from excite.errors import LogError
 from excite.robot.robot import Array
@@ -29,3 +31,18 @@ def moving_span(velocity: Array, threshold: float) -> slice:
             remedy="record a motion, or lower the standstill velocity",
         )
     return slice(int(moving[0]), int(moving[-1]) + 1)
+
+
+def long_standstill(velocity: Array, threshold: float, shortest: int) -> NDArray[np.bool_]:
+    """Samples in stretches of at least ``shortest`` samples in which a joint stands, ``(n, n_joints)``.
+
+    There its friction is anything up to the breakaway torque and says nothing; a mere change of direction is
+    shorter.
+
+    Args:
+        velocity: ``(n, n_joints)`` [rad/s or m/s].
+        threshold: speed below which a joint counts as standing, same unit.
+        shortest: shortest stretch [samples].
+    """
+    slow = np.abs(velocity) < threshold
+    return binary_opening(slow, np.ones((shortest, 1), dtype=bool))

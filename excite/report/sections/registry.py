@@ -12,6 +12,7 @@ from excite.report.sections.overview import Overview
 from excite.report.sections.parameters import Parameters
 from excite.report.sections.safety import Safety
 from excite.report.sections.section import Section
+from excite.report.sections.signals import Signals
 from excite.report.sections.stages import Stages
 
 SECTIONS: tuple[Section, ...] = (
@@ -24,5 +25,6 @@ SECTIONS: tuple[Section, ...] = (
     Masses(),
     Differences(),
     Parameters(),
+    Signals(),
     Stages(),
 )

@@ -1,0 +1,173 @@
+"""Outliers, clocks, lags, coupled drives, decimation: against what was put into the signals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, LogError, UnknownNameError
+from excite.logs.signals.align import estimate_lag
+from excite.logs.signals.clock import find_clock, misfit, regular_clock
+from excite.logs.signals.coupling import coupling_matrix, joint_positions, joint_torques
+from excite.logs.signals.decimate import decimate
+from excite.logs.signals.differentiate import wrapped_derivatives
+from excite.logs.signals.outliers import replace_outliers
+from excite.logs.signals.trace import SignalStep, SignalTrace, trace_from_json
+from excite.logs.signals.trim import long_standstill
+
+RATE = 200.0
+TIME = np.arange(2000) / RATE
+
+
+def motion(time: np.ndarray) -> np.ndarray:
+    """Two joints, slow and fast."""
+    return np.column_stack([np.sin(1.9 * time), 0.6 * np.cos(5.3 * time + 0.4)])
+
+
+def test_outliers_are_found_and_nothing_else_is_touched() -> None:
+    rng = np.random.default_rng(0)
+    clean = motion(TIME) + 0.01 * rng.normal(size=(2000, 2))
+    spiked = clean.copy()
+    places = rng.choice(np.arange(10, 1990, 10), 20, replace=False)
+    spiked[places, 0] += rng.choice([-0.5, 0.5], 20)
+    repaired = replace_outliers(spiked)
+    assert repaired.found[places, 0].all() and repaired.count == 20
+    assert np.abs(repaired.values - clean).max() < 0.06
+    np.testing.assert_array_equal(repaired.values[~repaired.found], clean[~repaired.found])
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        np.round(np.sin(TIME) * 50) / 50,
+        np.where(TIME > 5.0, 1.0, 0.0),
+        np.zeros(2000),
+        np.abs(np.sin(3.0 * TIME)),
+    ],
+    ids=["quantised", "step", "rest", "corners"],
+)
+def test_signals_without_outliers_stay_as_they_are(signal: np.ndarray) -> None:
+    repaired = replace_outliers(signal[:, None])
+    assert repaired.count == 0
+    np.testing.assert_array_equal(repaired.values[:, 0], signal)
+
+
+def test_late_stamps_are_told_from_late_samples() -> None:
+    rng = np.random.default_rng(1)
+    late = rng.exponential(0.0015, 2000)
+    late -= late.mean()
+    # A reader that was kept waiting: samples regular, stamps late.
+    clock = find_clock(np.maximum.accumulate(TIME + late) + 1e-9 * np.arange(2000), motion(TIME))
+    assert clock.regular and np.abs(clock.time - TIME).max() < 3e-4
+    assert clock.jitter_s < 2e-5 and "regular clock" in clock.summary()
+    # A sampler that jitters, and says so.
+    stamps = TIME + rng.normal(0.0, 0.001, 2000)
+    clock = find_clock(stamps, motion(stamps))
+    assert not clock.regular and clock.jitter_s < 2e-5
+    np.testing.assert_array_equal(clock.time, stamps)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.0002, 0.001])
+def test_unknown_jitter_is_estimated_beside_noise(jitter: float) -> None:
+    rng = np.random.default_rng(2)
+    sampled = motion(TIME + rng.normal(0.0, jitter, 2000)) + rng.normal(0.0, [2e-5, 1e-4], (2000, 2))
+    clock = find_clock(TIME, sampled)
+    assert clock.jitter_s == pytest.approx(jitter, rel=0.1, abs=2e-5)
+    np.testing.assert_allclose(
+        clock.noise, [2e-5, 1e-4], rtol=0.4 if jitter else 0.1, atol=6e-5 if jitter else 0.0
+    )
+
+
+def test_misfit_of_white_noise_is_its_deviation_and_cubics_have_none() -> None:
+    stamps = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 4000))
+    noise = np.random.default_rng(4).normal(size=(4000, 1))
+    assert misfit(stamps, noise).std() == pytest.approx(1.0, rel=0.05)
+    assert np.abs(misfit(stamps / 4000, (stamps / 4000)[:, None] ** 3)).max() < 1e-9
+    gap = np.delete(TIME, slice(500, 540))
+    np.testing.assert_allclose(regular_clock(gap), gap, atol=1e-9)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.0031, 0.0125, -0.0242])
+def test_a_lag_is_found_to_a_fraction_of_a_sample(lag: float) -> None:
+    rng = np.random.default_rng(5)
+    measured = 3.0 * motion(TIME - lag) + 2.0 + 0.05 * rng.normal(size=(2000, 2))
+    found = estimate_lag(measured, motion(TIME), RATE, max_lag_s=0.05)
+    assert found.lag_s == pytest.approx(lag, abs=max(4.0 * found.std_s, 2e-4))
+    assert 1e-6 < found.std_s < 1e-3 and found.correlation >= found.correlation_before
+    assert found.certain == (lag != 0.0)
+
+
+def test_deviation_of_a_lag_is_what_repetition_shows() -> None:
+    """Noise that is correlated in time, 60 draws."""
+    rng = np.random.default_rng(6)
+    found = []
+    for _ in range(60):
+        noise = np.apply_along_axis(np.convolve, 0, rng.normal(size=(2000, 2)), np.ones(9) / 9, mode="same")
+        found.append(estimate_lag(motion(TIME) + 0.3 * noise, motion(TIME), RATE, max_lag_s=0.03))
+    spread = np.std([item.lag_s for item in found])
+    assert np.mean([item.std_s for item in found]) == pytest.approx(spread, rel=0.35)
+
+
+def test_lags_of_too_little_are_refused() -> None:
+    with pytest.raises(LogError, match="too few"):
+        estimate_lag(motion(TIME[:20]), motion(TIME[:20]), RATE)
+    with pytest.raises(LogError, match="no channel varies"):
+        estimate_lag(np.ones((2000, 2)), motion(TIME), RATE)
+
+
+def test_a_coupled_wrist_keeps_power() -> None:
+    """Stäubli TX40: motor 6 turns by the sum of joints 5 and 6; gears 45 and 32."""
+    joints = [f"joint_{i}" for i in range(1, 7)]
+    matrix = coupling_matrix(joints, {"joint_6": {"joint_5": 1.0}})
+    reductions = np.diag([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
+    reductions[5, 4] = 32.0
+    np.testing.assert_array_equal(np.diag(np.diag(reductions)) @ matrix, reductions)
+    rng = np.random.default_rng(7)
+    velocity, motor_torque = rng.normal(size=(2, 50, 6))
+    motor_velocity = velocity @ matrix.T
+    torque = joint_torques(motor_torque, matrix)
+    np.testing.assert_allclose((torque * velocity).sum(1), (motor_torque * motor_velocity).sum(1))
+    np.testing.assert_allclose(torque[:, 4], motor_torque[:, 4] + motor_torque[:, 5])
+    np.testing.assert_allclose(joint_positions(velocity @ matrix.T, matrix), velocity, atol=1e-12)
+    with pytest.raises(UnknownNameError, match="joint_9"):
+        coupling_matrix(joints, {"joint_9": {"joint_5": 1.0}})
+    with pytest.raises(InputError, match="no inverse"):
+        coupling_matrix(joints, {"joint_6": {"joint_5": 1.0}, "joint_5": {"joint_6": 1.0}})
+
+
+def test_decimation_keeps_what_is_slow_and_lets_nothing_alias() -> None:
+    slow, fast = np.sin(2 * np.pi * 0.5 * TIME), np.sin(2 * np.pi * 63.0 * TIME)
+    step = 8
+    kept = decimate(slow + fast, RATE, RATE / step)
+    inner = slice(20, -20)
+    np.testing.assert_allclose(kept[inner], slow[step // 2 :: step][: len(kept)][inner], atol=5e-3)
+    np.testing.assert_array_equal(decimate(slow, RATE, 150.0), slow)
+
+
+def test_a_periodic_signal_is_differentiated_over_its_ends() -> None:
+    omega = 2 * np.pi / 5.0
+    values = np.sin(3.0 * omega * TIME[:1400])[:, None]
+    d = wrapped_derivatives(values, RATE, 1000, 2.0)
+    np.testing.assert_allclose(d.first[:, 0], 3 * omega * np.cos(3 * omega * TIME[:1400]), atol=1e-9)
+    np.testing.assert_allclose(d.second, -((3 * omega) ** 2) * values, atol=1e-8)
+    with pytest.raises(LogError, match="no period"):
+        wrapped_derivatives(values, RATE, 1500, 2.0)
+
+
+def test_long_standstill_spares_changes_of_direction() -> None:
+    velocity = np.sin(2.0 * TIME)[:, None]
+    velocity[800:1000] = 0.0
+    standing = long_standstill(velocity, 0.02, 50)
+    assert standing[800:1000].all() and standing.sum() < 210
+
+
+def test_a_trace_survives_its_file() -> None:
+    gone = np.where(TIME < 1.0, np.nan, TIME)
+    step = SignalStep("filter", "what", "torque [N·m]", "time [s]", TIME, np.sin(TIME), TIME, gone, True)
+    trace = SignalTrace("one", "elbow", (step,))
+    again = trace_from_json(trace.to_json())
+    (same,) = again.steps
+    assert (again.trial, again.channel, same.name, same.dots) == ("one", "elbow", "filter", True)
+    every = np.isin(np.round(TIME * RATE), np.round(same.after_x * RATE))
+    np.testing.assert_allclose(same.after, gone[every], rtol=1e-5)
+    assert len(same.before) <= 800 and "filter  what" in trace.summary()
