@@ -17,6 +17,7 @@ from excite.cli import (  # noqa: E402
     campaign,
     check,
     demo,
+    diagnose,
     export,
     identify,
     init_robot,
@@ -37,7 +38,20 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-for _module in (robots, init_robot, plan, check, rank, export, simulate, identify, campaign, report, demo):
+for _module in (
+    robots,
+    init_robot,
+    plan,
+    check,
+    rank,
+    export,
+    simulate,
+    identify,
+    diagnose,
+    campaign,
+    report,
+    demo,
+):
     app.command(name=_module.NAME)(_module.command)
 
 

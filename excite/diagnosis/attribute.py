@@ -27,7 +27,9 @@ class Gates:
         evidence: nats, identification and validation trials together, less the price of its parameters.
         validation: nats on validation trials alone.
         closed: share of the power above the floor, on validation trials, that it removes on some joint.
-        closed_again: the same for a further effect.
+        evidence_again: nats of a further effect.
+        validation_again: nats of a further effect on validation trials alone.
+        closed_again: share that a further effect removes.
         relative: strength of a further effect against the strongest one, as normalised torque amplitude.
         same_joint: the same where the joint has an accepted effect already, and for timing.
         most: effects at most.
@@ -36,8 +38,10 @@ class Gates:
     evidence: float = 25.0
     validation: float = 4.0
     closed: float = 0.4
-    closed_again: float = 0.4
-    relative: float = 0.25
+    evidence_again: float = 80.0
+    validation_again: float = 30.0
+    closed_again: float = 0.2
+    relative: float = 0.27
     same_joint: float = 0.6
     most: int = 3
 
@@ -143,6 +147,8 @@ class Attributor:
             stages.append(Stage(context, ranking, best))
             if best is None:
                 break
+            best = replace(best, hypothesis=polished(best.hypothesis))
+            stages[-1] = Stage(context, ranking, best)
             accepted.append(best)
             current = extended(best.hypothesis)
         return Attribution(tuple(stages), before, current.fit, current, self._floor(current.fit), scale)
@@ -162,10 +168,10 @@ class Attributor:
                     found.append(item)
         if not found:
             return ()
-        found.sort(key=_loss)
+        found.sort(key=_price)
         found = found[:_LISTED]
         refined = [refine_with_width(search, item) for item in found[:_REFINED]] + found[_REFINED:]
-        refined.sort(key=_loss)
+        refined.sort(key=_price)
         samples = context.baseline.samples
         use, before = samples.identification, context.baseline.fit
         counts = effective_counts(refined[0].fit.residual, use, samples.trial_of_row)
@@ -193,24 +199,31 @@ class Attributor:
         gates = self.gates
         if item.evidence < gates.evidence or item.validation < gates.validation:
             return False
-        closed = float(item.closed[item.place])
         if not accepted:
-            return closed >= gates.closed
+            return float(item.closed[item.place]) >= gates.closed
+        if item.evidence < gates.evidence_again or item.validation < gates.validation_again:
+            return False
+        timing = item.hypothesis.effect.timing
+        if timing and any(a.hypothesis.effect.timing for a in accepted):
+            return False
         strongest = max(a.strength for a in accepted)
-        crowded = item.hypothesis.location in {a.location for a in accepted} | {"torque", "base"}
+        crowded = timing or item.location in {a.location for a in accepted}
         needed = gates.same_joint if crowded else gates.closed_again
-        return closed >= needed and item.strength >= gates.relative * strongest
+        return float(item.closed.max()) >= needed and item.strength >= gates.relative * strongest
 
 
-def _loss(item: Hypothesis) -> float:
-    return item.loss
+def _price(item: Hypothesis) -> float:
+    """Loss with the price of parameters, per effective sample (Schwarz 1978), samples white in the band."""
+    samples = item.baseline.samples
+    count = 2.0 * samples.bands.rows_hz / samples.bands.rate_hz * samples.identification.sum()
+    return item.loss + 0.5 * item.n_parameters * float(np.log(count)) / float(count)
 
 
 def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     """Local search; for friction the width of the joint's sign change is searched along with it."""
     best = search.refine(start)
     base = search.context.baseline
-    if best.effect.name not in _FRICTION or "coulomb_friction" not in base.modelled:
+    if not best.effect.friction or "coulomb_friction" not in base.modelled:
         return best
     samples, names = base.samples, own_names(base.modelled)
     j, place, step = (
@@ -232,22 +245,55 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     return best
 
 
-_FRICTION = frozenset({"stribeck", "load_dependent_friction", "friction_drift"})
+def polished(item: Hypothesis) -> Hypothesis:
+    """The same effect with finer non-linear parameters and with predictions at its own fit."""
+    original = item.baseline
+    for step in (0.2, 0.1):
+        context = Context(original.updated(item.fit))
+        moved = replace(context.baseline, solver=original.solver)
+        search = Search(Context(moved), original.solver)
+        new = search.refine(item, rounds=3, step=step)
+        if new.loss > item.loss + 1e-3:
+            break
+        item = new
+    return item
 
 
 def extended(item: Hypothesis) -> Baseline:
     """The baseline with an effect in it: its columns shared ones with hardly any prior, its offset taken off."""
-    baseline = item.baseline
+    baseline, fit = item.baseline, item.fit
     e = baseline.solver.equations
-    y, shared = e.y, e.shared
-    basis = baseline.basis
-    fit = item.fit
+    y, shared, basis = e.y, e.shared, baseline.basis
     if item.columns.offset is not None:
         y = y - item.columns.offset
     if item.columns.extra is not None:
-        scale = np.maximum(np.abs(fit.extra), 10.0 * np.maximum(fit.extra_std, 1e-12)) * 10.0
+        scale = 10.0 * np.maximum(np.abs(fit.extra), 10.0 * np.maximum(fit.extra_std, 1e-12))
         shared = np.concatenate([shared, item.columns.extra * scale], axis=2)
         basis = np.hstack([basis, np.zeros((len(basis), len(scale)))])
     solver = Solver(replace(e, y=y, shared=shared))
+    torque = torque_of(item)
+    added, drive = baseline.added, baseline.added_drive
+    added, drive = (added + torque, drive) if item.effect.moves else (added, drive + torque)
+    old = np.concatenate([baseline.fit.shared, np.zeros(basis.shape[1] - len(baseline.fit.shared))])
+    fixed = replace(
+        baseline,
+        solver=solver,
+        basis=basis,
+        fit=replace(baseline.fit, shared=old),
+        rigid=baseline.rigid + added - baseline.added,
+        added=added,
+        added_drive=drive,
+    )
     new = solver.fit()
-    return replace(baseline, solver=solver, fit=new, basis=basis)
+    return replace(fixed.updated(new), fit=new)
+
+
+def torque_of(item: Hypothesis) -> Array:
+    """What a fitted effect adds to the torques at full rate, ``(n_samples, n_joints)`` [N·m]."""
+    shape = item.effect.shape(Context(item.baseline), item.location, item.theta)
+    torque = np.zeros_like(item.baseline.rigid)
+    for j, columns in shape.columns.items():
+        torque[:, j] += columns @ item.fit.extra
+    for j, values in shape.offset.items():
+        torque[:, j] += values
+    return torque

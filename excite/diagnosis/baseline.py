@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,8 +30,11 @@ class Baseline:
         fit: the baseline's own fit.
         phi: ``(10·n_segments,)`` inertial parameters after the fit, nominal in blind directions.
         basis: ``(10·n_segments, n_shared)``: change of the inertial parameters per unit of ``x``.
-        rigid: full-rate torque of the rigid bodies at ``phi`` ``(n_samples, n_joints)`` [N·m].
-        total: the same with friction and rotor inertia.
+        rigid: full-rate torque of the rigid bodies at ``phi`` ``(n_samples, n_joints)`` [N·m], accepted effects of
+            bodies and geometry included.
+        total: the same with friction, rotor inertia and all accepted effects.
+        added: accepted effects' part of ``rigid``.
+        added_drive: accepted effects' part of ``total`` that is not in ``rigid``.
     """
 
     samples: ArmSamples
@@ -44,6 +47,22 @@ class Baseline:
     basis: Array
     rigid: Array
     total: Array
+    added: Array
+    added_drive: Array
+
+    def updated(self, fit: Fit) -> Baseline:
+        """The same equations with predictions at another fit's parameters."""
+        n = self.basis.shape[1]
+        phi = self.phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
+        s, index = self.samples, list(self.samples.index)
+        rigid = self.rigid
+        if self.free:
+            q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
+            rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index] + self.added
+        names = own_names(self.modelled)
+        own = [own_signals(s, names, j, self.widths[j]) @ o for j, o in enumerate(fit.own)]
+        total = rigid + np.column_stack(own) + self.added_drive
+        return replace(self, phi=phi, rigid=rigid, total=total)
 
     @property
     def n_joints(self) -> int:
@@ -119,7 +138,11 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     friction = np.column_stack(
         [own_signals(samples, names, j, widths[j]) @ fit.own[j] for j in range(len(index))]
     )
-    return Baseline(samples, modelled, free, widths, solver, fit, phi_hat, basis, torque, torque + friction)
+    nothing = np.zeros_like(torque)
+    total = torque + friction
+    return Baseline(
+        samples, modelled, free, widths, solver, fit, phi_hat, basis, torque, total, nothing, nothing
+    )
 
 
 def _best_width(target: Array, columns: list[Array]) -> int:

@@ -95,7 +95,7 @@ class Search:
             if values is not None and not np.isfinite(values).all():
                 return None
         fit = self.solver.fit(columns.extra, columns.offset, iterations)
-        if not effect.admissible(fit.extra):
+        if not effect.admissible(self.context, location, theta, fit.extra):
             return None
         return Hypothesis(effect, location, theta, columns, fit, self.context.baseline)
 
@@ -105,10 +105,9 @@ class Search:
         found = [item for item in tried if item is not None]
         return min(found, key=lambda item: item.loss, default=None)
 
-    def refine(self, start: Hypothesis, rounds: int = 2) -> Hypothesis:
+    def refine(self, start: Hypothesis, rounds: int = 2, step: float = 0.4) -> Hypothesis:
         """Coordinate-wise search of the non-linear parameters, on a logarithmic scale, with a shrinking step."""
         best = self.try_at(start.effect, start.location, start.theta) or start
-        step = 0.4
         for _ in range(rounds):
             for k, parameter in enumerate(start.effect.searched):
                 moved = True

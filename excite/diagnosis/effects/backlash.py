@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.diagnosis.effects.deflection import response
+from excite.diagnosis.effects.deflection import link_inertia, response
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 
 
@@ -12,16 +12,17 @@ class Backlash(Effect):
     """The link flies freely through a dead band between two contacts (Nordin, Gutman 2002, section 2)."""
 
     name = "backlash"
-    searched = (Parameter("width", "rad", 2e-4, 0.2), Parameter("contact_hz", "Hz", 4.0, 60.0))
+    searched = (Parameter("width", "rad", 2e-4, 0.08), Parameter("contact_hz", "Hz", 4.0, 150.0))
     confusable_with = ("torque_bias", "stribeck", "joint_elasticity")
     separating_motion = "torque crossing zero at constant speed"
     mujoco = "a second joint with limited range behind the motor's"
+    moves = True
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w, 20.0) for w in (0.002, 0.005, 0.01, 0.02, 0.04)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
-        inertia = float(context.gradient(j, "a")[:, j].mean())
+        inertia = float(link_inertia(context, j).mean())
         stiffness = inertia * (2.0 * np.pi * theta[1]) ** 2
         return Shape(offset=response(context, j, stiffness, 0.7, 0.5 * theta[0]))

@@ -28,6 +28,7 @@ class BaseTilt(Effect):
     confusable_with = ("joint_spring", "torque_bias", "encoder_offset")
     separating_motion = "a wide range of joint 1; the arm on a base that is turned"
     mujoco = "option gravity"
+    moves = True
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return self.name not in modelled

@@ -48,6 +48,12 @@ def deflect(load, inertia, starts, dt, stiffness, damping, gap):  # pragma: no c
     return out
 
 
+def link_inertia(context: Context, j: int) -> Array:
+    """Inertia that a joint moves, ``(n_samples,)``, kept positive where fitted parameters make it none [kg·m²]."""
+    mass = context.gradient(j, "a")[:, j]
+    return np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
+
+
 def response(context: Context, j: int, stiffness: float, ratio: float, gap: float) -> dict[int, Array]:
     """Torques in all rows that a deflection of joint j adds, by row, ``(n_samples,)``.
 
@@ -63,7 +69,7 @@ def response(context: Context, j: int, stiffness: float, ratio: float, gap: floa
     """
     load = context.baseline.rigid[:, j]
     mass = context.gradient(j, "a")
-    inertia = np.maximum(mass[:, j], 1e-3 * max(float(np.abs(mass[:, j]).max()), 1e-6))
+    inertia = link_inertia(context, j)
     starts = np.zeros(len(load), dtype=np.bool_)
     starts[np.concatenate([[0], np.cumsum([len(t.time) for t in context.baseline.samples.trials])[:-1]])] = (
         True

@@ -109,7 +109,8 @@ class Context:
             moved = dict(motion)
             moved[what] = motion[what].copy()
             moved[what][:, samples.index[j]] += step
-            change = self.torques(moved["q"], moved["v"], moved["a"]) - self.baseline.rigid
+            still = self.baseline.rigid - self.baseline.added
+            change = self.torques(moved["q"], moved["v"], moved["a"]) - still
             self._cache[j, what] = change / step
         return self._cache[j, what]
 
@@ -124,6 +125,9 @@ class Effect(ABC):
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
         mujoco: how a MuJoCo model expresses it; empty where it cannot.
+        moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
+        friction: whether the width of the velocity's sign change is searched along with it.
+        timing: whether it is a matter of time in the torque channel as a whole.
     """
 
     name: ClassVar[str]
@@ -132,6 +136,9 @@ class Effect(ABC):
     confusable_with: ClassVar[tuple[str, ...]] = ()
     separating_motion: ClassVar[str] = ""
     mujoco: ClassVar[str] = ""
+    moves: ClassVar[bool] = False
+    friction: ClassVar[bool] = False
+    timing: ClassVar[bool] = False
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""
@@ -149,8 +156,8 @@ class Effect(ABC):
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         """What it adds to the torques."""
 
-    def admissible(self, beta: Array) -> bool:
-        """Whether linear parameters are physical."""
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        """Whether the parameters are physical, and far enough from what another effect's name says better."""
         return all(p.low <= b <= p.high for p, b in zip(self.linear, beta, strict=True))
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:

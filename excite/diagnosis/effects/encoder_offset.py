@@ -13,6 +13,7 @@ class EncoderOffset(Effect):
     confusable_with = ("torque_bias", "base_tilt", "joint_spring")
     separating_motion = "elbow up and elbow down"
     mujoco = "joint ref"
+    moves = True
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         gradient = context.gradient(context.row(location), "q")

@@ -22,6 +22,7 @@ class FrictionDrift(Effect):
     confusable_with = ("coulomb_friction", "viscous_friction")
     separating_motion = "the same trial at the start, in the middle and at the end of the session"
     mujoco = "none: a constant at the session's end"
+    friction = True
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(t,) for t in (12.0, 50.0, 2000.0)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.effects.deflection import response
+from excite.diagnosis.effects.deflection import link_inertia, response
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 
 
@@ -14,10 +14,11 @@ class JointElasticity(Effect):
     confusable_with = ("armature", "backlash", "time_delay")
     separating_motion = "a chirp of that joint around the resonance"
     mujoco = "a second joint with stiffness and damping behind the motor's"
+    moves = True
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         j = context.row(location)
-        inertia = float(context.gradient(j, "a")[:, j].mean())
+        inertia = float(link_inertia(context, j).mean())
         resonances = (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)
         return [(inertia * (6.283 * f) ** 2, 0.5) for f in resonances]
 

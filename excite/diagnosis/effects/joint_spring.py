@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.robot.robot import Array
+
+# A spring whose torque hardly changes over the joint's motion is a constant.
+_CHANGES = 0.05
 
 
 class JointSpring(Effect):
@@ -20,3 +24,8 @@ class JointSpring(Effect):
         j = context.row(location)
         q = context.q[:, j]
         return Shape({j: np.column_stack([q, np.ones_like(q)])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        q = context.q[:, context.row(location)]
+        constant = abs(beta[0] * q.mean() + beta[1])
+        return abs(beta[0]) * q.std() >= _CHANGES * constant and super().admissible(context, location, theta, beta)

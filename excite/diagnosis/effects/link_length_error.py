@@ -17,6 +17,7 @@ class LinkLengthError(Effect):
     confusable_with = ("link_inertia", "payload", "encoder_offset")
     separating_motion = "fast motion of the joints before it, in several postures"
     mujoco = "body pos"
+    moves = True
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         # Free inertial parameters take up nearly all of it.

@@ -15,6 +15,7 @@ class LoadDependentFriction(Effect):
     confusable_with = ("coulomb_friction", "torque_gain", "time_delay")
     separating_motion = "the same motion with and without a known payload"
     mujoco = "none of its own: a control callback"
+    friction = True
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)

@@ -36,6 +36,7 @@ class Payload(Effect):
     confusable_with = ("link_inertia", "torque_gain")
     separating_motion = "the same motion without the load; wide wrist motion for the place"
     mujoco = "body mass, pos and inertia"
+    moves = True
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return "rigid_body" not in modelled and self.name not in modelled
@@ -49,5 +50,5 @@ class Payload(Effect):
         used = np.abs(columns).max(axis=0) > 1e-12
         return Shape({j: columns[:, j] for j in range(columns.shape[1]) if used[j].any()})
 
-    def admissible(self, beta: Array) -> bool:
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return True

@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.robot.robot import Array
+
+# Less than this share of a sample is a matter of when within it a logger reads its channels.
+_SAMPLE = 0.4
 
 
 class TimeDelay(Effect):
@@ -19,6 +23,7 @@ class TimeDelay(Effect):
     confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
     separating_motion = "a chirp to some hertz"
     mujoco = "actuator delay (a ring buffer in the control callback)"
+    timing = True
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return ("torque",)
@@ -36,3 +41,7 @@ class TimeDelay(Effect):
             parts.append((late - torque) / theta[0])
         column = np.concatenate(parts)
         return Shape({j: column[:, [j]] for j in range(column.shape[1])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        least = _SAMPLE / context.baseline.samples.rate_hz
+        return beta[0] >= least and super().admissible(context, location, theta, beta)

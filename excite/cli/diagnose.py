@@ -1,0 +1,29 @@
+"""``excite diagnose``: where the simulator differs from the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.output import emit
+from excite.json_document import write_json
+
+NAME = "diagnose"
+
+
+def command(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
+    result = excite.diagnose(log, seed=seed, out=out)
+    if out is not None:
+        write_json(result.to_json(), out / "diagnosis.json")
+    emit(result.summary(), result.to_json(), as_json=as_json)

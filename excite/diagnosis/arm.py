@@ -1,0 +1,138 @@
+"""The diagnosis of a fixed-base arm with joint torques."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.diagnosis.attribute import Attribution, Attributor, Scored
+from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.doctor import examine
+from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.locate import locate
+from excite.diagnosis.noise_floor import spectral_floor
+from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, share_closed
+from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.shrink import gap_of
+from excite.diagnosis.verdict import Judgement, judge
+from excite.errors import LogError
+from excite.logs.log import Log
+from excite.robot.robot import Robot
+
+_LISTED = 8
+
+
+def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator) -> Diagnosis:
+    """Diagnose a log of a fixed-base arm with joint torques.
+
+    Args:
+        robot: the nominal model.
+        log: the log.
+        rng: of the bootstrap.
+
+    Returns:
+        The diagnosis.
+
+    Raises:
+        LogError: no identification trial, no torques, trials too short.
+    """
+    if not log.role("identification"):
+        raise LogError(
+            "has no identification trial", field="trials", remedy="give one the role identification"
+        )
+    chart = examine(robot, log)
+    samples = arm_samples(robot, log, chart.trials)
+    spectral = spectral_floor(samples)
+    baseline = fit_baseline(samples, log.header.modelled, spectral)
+    attribution = Attributor(baseline, spectral).run()
+    judgement = judge(attribution, spectral)
+    first = attribution.stages[0]
+    gap = gap_of(
+        samples,
+        attribution.before.residual,
+        attribution.after.residual if attribution.accepted else attribution.before.residual,
+        attribution.floor,
+        attribution.scale,
+        rng,
+    )
+    effects = tuple(
+        _candidate(item, Context(item.hypothesis.baseline), gap, attribution, tied)
+        for item, tied in zip(attribution.accepted, judgement.tied, strict=True)
+    )
+    listed, n_tied = _listed(attribution, judgement, gap, effects)
+    where = locate(first.context, attribution.before, attribution.floor, attribution.scale)
+    warnings = list(chart.warnings)
+    if not log.role("validation"):
+        warnings.append(
+            "the log has no validation trial: everything was judged on the trials it was fitted on"
+        )
+    if effects and judgement.structured:
+        warnings.append("a gap above the noise is left at " + ", ".join(judgement.structured))
+    location = effects[0].location if effects else None
+    if judgement.verdict == "unknown":
+        location = judgement.structured[0]
+    return Diagnosis(
+        robot=robot.name,
+        verdict=judgement.verdict,
+        effect=effects[0].effect if effects else None,
+        location=location,
+        tied_locations=effects[0].tied_locations if effects else (),
+        candidates=listed,
+        effects=effects,
+        gap=gap,
+        where=where,
+        n_tied=n_tied,
+        next_experiment=_next(listed[:n_tied]),
+        faults=chart.faults,
+        warnings=tuple(warnings),
+    )
+
+
+def _candidate(
+    item: Scored, context: Context, gap: Gap, attribution: Attribution, tied: tuple[str, ...] = ()
+) -> Candidate:
+    """A scored hypothesis as it stands in the document; gaps on the validation trials."""
+    h = item.hypothesis
+    rows = ~attribution.final.samples.identification
+    residual = h.fit.residual[:, rows] if rows.any() else h.fit.residual
+    after = float(np.sqrt(np.mean((residual**2).mean(axis=1) / attribution.scale**2)))
+    return Candidate(
+        effect=item.name,
+        location=item.location,
+        parameters=h.effect.estimates(context, item.location, h.theta, h.fit),
+        evidence=item.evidence,
+        gap_after=after,
+        share_closed=share_closed(gap.before, after, gap.noise_floor),
+        tied_locations=tied,
+    )
+
+
+def _listed(
+    attribution: Attribution, judgement: Judgement, gap: Gap, effects: tuple[Candidate, ...]
+) -> tuple[tuple[Candidate, ...], int]:
+    """Candidates for the first effect, likeliest first, and how many of them are tied."""
+    first = attribution.stages[0]
+    made = [_candidate(item, Context(item.hypothesis.baseline), gap, attribution) for item in first.ranking]
+    if not effects:
+        return tuple(made[:_LISTED]), 0
+    head = [effects[0]]
+    if judgement.renamed[0] is not None:
+        head.append(replace(effects[0], effect=judgement.renamed[0]))
+    head += [c for c in made if any((c.effect, c.location) == (r.name, r.location) for r in judgement.rivals)]
+    known = {(c.effect, c.location) for c in head}
+    rest = [c for c in made if (c.effect, c.location) not in known]
+    return tuple((head + rest)[:_LISTED]), len(head) if judgement.verdict == "ambiguous" else 0
+
+
+def _next(tied: tuple[Candidate, ...]) -> NextExperiment | None:
+    if len(tied) < 2:
+        return None
+    first = tied[0].effect
+    motion = EFFECTS[first].separating_motion
+    names = " and ".join(item.effect.replace("_", " ") for item in tied)
+    return NextExperiment(
+        why=f"{names} look alike in this record; what tells them apart: {motion}",
+        separates=tuple(f"{item.effect}@{item.location}" for item in tied),
+    )

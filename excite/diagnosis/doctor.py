@@ -1,0 +1,152 @@
+"""The log doctor: faults of the record that are no physics, found before anything is fitted, repaired where sound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.diagnosis.result import LogFault
+from excite.logs.log import Log, Trial
+from excite.robot.robot import Array, Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """What the doctor found and made of it.
+
+    Attributes:
+        trials: repaired trials, in the log's order.
+        faults: what was found.
+        warnings: limits that remain, one sentence each.
+    """
+
+    trials: tuple[Trial, ...]
+    faults: tuple[LogFault, ...]
+    warnings: tuple[str, ...]
+
+
+def examine(robot: Robot, log: Log) -> Chart:
+    """Find and repair faults of a fixed-base log.
+
+    Args:
+        robot: the nominal model.
+        log: the log.
+
+    Returns:
+        Repaired trials and the findings.
+    """
+    trials, faults = [], []
+    for trial in log.trials:
+        for repair in (_held_rows, _stamps):
+            trial, fault = repair(trial)
+            if fault is not None:
+                faults.append(fault)
+        faults += _counted(trial)
+        trials.append(trial)
+    return Chart(tuple(trials), tuple(faults), ())
+
+
+def _take(trial: Trial, keep: NDArray[np.bool_], time: Array | None = None) -> Trial:
+    """A trial with some of its rows."""
+
+    def rows(values: Array | None) -> Array | None:
+        return None if values is None else values[keep]
+
+    return replace(
+        trial,
+        time=(trial.time if time is None else time)[keep],
+        q=trial.q[keep],
+        **{
+            name: rows(getattr(trial, name))
+            for name in ("tau", "current", "q_cmd", "tau_cmd", "v", "a", "base")
+        },
+        wrenches={name: values[keep] for name, values in trial.wrenches.items()},
+    )
+
+
+def _held_rows(trial: Trial) -> tuple[Trial, LogFault | None]:
+    """Rows in which every measured channel repeats the row before: a logger that read the same packet twice."""
+    measured = [v for v in (trial.q, trial.tau, trial.current) if v is not None]
+    same = np.all(np.diff(np.hstack(measured), axis=0) == 0.0, axis=1)
+    moving = np.abs(np.diff(trial.q, axis=0)).max(axis=1)
+    if not same.any() or np.median(moving) == 0.0:
+        return trial, None
+    keep = np.concatenate([[True], ~same])
+    fault = LogFault(
+        kind="repeated_rows",
+        where=trial.name,
+        what=f"{trial.name}: {int(same.sum())} rows repeat the row before",
+        cause="the logger read the same packet twice",
+        repaired=True,
+    )
+    return _take(trial, keep), fault
+
+
+def _stamps(trial: Trial) -> tuple[Trial, LogFault | None]:
+    """Jittered stamps: kept where positions are smoother on them than on an even grid, else evened out."""
+    step = np.diff(trial.time)
+    median = float(np.median(step))
+    if np.std(step[step < 1.5 * median]) < 0.02 * median:
+        return trial, None
+    index = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(step / median)))])
+    slope = np.polyfit(index, trial.time, 1)
+    even = np.polyval(slope, index)
+    moving = trial.q.std(axis=0) > 0.0
+    honest, late = (_roughness(t, trial.q[:, moving]) for t in (trial.time, even))
+    jitter = float(np.std(step) / median)
+    if late < honest:
+        fault = LogFault(
+            "late_stamps",
+            trial.name,
+            f"{trial.name}: stamps jitter by {100 * jitter:.0f} % of a step, the positions do not",
+            "stamps were taken when packets arrived, not when they were measured",
+            repaired=True,
+        )
+        return _take(trial, np.ones(len(even), dtype=bool), even), fault
+    fault = LogFault(
+        "jitter",
+        trial.name,
+        f"{trial.name}: the sampling interval jitters by {100 * jitter:.0f} %",
+        "a logger without real-time priority",
+        repaired=True,
+    )
+    return trial, fault
+
+
+def _roughness(time: Array, q: Array) -> float:
+    """Median over channels of the spread of third divided differences: noise in time shows there."""
+    values = q
+    for order in (1, 2, 3):
+        values = np.diff(values, axis=0) / ((time[order:] - time[:-order])[:, None] / order)
+    return float(np.median(np.median(np.abs(values), axis=0) / np.maximum(q.std(axis=0), 1e-12)))
+
+
+def _counted(trial: Trial) -> list[LogFault]:
+    """What the reader of the file has counted."""
+    c, found = trial.cleaning, []
+    for count, kind, what, cause in (
+        (c.repeated_rows, "repeated_stamps", "rows repeat a time stamp", "the logger wrote a packet twice"),
+        (c.reordered_rows, "reordered_rows", "rows stood before their time", "packets overtook each other"),
+        (c.missing_rows, "missing_rows", "rows are missing", "packets were lost"),
+    ):
+        if count:
+            found.append(LogFault(kind, trial.name, f"{trial.name}: {count} {what}", cause, repaired=True))
+    for name, size in c.quantised.items():
+        found.append(
+            LogFault(
+                "quantised",
+                f"{trial.name} {name}",
+                f"{name} moves in steps of {size:.3g}",
+                "coarse sensor",
+                False,
+            )
+        )
+    for name, count in c.clipped.items():
+        found.append(
+            LogFault(
+                "clipped", f"{trial.name} {name}", f"{name} is clipped in {count} rows", "sensor range", False
+            )
+        )
+    return found
