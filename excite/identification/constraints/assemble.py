@@ -33,12 +33,17 @@ def model_constraints(rows: Regression, settings: EstimatorSettings) -> ModelCon
     problem = rows.problem
     boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
     parts = [non_negative_masses(problem), com_in_box(problem, boxes)]
-    mass = settings.total_mass
-    if mass is None:
-        measured = measured_total_mass(rows)
-        mass = measured.value if measured.identifiable else None
+    mass = known_total_mass(rows, settings)
     if mass is not None:
         parts.append(total_mass(problem, mass))
     if settings.symmetry is not None:
         parts.append(symmetric_pairs(problem, settings.symmetry))
     return ModelConstraints(stack(parts, problem.n_params), mass)
+
+
+def known_total_mass(rows: Regression, settings: EstimatorSettings) -> float | None:
+    """The weighed mass, else what the measured forces determine, else None [kg]."""
+    if settings.total_mass is not None:
+        return settings.total_mass
+    measured = measured_total_mass(rows)
+    return measured.value if measured.identifiable else None

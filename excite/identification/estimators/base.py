@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
@@ -67,11 +68,15 @@ class Estimator(ABC):
         name: registry name.
         title: what it is, in a few words.
         consistent: whether its parameters are those of bodies that can exist.
+        guarantees: what holds for every result that is returned, recomputed from the parameters themselves.
+        exempt: checks of the shared battery in the tests that it does not claim to pass, with the reason.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     consistent: ClassVar[bool] = False
+    guarantees: ClassVar[str] = ""
+    exempt: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:

@@ -9,19 +9,29 @@ import numpy as np
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import least_squares, regression
+from excite.identification.regression import least_squares, prior_std, regression
 
 
 class LeastSquares(Estimator):
-    """Minimum-norm least squares ``φ = Y⁺ f``; only its base parameters mean anything."""
+    """Least squares, of all solutions the one of minimum norm ``φ = Y⁺ f`` or the one nearest to nominal.
+
+    Only its base parameters mean anything: which of the solutions is given is a convention.
+    """
 
     name: ClassVar[str] = "ls"
     title: ClassVar[str] = "least squares, minimum norm"
+    guarantees: ClassVar[str] = (
+        "no parameters fit the unweighted rows better; bodies need not be able to exist"
+    )
 
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses no settings. Unmeasured segments keep nominal values."""
+        """See :meth:`Estimator.estimate`; uses ``ls_reference``. Unmeasured segments keep nominal values."""
         rows = regression(problem)
-        parameters = least_squares(rows.factor)
+        if settings.ls_reference == "nominal":
+            scales = prior_std(problem, settings.spreads(problem.robot))
+            parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
+        else:
+            parameters = least_squares(rows.factor)
         for segment in problem.unmeasured:
             columns = problem.robot.parameter_columns(segment)
             parameters[columns] = problem.prior[columns]

@@ -21,6 +21,10 @@ class MaximumAPosteriori(Estimator):
 
     name: ClassVar[str] = "map"
     title: ClassVar[str] = "least squares, pulled to the nominal model where the data say little"
+    guarantees: ClassVar[str] = (
+        "the global minimum of the weighted residual plus the weighted distance from the nominal model, in closed "
+        "form; bodies need not be able to exist"
+    )
 
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
         """See :meth:`Estimator.estimate`; uses ``alpha`` and the spreads."""

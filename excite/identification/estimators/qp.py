@@ -31,6 +31,11 @@ class QuadraticProgram(Estimator):
 
     name: ClassVar[str] = "qp"
     title: ClassVar[str] = "constrained quadratic program of Jovic et al. 2015"
+    guarantees: ClassVar[str] = (
+        "within the stated distance of the global optimum; masses not negative, total mass, boxes of the centres "
+        "of mass, symmetry and positive definite inertias about the joint frames hold; the triangle inequality "
+        "need not"
+    )
 
     def __init__(self, projector: Projector = project):
         self._projector = projector

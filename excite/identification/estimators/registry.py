@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from excite.errors import UnknownNameError
 from excite.identification.estimators.base import Estimator
+from excite.identification.estimators.cls1 import BoundedNearBase
+from excite.identification.estimators.cls2 import PhysicallyFeasible
+from excite.identification.estimators.cls3 import DensityRealisable
+from excite.identification.estimators.hqp import HierarchicalProgram
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.ls import LeastSquares
 from excite.identification.estimators.map import MaximumAPosteriori
 from excite.identification.estimators.physical import PhysicalRetrieval
 from excite.identification.estimators.qp import QuadraticProgram
+from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.wls import WeightedLeastSquares
 
 ESTIMATORS: dict[str, type[Estimator]] = {
@@ -16,8 +21,13 @@ ESTIMATORS: dict[str, type[Estimator]] = {
     for estimator in (
         LeastSquares,
         WeightedLeastSquares,
+        Huber,
         MaximumAPosteriori,
         QuadraticProgram,
+        HierarchicalProgram,
+        BoundedNearBase,
+        PhysicallyFeasible,
+        DensityRealisable,
         PhysicallyConsistent,
         PhysicalRetrieval,
     )

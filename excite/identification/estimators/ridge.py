@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from excite.identification.constraints.body import ParameterCones
+from excite.identification.constraints.cones import Cones
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.regression import Regression, prior_std, square_factor
@@ -60,9 +62,24 @@ class Ridge:
             matrix[kept] / length[kept, None], bound[kept] / length[kept], labels, n_equal
         )
 
+    def cones(self, cones: ParameterCones) -> Cones:
+        """The same cones on ``z``, each block divided by its own size."""
+        blocks, size, _ = cones.matrix.shape
+        flat = cones.matrix.reshape(blocks * size, -1)
+        bound = cones.bound + (flat @ self.center).reshape(blocks, size)
+        matrix = self.rotate(flat).reshape(blocks, size, -1)
+        length = np.maximum(np.linalg.norm(matrix, axis=(1, 2)), 1e-300)
+        return Cones(cones.order, matrix / length[:, None, None], bound / length[:, None], cones.labels)
 
-def ridge(rows: Regression, settings: EstimatorSettings) -> Ridge:
-    """Build the objective from weighted rows; parameters of unmeasured segments are not free."""
+
+def ridge(rows: Regression, settings: EstimatorSettings, metric: Array | None = None) -> Ridge:
+    """Build the objective from weighted rows; parameters of unmeasured segments are not free.
+
+    Args:
+        rows: weighted rows.
+        settings: α and spreads.
+        metric: ``(n_params, n_params)``, ``B`` with ``‖B (θ − θ₀)/s‖²`` in place of ``‖(θ − θ₀)/s‖²``.
+    """
     problem = rows.problem
     scales = prior_std(problem, settings.spreads(problem.robot))
     frozen = np.zeros(problem.n_params, dtype=bool)
@@ -77,6 +94,7 @@ def ridge(rows: Regression, settings: EstimatorSettings) -> Ridge:
     tall = np.zeros((len(data) + len(free), len(free) + 1))
     tall[: len(data), :-1] = data[:, free] * scales[free]
     tall[: len(data), -1] = data[:, -1]
-    tall[len(data) :, :-1] = np.sqrt(settings.alpha) * np.eye(len(free))
+    pull = np.eye(problem.n_params) if metric is None else metric
+    tall[len(data) :, :-1] = np.sqrt(settings.alpha) * pull[np.ix_(free, free)]
     r = square_factor(tall)
     return Ridge(problem.prior.copy(), scales, free, r[:-1, :-1], r[:-1, -1])

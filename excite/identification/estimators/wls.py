@@ -21,10 +21,15 @@ class WeightedLeastSquares(Estimator):
 
     name: ClassVar[str] = "wls"
     title: ClassVar[str] = "least squares, channels weighted by their residuals"
+    guarantees: ClassVar[str] = (
+        "no parameters fit the weighted rows better, and none that fit as well are nearer to the nominal model; "
+        "bodies need not be able to exist"
+    )
 
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses the spreads as the metric among equal solutions."""
-        rows = iterate_weights(regression(problem))
+        """See :meth:`Estimator.estimate`; uses ``weight_iterations``, and the spreads as the metric among equal
+        solutions."""
+        rows = iterate_weights(regression(problem), iterations=settings.weight_iterations)
         scales = prior_std(problem, settings.spreads(problem.robot))
         parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
         weighted = problem.residual(parameters) / rows.std[problem.channel]
