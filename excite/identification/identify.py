@@ -11,6 +11,7 @@ from excite.identification.changes import Changes, find_changes
 from excite.identification.consistency import check_consistency
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.mass import measured_total_mass
+from excite.identification.doubts import find_doubts
 from excite.identification.essential import essential_parameters
 from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.registry import find_estimator
@@ -21,10 +22,13 @@ from excite.identification.regression import Regression, iterate_weights, regres
 from excite.identification.result import BaseParameter, Identification, TotalMassReport
 from excite.identification.settings import ProblemSettings
 from excite.identification.statistics import BaseStatistics, base_statistics
+from excite.identification.suspicions import suspicions
 from excite.identification.uncertainty import parameter_uncertainty
 from excite.identification.validation import channel_fits
 from excite.identification.warnings import find_warnings
+from excite.logs.finding import Finding
 from excite.logs.log import Log
+from excite.logs.plausibility import implausible
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.com_box import com_boxes
@@ -63,7 +67,9 @@ def identify(
     validation = None
     if log.role("validation"):
         validation = build_problem(robot, log, problem_settings, role="validation")
-    return identify_problem(problem, validation, estimator, settings or EstimatorSettings())
+    result = identify_problem(problem, validation, estimator, settings or EstimatorSettings())
+    odd = (*implausible(log, robot), *suspicions(robot, log, problem_settings))
+    return replace(result, findings=(*odd, *result.findings))
 
 
 @one_blas_thread
@@ -74,7 +80,7 @@ def identify_problem(
     settings: EstimatorSettings,
 ) -> Identification:
     """Identify from a problem that has been built; see :func:`identify`."""
-    notes: list[str] = []
+    notes: list[Finding] = []
     if settings.com_boxes is None:
         settings = replace(settings, com_boxes=_boxes(problem.robot, notes))
     weighted = iterate_weights(regression(problem))
@@ -88,17 +94,17 @@ def identify_problem(
     mass = _mass_report(weighted, weighted_statistics.noise, settings, result)
     uncertainty = parameter_uncertainty(problem, statistics, settings.spreads(problem.robot))
     result = replace(result, total_mass=mass, uncertainty=uncertainty)
-    return replace(result, warnings=(*notes, *find_warnings(result)))
+    doubts = find_doubts(estimate, statistics, settings.spreads(problem.robot))
+    return replace(result, findings=(*notes, *find_warnings(result), *doubts))
 
 
-def _boxes(robot: Robot, notes: list[str]) -> np.ndarray:
+def _boxes(robot: Robot, notes: list[Finding]) -> np.ndarray:
     """Boxes of the centres of mass from the geometry, else from the nominal inertias."""
     try:
         return com_boxes(robot)
     except RobotError as error:
-        notes.append(
-            f"boxes of the centres of mass come from the nominal inertias, not from the geometry: {error}"
-        )
+        text = f"boxes of the centres of mass come from the nominal inertias, not from the geometry: {error}"
+        notes.append(Finding("com_boxes", text))
         return equivalent_boxes(robot)
 
 
@@ -155,7 +161,7 @@ def _assemble(
         total_mass=TotalMassReport(
             float(parameters[:n:10].sum()), float(problem.prior[:n:10].sum()), *[None] * 3
         ),
-        warnings=(),
+        findings=(),
     )
 
 

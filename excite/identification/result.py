@@ -12,6 +12,7 @@ from excite.identification.consistency import Consistency
 from excite.identification.inertia import FILE_ORDER
 from excite.identification.uncertainty import ParameterUncertainty
 from excite.identification.validation import ChannelFit
+from excite.logs.finding import Finding
 from excite.robot.robot import Array
 
 SCHEMA = "excite.identification/1"
@@ -81,7 +82,7 @@ class Identification:
         validation: by channel, on the validation trials; empty where there are none.
         changes: segments that are not what the model says.
         total_mass: the total mass from all sides.
-        warnings: what a careful reader should know, one sentence each.
+        findings: what a careful reader should know, with figures.
         uncertainty: of all parameters from data and nominal model together; None where it was not computed.
     """
 
@@ -104,8 +105,13 @@ class Identification:
     validation: dict[str, ChannelFit]
     changes: Changes
     total_mass: TotalMassReport
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     uncertainty: ParameterUncertainty | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings, one sentence each."""
+        return tuple(finding.text for finding in self.findings)
 
     @property
     def all_parameters(self) -> Array:
@@ -144,6 +150,7 @@ class Identification:
                 "total_mass": asdict(self.total_mass),
                 "unmeasured": list(self.unmeasured),
                 "warnings": list(self.warnings),
+                "findings": [finding.to_json() for finding in self.findings],
             }
         )
 

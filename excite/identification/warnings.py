@@ -1,72 +1,92 @@
-"""What a careful reader of an identification should know, in sentences."""
+"""What a careful reader of an identification should know."""
 
 from __future__ import annotations
 
 from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.result import Identification
+from excite.logs.finding import Finding, listed
 
 _POOR_RSD = 30.0
 _LARGE_DISPERSION = 4.0
 _MASS_DISAGREES = 0.01
+# Unmodelled equipment weighs less than this share.
+_MASS_FAR = 0.4
 _WORSE_ON_VALIDATION = 2.0
 _MOST_NAMED = 5
 
 
-def find_warnings(result: Identification) -> tuple[str, ...]:
-    """Warnings on data, solution and validation, in this order; empty where all is well."""
+def find_warnings(result: Identification) -> tuple[Finding, ...]:
+    """Findings on data, solution and validation, in this order; empty where all is well."""
     return (*_of_data(result), *_of_solution(result), *_of_prediction(result))
 
 
-def _of_data(result: Identification) -> list[str]:
-    texts = []
+def _of_data(result: Identification) -> list[Finding]:
+    found = []
     if result.unmeasured:
-        texts.append(f"not seen by the sensors, kept nominal: {', '.join(result.unmeasured)}")
+        text = f"not seen by the sensors, kept nominal: {', '.join(result.unmeasured)}"
+        found.append(Finding("unmeasured", text, places=result.unmeasured))
     missing = 0 if result.structural_rank is None else result.structural_rank - len(result.base)
     if missing > 0:
-        texts.append(
-            f"the motions leave {missing} of {result.structural_rank} base parameters without excitation"
-        )
-    poor = [item for item in result.base if item.rsd_percent > _POOR_RSD]
+        text = f"the motions leave {missing} of {result.structural_rank} base parameters without excitation"
+        found.append(Finding("rank", text, {"missing": float(missing)}))
+    poor = tuple(item.name for item in result.base if item.rsd_percent > _POOR_RSD)
     if poor:
-        texts.append(f"{len(poor)} of {len(result.base)} base parameters have an RSD above {_POOR_RSD:.0f} %")
+        text = f"{len(poor)} of {len(result.base)} base parameters have an RSD above {_POOR_RSD:.0f} %"
+        found.append(Finding("poor_rsd", text, {"parameters": float(len(poor))}, poor))
+    return [*found, *_of_mass(result)]
+
+
+def _of_mass(result: Identification) -> list[Finding]:
+    """The measured forces against a weighed mass, or roughly against the model's."""
     mass = result.total_mass
-    if mass.weighed is not None and mass.measured is not None:
-        share = mass.measured / mass.weighed - 1.0
-        if abs(share) > _MASS_DISAGREES:
-            texts.append(
-                f"the forces say {mass.measured:.2f} kg, the scale {mass.weighed:.2f} kg "
-                f"({100 * share:+.1f} %): check the force sensors' gain and zero"
-            )
-    return texts
+    if mass.measured is None:
+        return []
+    known, name, tolerance = mass.nominal, "the model", _MASS_FAR
+    if mass.weighed is not None:
+        known, name, tolerance = mass.weighed, "the scale", _MASS_DISAGREES
+    share = mass.measured / known - 1.0
+    if abs(share) <= tolerance:
+        return []
+    cause = "check the force sensors' gain and zero"
+    if share < -1.0:
+        cause = "the wrenches look like those that the robot exerts, not those on the robot"
+    text = f"the forces say {mass.measured:.2f} kg, {name} {known:.2f} kg ({100 * share:+.1f} %): {cause}"
+    return [Finding("force_scale", text, {"measured_kg": mass.measured, "known_kg": known})]
 
 
-def _of_solution(result: Identification) -> list[str]:
-    texts = []
-    bad = result.consistency.inconsistent
+def _of_solution(result: Identification) -> list[Finding]:
+    found = []
+    bad = tuple(result.consistency.inconsistent)
     if bad:
-        named = ", ".join(bad[:_MOST_NAMED]) + (
-            f" and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""
-        )
         consistent = next(name for name, kind in ESTIMATORS.items() if kind.consistent)
-        texts.append(f"no body has the parameters of {named}; method {consistent} gives ones that exist")
-    if result.changes.segments and result.changes.dispersion > _LARGE_DISPERSION:
-        texts.append(
-            "the changed segments do not explain everything: what is left is "
-            f"{result.changes.dispersion:.0f} times the noise per base parameter"
+        text = (
+            f"no body has the parameters of {listed(bad, _MOST_NAMED)}; method {consistent} gives ones that "
+            "exist"
         )
-    return texts
+        found.append(Finding("inconsistent", text, {"segments": float(len(bad))}, bad))
+    dispersion = result.changes.dispersion
+    if result.changes.segments and dispersion > _LARGE_DISPERSION:
+        text = (
+            "the changed segments do not explain everything: what is left is "
+            f"{dispersion:.0f} times the noise per base parameter"
+        )
+        found.append(Finding("unexplained", text, {"dispersion": dispersion}))
+    return found
 
 
-def _of_prediction(result: Identification) -> list[str]:
+def _of_prediction(result: Identification) -> list[Finding]:
     if not result.validation:
-        return ["no validation trials: the fit says nothing about other motions"]
-    texts = []
+        return [Finding("no_validation", "no validation trials: the fit says nothing about other motions")]
+    found = []
     for name, fit in result.validation.items():
+        figures = {"validation_rmse": fit.rmse, "fit_rmse": result.fit[name].rmse}
         if fit.rmse >= fit.reference_rmse:
-            texts.append(f"{name}: no better than the nominal model on the validation trials")
+            text = f"{name}: no better than the nominal model on the validation trials"
+            found.append(Finding("no_better", text, figures, (name,)))
         elif fit.rmse > _WORSE_ON_VALIDATION * result.fit[name].rmse:
-            texts.append(
+            text = (
                 f"{name}: residual {fit.rmse / result.fit[name].rmse:.1f} times larger on validation trials "
                 "than on those identified from; excite more, or look for what the model lacks"
             )
-    return texts
+            found.append(Finding("validation_gap", text, figures, (name,)))
+    return found

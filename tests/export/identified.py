@@ -37,6 +37,6 @@ def identification_of(
         validation={},
         changes=Changes((), 1.0, 1.0),
         total_mass=TotalMassReport(float(parameters[::10].sum()), robot.mass, None, None, None),
-        warnings=(),
+        findings=(),
         uncertainty=ParameterUncertainty(np.full(n, 0.01), np.linspace(0.0, 1.0, n)),
     )
