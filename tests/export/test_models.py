@@ -161,6 +161,13 @@ def test_a_given_mjcf_changes_in_its_inertials_alone(name: str, tmp_path: Path) 
     )
 
 
+def test_a_template_that_has_the_parameters_already_stays_as_it_is(ur10: Robot, tmp_path: Path) -> None:
+    template = template_of(ur10, tmp_path / "template.xml")
+    found = identification_of(ur10, ur10.nominal_parameters.copy())
+    assert write_mjcf(ur10, found, tmp_path / "a.xml", template=template).changed == ()
+    assert (tmp_path / "a.xml").read_bytes() == template.read_bytes()
+
+
 def _still_mass(robot: Robot, model: mujoco.MjModel) -> float:
     """Mass of the bodies that no joint moves."""
     return sum(float(model.body_mass[b]) for b in range(1, model.nbody) if model.body_weldid[b] == 0)

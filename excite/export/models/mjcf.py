@@ -106,7 +106,7 @@ def write_mjcf(
     model = compiled(content, template)
     places = _names(robot, names)
     taken = segment_bodies(robot, model, places, names)
-    error = max(difference(taken[k], ten[k]) for k in sorted({*changed, *other}, key=int))
+    error = max((difference(taken[k], ten[k]) for k in sorted({*changed, *other})), default=0.0)
     in_motion = mujoco_error(robot, model, places, identification.parameters)
     if in_motion > TOLERANCE:
         notes.append(
