@@ -94,9 +94,13 @@ class Problem:
         """Most probable errors of all inertial parameters, ``(10·n_segments,)``, given residual rows."""
         delta = np.zeros(len(self.record.tree.phi))
         if len(self.index):
-            gram = self.columns.T @ self.columns + np.eye(len(self.index))
-            delta[self.index] = self.scales * np.linalg.solve(gram, self.columns.T @ rows)
+            delta[self.index] = self.scales * scipy.linalg.cho_solve(self._baseline_factor, self.columns.T @ rows)
         return delta
+
+    @cached_property
+    def _baseline_factor(self) -> tuple[Array, bool]:
+        """Factor of the baseline's normal equations, prior included."""
+        return scipy.linalg.cho_factor(self.columns.T @ self.columns + np.eye(len(self.index)))
 
     def power(self, rows: Array) -> float:
         """Sum of squares left by the baseline, its prior included."""

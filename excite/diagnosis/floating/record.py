@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,26 @@ class FloatingRecord:
     def time(self) -> Array:
         """``(n,)`` time within each trial [s]."""
         return np.concatenate([np.arange(s.stop - s.start) for s in self.spans]) / self.rate_hz
+
+    @property
+    def every_other(self) -> NDArray[np.int64]:
+        """Indices of every other sample of each trial."""
+        return np.concatenate([np.arange(span.start, span.stop, 2) for span in self.spans])
+
+    def thinned(self) -> FloatingRecord:
+        """Every other sample; still more than the band of the likelihood needs."""
+        keep = self.every_other
+        ends = np.cumsum([0, *((span.stop - span.start + 1) // 2 for span in self.spans)])
+        return replace(
+            self,
+            rate_hz=0.5 * self.rate_hz,
+            q=self.q[keep],
+            v=self.v[keep],
+            a=self.a[keep],
+            readings={name: values[keep] for name, values in self.readings.items()},
+            readings_rate={name: values[keep] for name, values in self.readings_rate.items()},
+            spans=tuple(slice(int(lo), int(hi)) for lo, hi in zip(ends[:-1], ends[1:], strict=True)),
+        )
 
     def validation_samples(self) -> NDArray[np.bool_]:
         """``(n,)`` which samples are of validation trials."""

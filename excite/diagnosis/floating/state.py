@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.diagnosis.floating.record import FloatingRecord
+from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
 from excite.regressor.tree import KinematicTree
 from excite.robot.robot import Array
@@ -20,6 +21,7 @@ _DEPENDS: dict[str, set[str]] = {
     "measured_phi": {"phi"},
     "predicted": _MOTION | {"v", "a", "phi"},
     "regressor": _MOTION | {"v", "a"},
+    "smooth_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
     "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
 }
 
@@ -140,3 +142,9 @@ class State:
                 torque[:, self.tree.idx_v[joint]] -= np.einsum("ni,ni->n", axis, arm)
                 joint = int(self.tree.parents[joint])
         return torque
+
+    @cached_property
+    def smooth_torques(self) -> Array:
+        """The same without what is above 4 Hz, where they hold noise of accelerations."""
+        rate = self.record.rate_hz
+        return np.concatenate([lowpass(self.joint_torques[span], rate, 4.0) for span in self.record.spans])

@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.result import Estimate
 from excite.robot.robot import Array
 
 
@@ -42,3 +43,7 @@ class BaseOrientationBias(FloatingEffect):
             v[:, first : first + 3] = v[:, first : first + 3] @ turn
             a[:, first : first + 3] = a[:, first : first + 3] @ turn
         return state.but(q=q, v=v, a=a)
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """Logged against true."""
+        return super().report(state, location, -theta, std)

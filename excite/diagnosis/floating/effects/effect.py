@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.result import Estimate
 from excite.robot.robot import Array
 
 
@@ -63,6 +64,17 @@ class FloatingEffect(ABC):
             ahead[i] += parameter.step
             columns.append((here - self.apply(state, location, ahead).residual) / parameter.step)
         return np.stack(columns, axis=2)
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """Parameters by name, as the contract defines the effect; by default those of :meth:`parameters`."""
+        return {
+            p.name: Estimate(float(value), float(spread), p.unit)
+            for p, value, spread in zip(self.parameters(state, location), theta, std, strict=True)
+        }
+
+    def called(self, theta: Array) -> str:
+        """The contract's name for it at these parameters."""
+        return self.name
 
     def scales(self, state: State, location: str) -> Array:
         """``(k,)`` expected size of each parameter."""

@@ -8,10 +8,8 @@ import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
 from excite.diagnosis.floating.state import State
-from excite.logs.signals.butterworth import lowpass
+from excite.diagnosis.result import Estimate
 from excite.robot.robot import Array
-
-_CUTOFF_HZ = 4.0
 
 
 class JointElasticity(FloatingEffect):
@@ -32,13 +30,19 @@ class JointElasticity(FloatingEffect):
         """Bend the joint, with the rates that this brings."""
         joint = joint_of(state, location)
         iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
-        bend = -theta[0] * state.joint_torques[:, iv]
+        bend = -theta[0] * state.smooth_torques[:, iv]
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
         for span in state.record.spans:
-            # The torque's own noise would be differentiated twice.
-            bend[span] = lowpass(bend[span], state.record.rate_hz, _CUTOFF_HZ)
             rate = np.gradient(bend[span], 1.0 / state.record.rate_hz)
             v[span, iv] += rate
             a[span, iv] += np.gradient(rate, 1.0 / state.record.rate_hz)
         q[:, iq] += bend
         return state.but(q=q, v=v, a=a)
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """Stiffness and compliance."""
+        stiffness = 1.0 / float(theta[0]) if theta[0] else float("inf")
+        return {
+            "stiffness": Estimate(stiffness, abs(stiffness) * float(std[0] / abs(theta[0])) if theta[0] else None, "N·m/rad"),
+            **super().report(state, location, theta, std),
+        }

@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, segment_of
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.result import Estimate
 from excite.robot.robot import Array
 
 _NAMES = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -43,3 +44,17 @@ class LinkInertia(FloatingEffect):
         """Columns of the regressor."""
         first = 10 * segment_of(state, location)
         return np.asarray(state.regressor[:, :, first : first + 10])
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """The ten errors, and the centre of mass of what is too much."""
+        mass = float(theta[0])
+        extra = {
+            f"com_{axis}": Estimate(float(theta[1 + i]) / mass, float(std[1 + i]) / abs(mass), "m")
+            for i, axis in enumerate("xyz")
+            if mass
+        }
+        return super().report(state, location, theta, std) | extra
+
+    def called(self, theta: Array) -> str:
+        """A payload is what adds mass."""
+        return "payload" if theta[0] > 0.0 else self.name

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.result import Estimate
 from excite.robot.robot import Array
 
 
@@ -29,3 +30,7 @@ class LinkLengthError(FloatingEffect):
         translations = state.tree.translations.copy()
         translations[joint_of(state, location)] += theta
         return state.but(tree=replace(state.tree, translations=translations))
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """The model's placement less the true one."""
+        return super().report(state, location, -theta, std)

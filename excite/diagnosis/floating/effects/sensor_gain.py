@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.result import Estimate
 from excite.logs.files import WRENCH_AXES
 from excite.robot.robot import Array
 
@@ -31,3 +32,7 @@ class SensorGain(FloatingEffect):
         reading = state.readings[name].copy()
         reading[:, WRENCH_AXES.index(axis) if axis else slice(None)] /= 1.0 + theta[0]
         return state.but(readings=state.readings | {name: reading})
+
+    def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
+        """The gain itself."""
+        return {"gain": Estimate(1.0 + float(theta[0]), float(std[0]), "1")}

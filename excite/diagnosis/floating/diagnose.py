@@ -1,0 +1,157 @@
+"""The diagnosis of a floating-base log: contact wrenches against what the motion needs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.floating.attribution import Attribution, Ranked, attribute
+from excite.diagnosis.floating.gap import gap_of
+from excite.diagnosis.floating.held_out import refit
+from excite.diagnosis.floating.problem import Problem, build_problem
+from excite.diagnosis.floating.record import prepare_record
+from excite.diagnosis.floating.refinement import Fitted
+from excite.diagnosis.floating.where import free_force_links, locate
+from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment
+from excite.logs.log import Log
+from excite.robot.robot import Robot
+
+_N_CANDIDATES = 8
+
+
+def diagnose_floating(
+    log: Log, robot: Robot | None = None, rng: np.random.Generator | None = None
+) -> Diagnosis:
+    """Diagnose a log with base pose, joints and contact wrenches.
+
+    Args:
+        log: the log.
+        robot: its nominal robot with the log's sensors; None reads the one that the log names.
+        rng: of the bootstrap; None is seeded with zero.
+
+    Raises:
+        LogError: the log lacks base pose or wrenches, or a trial is too short.
+    """
+    record = prepare_record(log, robot)
+    problem = build_problem(record)
+    found = attribute(problem)
+    accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
+    before, after = refit(problem, accepted)
+    gap = gap_of(problem, before, after, rng or np.random.default_rng(0))
+    first = found.steps[0] if found.steps and accepted.placed else ()
+    tied = found.tied[0] if first else ()
+    if found.verdict == "unknown":
+        tied = free_force_links(problem, found.baseline)
+    return Diagnosis(
+        robot=record.robot.name,
+        verdict=found.verdict,
+        effect=_name(first[0]) if first else None,
+        location=first[0].last.location if first else (tied[0] if tied else None),
+        tied_locations=tied,
+        candidates=_candidates(problem, found, gap),
+        effects=_effects(problem, found, gap) if accepted.placed else (),
+        gap=gap,
+        where=locate(problem, found.baseline),
+        n_tied=len(found.rivals) if found.verdict == "ambiguous" else 0,
+        next_experiment=_next(found),
+        warnings=_warnings(problem, found),
+    )
+
+
+def _name(item: Ranked) -> str:
+    return item.last.effect.called(item.fitted.theta[-1])
+
+
+def _candidates(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
+    """The leading hypotheses for the first effect, those that cannot be told apart first."""
+    if not found.steps:
+        return ()
+    step, chosen, seen = found.steps[0], list(found.rivals), {r.last.effect.name for r in found.rivals}
+    for item in step:
+        if item.last.effect.name not in seen:
+            seen.add(item.last.effect.name)
+            chosen.append(item)
+    weights = np.exp(np.array([max(-700.0, item.evidence - step[0].evidence) for item in chosen]))
+    weights /= weights.sum()
+    return tuple(
+        _candidate(problem, found, item, step, gap, float(weight))
+        for item, weight in list(zip(chosen, weights, strict=True))[:_N_CANDIDATES]
+    )
+
+
+def _candidate(
+    problem: Problem, found: Attribution, item: Ranked, step: tuple[Ranked, ...], gap: Gap, weight: float
+) -> Candidate:
+    own = [other for other in step if other.last.effect.name == item.last.effect.name]
+    tied = tuple(other.last.location for other in own if other.evidence > item.evidence - 5.0)
+    share, after = _closed(problem, found, item.fitted, gap)
+    placed = item.last
+    return Candidate(
+        effect=_name(item),
+        location=placed.location,
+        parameters=placed.effect.report(
+            problem.nominal, placed.location, item.fitted.theta[-1], item.fitted.std[-1]
+        ),
+        evidence=float(item.evidence),
+        gap_after=after,
+        share_closed=share,
+        tied_locations=tied,
+        probability=weight,
+    )
+
+
+def _closed(problem: Problem, found: Attribution, fitted: Fitted, gap: Gap) -> tuple[float, float]:
+    """Share of the power above the noise that a fit closes, whitened, and the gap that this leaves."""
+    n = len(problem.nominal_rows)
+    open_power = found.baseline.power - n
+    share = 0.0 if open_power <= 0.0 else float(np.clip(1.0 - (fitted.power - n) / open_power, 0.0, 1.0))
+    left = (1.0 - share) * max(gap.before**2 - gap.noise_floor**2, 0.0)
+    return share, float(np.sqrt(gap.noise_floor**2 + left))
+
+
+def _effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate, ...]:
+    """The accepted effects in the order in which they were added, at the parameters of the joint fit."""
+    final, out = found.accepted, []
+    for k, step in enumerate(found.steps):
+        best = step[0]
+        placed = final.placed[k]
+        share, after = _closed(problem, found, best.fitted, gap)
+        out.append(
+            Candidate(
+                effect=placed.effect.called(final.theta[k]),
+                location=placed.location,
+                parameters=placed.effect.report(problem.nominal, placed.location, final.theta[k], final.std[k]),
+                evidence=float(best.evidence),
+                gap_after=after,
+                share_closed=share,
+                tied_locations=found.tied[k],
+            )
+        )
+    return tuple(out)
+
+
+def _next(found: Attribution) -> NextExperiment | None:
+    if found.verdict != "ambiguous":
+        return None
+    rivals = tuple(f"{_name(item)}@{item.last.location}" for item in found.rivals)
+    reasons = "; ".join(sorted({f"{_name(item)}: {item.last.effect.reads_as}" for item in found.rivals}))
+    return NextExperiment(why=f"tell {' from '.join(rivals)} ({reasons})", separates=rivals)
+
+
+def _warnings(problem: Problem, found: Attribution) -> tuple[str, ...]:
+    notes = []
+    if problem.record.inertials_free:
+        notes.append(
+            "inertial parameters are identified: payloads and link inertias are part of them, and what "
+            "they can imitate (with force plates, joint offsets, link lengths and a tilted base) is invisible"
+        )
+    if problem.repeatability.level is None:
+        notes.append("no repeated trial: the noise is taken from above the motion's band alone")
+    if not problem.repeatability.repeatable:
+        notes.append("repeated trials differ by more than noise: something outside the log acts on the robot")
+    if not problem.unloaded.sensors:
+        notes.append("no foot is ever in the air: a constant sensor bias looks like a constant external force")
+    if not any(problem.record.validation):
+        notes.append("no validation trial: the gap is that of the trials that were fitted")
+    if found.verdict in {"effect", "ambiguous"} and found.overdispersion > 1.5:
+        notes.append(f"{found.overdispersion:.1f} times the noise's power is left unexplained")
+    return tuple(notes)

@@ -1,0 +1,96 @@
+"""How far the gap shrinks on the validation trials, wrench component by component."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal.windows import tukey
+
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.record import FloatingRecord
+from excite.diagnosis.floating.refinement import Fitted, apply_all
+from excite.diagnosis.floating.spectrum import BAND_HZ
+from excite.diagnosis.floating.state import State
+from excite.diagnosis.result import ChannelGap, Gap, share_closed
+from excite.logs.files import WRENCH_AXES
+from excite.robot.robot import Array
+
+UNITS = ("N",) * 3 + ("N·m",) * 3
+_BLOCK_S, _DRAWS = 1.0, 500
+
+
+def in_band(record: FloatingRecord, values: Array) -> Array:
+    """``(n, k)`` without what is above the band that the diagnosis looks at; ends of trials are faded out.
+
+    A sharp edge in frequency, so that the noise model, which is for the band alone, says what noise is left.
+    """
+    out = []
+    for span in record.spans:
+        n = span.stop - span.start
+        taper = tukey(n, 0.1)
+        spectrum = np.fft.rfft(values[span] * (taper / np.sqrt((taper**2).mean()))[:, None], axis=0)
+        spectrum[np.fft.rfftfreq(n, 1.0 / record.rate_hz) > BAND_HZ] = 0.0
+        out.append(np.fft.irfft(spectrum, n, axis=0))
+    return np.concatenate(out)
+
+
+def residual_of(problem: Problem, fitted: Fitted) -> Array:
+    """``(n, 6)`` measured less predicted with a fit's effects and inertials, in band [N, N·m]."""
+    state = State.logged(problem.record, problem.record.tree.phi + fitted.delta)
+    return in_band(problem.record, apply_all(state, fitted.placed, fitted.theta).residual)
+
+
+def noise_floor(problem: Problem) -> Array:
+    """``(6,)`` standard deviation of the noise in band, from the noise model [N, N·m]."""
+    total = np.zeros(6)
+    for factor, span in zip(problem.whitening.factors, problem.record.spans, strict=True):
+        covariance = np.linalg.inv(np.einsum("kji,kjl->kil", factor, factor))
+        power = np.diagonal(covariance, axis1=1, axis2=2).copy()
+        # All bins but the first stand for a real and an imaginary part, and for their mirror images.
+        power[1:] *= 4.0
+        total += power.sum(axis=0) / (span.stop - span.start)
+    return np.sqrt(total / len(problem.record.spans))
+
+
+def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator) -> Gap:
+    """Gap of the baseline and of the accepted effects, both fitted to the identification trials.
+
+    Args:
+        problem: the problem.
+        before: the baseline's fit.
+        after: the fit with the effects.
+        rng: of the block bootstrap that gives the interval of the share closed.
+    """
+    record = problem.record
+    held_out = record.validation_samples()
+    rows = held_out if held_out.any() else ~held_out
+    measured = in_band(record, problem.nominal.measured)
+    train = measured[~held_out] if (~held_out).any() else measured
+    scale = np.maximum(train.std(axis=0), 1e-9)
+    old, new = residual_of(problem, before)[rows], residual_of(problem, after)[rows]
+    floor = np.minimum(noise_floor(problem), np.sqrt((new**2).mean(axis=0)))
+    blocks = np.array_split(np.arange(len(old)), max(2, round(len(old) / (_BLOCK_S * record.rate_hz))))
+    powers = [np.array([(x[b] ** 2).mean(axis=0) for b in blocks]) for x in (old, new)]
+
+    def total(power: Array) -> float:
+        return float(np.sqrt(np.mean(power.mean(axis=0) / scale**2)))
+
+    first, last = total(powers[0]), total(powers[1])
+    lowest = float(np.sqrt(np.mean(floor**2 / scale**2)))
+    interval = None
+    if after.placed:
+        draws = []
+        for _ in range(_DRAWS):
+            pick = rng.integers(0, len(blocks), len(blocks))
+            drawn = total(powers[1][pick])
+            draws.append(share_closed(total(powers[0][pick]), drawn, min(lowest, drawn)))
+        interval = (float(np.quantile(draws, 0.05)), float(np.quantile(draws, 0.95)))
+    channels = {
+        axis: ChannelGap(
+            float(np.sqrt((old[:, i] ** 2).mean())),
+            float(np.sqrt((new[:, i] ** 2).mean())),
+            float(floor[i]),
+            UNITS[i],
+        )
+        for i, axis in enumerate(WRENCH_AXES)
+    }
+    return Gap(first, last, lowest, share_closed(first, last, lowest), channels, interval)
