@@ -11,12 +11,14 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Array, Robot
 from tests.reproduction.jaco2 import (
     TABLE_4,
+    TABLE_5_CONSISTENCY,
     D,
     coefficients,
     combinations,
     denavit_hartenberg,
     published_rows,
 )
+from tests.reproduction.jaco2_experiment import METHODS, Trajectories, run
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +86,21 @@ def test_the_makers_figures_come_near_what_the_article_identified(jaco2: Robot) 
         for value in identified:
             assert values[name] == pytest.approx(value, rel=0.08)
         assert abs(values[name] - identified[0]) < abs(cad - identified[0])
+
+
+@pytest.fixture(scope="module")
+def trajectories() -> Trajectories:
+    return run(n_trajectories=2)
+
+
+def test_the_pattern_of_table_5(trajectories: Trajectories) -> None:
+    """Least squares fits best what it has seen; CLS-3 predicts best and is the only one that can exist."""
+    estimates = {method: trajectories.estimate(method, 0) for method in METHODS}
+    seen = {method: trajectories.error(0, phi) for method, phi in estimates.items()}
+    unseen = {method: trajectories.error(1, phi) for method, phi in estimates.items()}
+    assert min(seen, key=seen.get) == "ULS" and max(unseen, key=unseen.get) == "CAD"
+    assert unseen.pop("CAD") > unseen["CLS-3"]
+    assert unseen["CLS-3"] <= 1.02 * min(unseen.values())
+    for row, published in TABLE_5_CONSISTENCY.items():
+        found = [trajectories.criteria(0, estimates[method])[row] for method in METHODS]
+        assert found == list(published), row
