@@ -43,6 +43,14 @@ def command(
         bool,
         typer.Option("--explain-signals", help="Show what each step of the signal processing does."),
     ] = False,
+    sessions: Annotated[
+        bool,
+        typer.Option(
+            "--sessions",
+            help="Also identify each session (as log.yaml names them, else each log) and pool them; "
+            "with --out, ranges.yaml for domain randomisation.",
+        ),
+    ] = False,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -53,7 +61,8 @@ def command(
     With --out also the robot's URDF and a MuJoCo model with the identified inertials, and differences.csv.
     """
     loaded = excite.robot_for_log(robot, logs[0])
-    log = excite.join_logs([excite.load_log(log, loaded) for log in logs])
+    read = [excite.load_log(log, loaded) for log in logs]
+    log = excite.join_logs(read)
     settings = excite.ProblemSettings(cutoff_hz=cutoff_hz)
     lag = excite.estimate_torque_delay(loaded, log, settings) if align else None
     if lag is not None:
@@ -69,6 +78,12 @@ def command(
     if lag is not None:
         document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
         summary += f"\naligned: {lag.summary()}"
+    if sessions:
+        pooled = excite.identify_sessions(loaded, excite.split_sessions(read), problem_settings=settings)
+        document["sessions"] = pooled.to_json()
+        summary += f"\n\n{pooled.summary()}"
+        if out is not None:
+            excite.write_ranges(pooled, out / "ranges.yaml")
     if explain_signals:
         trace = excite.explain_signals(loaded, log, settings)
         summary += f"\n\n{trace.summary()}"

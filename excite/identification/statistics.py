@@ -70,18 +70,20 @@ class BaseStatistics:
 
 
 @one_blas_thread
-def base_statistics(rows: Regression) -> BaseStatistics:
+def base_statistics(rows: Regression, base: BaseParameters | None = None) -> BaseStatistics:
     """Least squares on the base parameters of weighted rows, with the covariance of correlated noise.
 
     Args:
         rows: the rows, weighted as the estimate to be judged was.
+        base: base parameters to use, all of which the rows must determine; None takes the rows' own.
 
     Raises:
         InputError: the rows are zero or not finite.
     """
     problem = rows.problem
     n = problem.n_params
-    base = base_parameters(rows.factor[:, :n], parameter_labels(problem), RANK_TOLERANCE)
+    if base is None:
+        base = base_parameters(rows.factor[:, :n], parameter_labels(problem), RANK_TOLERANCE)
     columns = base.independent
     r = triangle(rows.factor[:, [*columns, n]])
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]

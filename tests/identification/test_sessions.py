@@ -1,0 +1,106 @@
+"""Logs of several days: what differs between them, and ranges that the next day stays in."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from excite.errors import LogError
+from excite.identification.sessions import identify_sessions, split_sessions, write_ranges
+from excite.identification.settings import ProblemSettings
+from excite.robot.loading import load_robot
+from tests.identification.practice_log import arm_log
+
+DAYS = ("monday", "tuesday", "wednesday")
+SETTINGS = ProblemSettings(cutoff_hz=5.0)
+
+
+@pytest.fixture(scope="module")
+def ur10():
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def varied(ur10):
+    """Bodies change by 10 % from day to day."""
+    log = arm_log(ur10, 1, trials=6, sessions=DAYS, change=0.1)
+    return identify_sessions(ur10, split_sessions([log]), problem_settings=SETTINGS)
+
+
+def test_what_changes_between_days_is_seen(ur10, varied):
+    steady_log = arm_log(ur10, 1, trials=6, sessions=DAYS, change=0.0)
+    steady = identify_sessions(ur10, split_sessions([steady_log]), problem_settings=SETTINGS)
+    assert varied.names == steady.names == DAYS
+    # Those that a change of 10 % moves by far more than a session's noise.
+    inertial = varied.base.independent < len(ur10.nominal_parameters)
+    clear = inertial & (0.1 * np.abs(varied.pooled.mean) > 5.0 * varied.std.max(axis=0))
+    assert clear.sum() > 5
+    assert np.mean(varied.pooled.inconsistency[clear] > 0.5) > 0.8
+    assert np.mean(steady.pooled.inconsistency > 0.5) < 0.3
+    width = [np.diff(item.pooled.next_interval, axis=0)[0] for item in (varied, steady)]
+    assert np.median(width[0][clear] / width[1][clear]) > 3.0
+
+
+def test_ranges_hold_a_day_that_was_not_seen(ur10, varied):
+    """Another seed of the same spread: its true base parameters lie inside as often as promised or more."""
+    rng = np.random.default_rng(11)
+    nominal = ur10.nominal_parameters
+    # The mean of the days is that of the log's own seed.
+    truth = nominal * np.repeat(np.random.default_rng(1).uniform(0.9, 1.1, len(nominal) // 10), 10)
+    low, high = varied.pooled.next_interval
+    inertial = varied.base.independent < len(nominal)
+    inside = []
+    for _ in range(40):
+        day = truth * np.repeat(1.0 + 0.1 * rng.standard_normal(len(nominal) // 10), 10)
+        values = varied.base.matrix[:, : len(nominal)] @ day
+        inside.append(((low < values) & (values < high))[inertial])
+    assert np.mean(inside) > 0.9
+
+
+def test_ranges_are_written_for_simulators(ur10, varied, tmp_path):
+    for name in ("ranges.yaml", "ranges.json"):
+        text = write_ranges(varied, tmp_path / name).read_text()
+        document = yaml.safe_load(text) if name.endswith("yaml") else json.loads(text)
+        assert document["schema"] == "excite.ranges/1"
+        assert set(document["links"]) == {segment.link for segment in ur10.segments}
+        for quantities in document["links"].values():
+            assert quantities["mass"]["low"] > 0.0 and quantities["inertia_xx"]["low"] > 0.0
+            assert len(quantities) == 10
+            for item in quantities.values():
+                assert item["low"] <= item["value"] <= item["high"]
+        friction = document["joints"][ur10.joint_names[0]]["viscous"]
+        assert friction["low"] < friction["value"] < friction["high"]
+        assert len(document["base_parameters"]) == varied.base.rank
+
+
+def test_document_for_scripts(varied):
+    document = json.loads(json.dumps(varied.to_json()))
+    assert document["names"] == list(DAYS)
+    first = document["parameters"][0]
+    assert first["low"] <= first["mean_low"] <= first["mean_high"] <= first["high"]
+    assert set(first["by_session"]) == set(DAYS)
+    assert "sessions differ by" in varied.summary()
+
+
+def test_each_log_is_a_session_unless_it_names_some(ur10):
+    logs = [arm_log(ur10, seed, trials=2) for seed in (0, 1)]
+    assert list(split_sessions(logs)) == ["log_1", "log_2"]
+    named = arm_log(ur10, 0, trials=4, sessions=("a", "b"))
+    assert list(split_sessions([named])) == ["a", "b"]
+    with pytest.raises(LogError, match="one session"):
+        split_sessions(logs[:1])
+
+
+def test_a_session_that_shows_too_little_is_named(ur10):
+    log = arm_log(ur10, 1, trials=4, sessions=("rich", "poor"))
+    still = np.zeros(ur10.n_joints)
+    still[0] = 1.0
+    trials = tuple(
+        replace(t, q=t.q[:1] + (t.q - t.q[:1]) * still) if t.session == "poor" else t for t in log.trials
+    )
+    with pytest.raises(LogError, match="poor"):
+        identify_sessions(ur10, split_sessions([replace(log, trials=trials)]), problem_settings=SETTINGS)
