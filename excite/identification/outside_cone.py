@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
 from excite.robot.robot import Array
@@ -58,7 +59,7 @@ def outside_cone(parameters: Array, names: tuple[str, ...], skipped: tuple[int, 
     positive = known & (principal[:, 0] > 0.0)
     triangle = ~(principal[:, 0] + principal[:, 1] >= principal[:, 2] * (1.0 - _ROUNDING))
 
-    def named(mask: Array) -> tuple[str, ...]:
+    def named(mask: NDArray[np.bool_]) -> tuple[str, ...]:
         return tuple(names[k] for k, flag in zip(kept, mask, strict=True) if flag)
 
     return OutsideCone(

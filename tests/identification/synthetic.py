@@ -133,3 +133,30 @@ def arm_rows(robot: Robot, rng: np.random.Generator, time: np.ndarray) -> np.nda
     size = 0.45 * (robot.limits.position_upper - robot.limits.position_lower)
     x, v, a = smooth(rng, time, size)
     return joint_torque_regressor(robot.model, middle + x, v, a)
+
+
+def arm_problem(
+    robot: Robot,
+    *,
+    seed: int,
+    trials: int = 1,
+    duration: float = 4.0,
+    rate: float = 100.0,
+    noise: float = 0.05,
+    error: float = 0.1,
+) -> IdentificationProblem:
+    """Joint torque rows of an arm whose bodies are uniformly heavier than the model, each by its own share."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, 1.0 / rate)
+    n_joints = len(robot.joint_names)
+    share = 1.0 + error * rng.standard_normal(len(robot.segments))
+    true = robot.nominal_parameters * np.repeat(share, 10)
+    sigma = noise * rng.uniform(0.5, 2.0, n_joints)
+    rows, measured = [], []
+    for _ in range(trials):
+        y = arm_rows(robot, rng, time)
+        f = y @ true + sigma * rng.standard_normal((len(time), n_joints))
+        rows.append(y.reshape(-1, y.shape[2]))
+        measured.append(f.ravel())
+    names = tuple(f"{segment.link}.{name}" for segment in robot.segments for name in NAMES)
+    return assemble(robot, rows, measured, robot.joint_names, sigma, time, names)

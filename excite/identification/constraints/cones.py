@@ -81,8 +81,8 @@ class Cones:
     def margin(self, values: Array) -> Array:
         """How far each block is inside, negative outside, ``(n_blocks,)``: least eigenvalue."""
         if self.order:
-            return np.linalg.eigvalsh(triangle_of(self.order).matrices(values))[:, 0]
-        return values[:, 0] - np.linalg.norm(values[:, 1:], axis=1)
+            return np.asarray(np.linalg.eigvalsh(triangle_of(self.order).matrices(values))[:, 0], dtype=float)
+        return np.asarray(values[:, 0] - np.linalg.norm(values[:, 1:], axis=1), dtype=float)
 
     def projected(self, values: Array) -> Array:
         """Nearest points of the cone, ``(n_blocks, size)``."""

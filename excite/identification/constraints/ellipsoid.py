@@ -99,7 +99,7 @@ def _shape(q: Array, link: str) -> tuple[Array, Array]:
             field=f"ellipsoid of {link}",
             remedy="give [x; 1]ᵀ Q [x; 1] ≥ 0",
         )
-    return (vectors * np.sqrt(eigen / size)) @ vectors.T, center
+    return (vectors * np.sqrt(eigen / size)) @ vectors.T, np.asarray(center, dtype=float)
 
 
 def mass_in_ellipsoids(problem: IdentificationProblem, ellipsoids: Array) -> LinearConstraints:

@@ -20,6 +20,7 @@ from excite.robot.robot import Array
 _CUTS_PER_SEGMENT = 3
 # Vectors of one segment's cuts in one round are at least so different (cosine).
 _SPREAD = 0.98
+_CANDIDATES = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +70,8 @@ class SphereRows:
         for index in range(len(values)):
             if index in self.problem.unmeasured or values[index].min() >= self.epsilon - tolerance:
                 continue
-            order = np.argsort(values[index], kind="stable")
-            order = order[values[index, order] < self.epsilon - tolerance][:64]
+            order = np.flatnonzero(values[index] < self.epsilon - tolerance)
+            order = order[np.argsort(values[index, order], kind="stable")][:_CANDIDATES]
             chosen += [(index, k) for k in self._spread(order, _SPREAD, _CUTS_PER_SEGMENT)]
         return self.rows(chosen)
 

@@ -84,6 +84,8 @@ def interior_point(problem: ConicProblem, tolerance: float = _TOLERANCE) -> Coni
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
+    # Rows and blocks have unit length already; another scaling makes multipliers of redundant rows diverge.
+    settings.equilibrate_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     weights = np.ones(n) if problem.weights is None else problem.weights
     solver = clarabel.DefaultSolver(

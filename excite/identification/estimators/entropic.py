@@ -26,7 +26,8 @@ from excite.identification.regression import Regression
 from excite.robot.robot import Array
 
 _STEPS = 80
-_BACK = 0.99
+_BACK = 0.97
+_SHORT = 0.2
 _SMALLEST = 1e-13
 _FEASIBLE = 1e-7
 
@@ -113,7 +114,7 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
     big = np.maximum(problem.weights, 1.0)[:, None, None] * np.eye(4)
     point = _Point(z, s, 1.0 / s, np.zeros(e), big)
     size = max(1.0, float(np.linalg.norm(problem.target)))
-    missed = np.inf
+    missed, length = np.inf, 1.0
     for _ in range(_STEPS):
         system = _System.at(problem, point)
         if system is None:
@@ -128,9 +129,14 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
         level = max(mu, float((after_x - problem.weights).max(initial=0.0)))
         guess = system.step(np.zeros(m), problem.weights, None)
         alpha = min(1.0, _longest(point, system, guess))
-        center = max((1.0 - alpha) ** 3, 1e-4) * level
-        step = system.step(np.full(m, center), np.maximum(problem.weights, center), guess)
-        point = point.moved(step, min(1.0, _BACK * _longest(point, system, step)))
+        if length > _SHORT:
+            center, corrected = max((1.0 - alpha) ** 3, 1e-4) * level, guess
+        else:
+            # Close to the boundary: back to the middle, without a correction that was meant for a long step.
+            center, corrected = 0.5 * level, None
+        step = system.step(np.full(m, center), np.maximum(problem.weights, center), corrected)
+        length = min(1.0, _BACK * _longest(point, system, step))
+        point = point.moved(step, length)
     if not missed < _FEASIBLE:
         return None
     return EntropicAnswer(point.z, np.concatenate([point.nu, point.dual]))
@@ -156,7 +162,7 @@ class _System:
         e = linear.n_equal
         equal, rows = linear.matrix[:e], linear.matrix[e:]
         x = problem.relative(point.z)
-        inverse = np.linalg.inv(x)
+        inverse = np.asarray(np.linalg.inv(x), dtype=float)
         pull = shape.vectors(problem.weights[:, None, None] * (2.0 * np.eye(4) - x) - point.big)
         slope = point.z - problem.target + np.tensordot(pull, problem.maps, 2)
         slope -= rows.T @ point.dual + equal.T @ point.nu

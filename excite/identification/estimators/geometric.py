@@ -17,7 +17,7 @@ from excite.identification.problem import IdentificationProblem
 from excite.robot.robot import Array
 
 # A nominal body that cannot exist, or is flat, is given this least eigenvalue of D J D.
-_LEAST = 1e-4
+_LEAST = 1e-6
 
 
 def relative_map(problem: IdentificationProblem) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import SolveStatus
@@ -24,6 +25,8 @@ from excite.identification.estimators.semi_projection import (
 )
 from excite.identification.orthogonal import row_space
 from excite.robot.robot import Array
+
+Mask = NDArray[np.bool_]
 
 # Rows have unit length on the scaled parameters: a violation is a share of a parameter's spread.
 _FEASIBLE = 1e-8
@@ -189,7 +192,7 @@ def _finite(answer: ProjectionAnswer) -> bool:
     return bool(np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all())
 
 
-def _keep(state: _State, level: Level, rows: LinearConstraints, pinned: Array) -> None:
+def _keep(state: _State, level: Level, rows: LinearConstraints, pinned: Mask) -> None:
     """Keep what the present point reaches: pinned rows as equalities, the others as they are or better."""
     if level.family is not None:
         state.families.append(level.family)
@@ -197,7 +200,7 @@ def _keep(state: _State, level: Level, rows: LinearConstraints, pinned: Array) -
     state.add(_take(rows, ~pinned))
 
 
-def _take(rows: LinearConstraints, mask: Array) -> LinearConstraints:
+def _take(rows: LinearConstraints, mask: Mask) -> LinearConstraints:
     labels = tuple(label for label, keep in zip(rows.labels, mask, strict=True) if keep)
     return LinearConstraints(rows.matrix[mask], rows.bound[mask], labels)
 

@@ -1,0 +1,138 @@
+"""Estimators agree to 1e-8 where theory says that they do, whatever way each of them takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from excite.identification.constraints.com_box import equivalent_boxes
+from excite.identification.constraints.ellipsoid import ellipsoid_matrix
+from excite.identification.estimators.cls1 import BoundedNearBase
+from excite.identification.estimators.cls2 import PhysicallyFeasible
+from excite.identification.estimators.cls3 import DensityRealisable
+from excite.identification.estimators.hqp import HierarchicalProgram
+from excite.identification.estimators.lmi import PhysicallyConsistent
+from excite.identification.estimators.ls import LeastSquares
+from excite.identification.estimators.map import MaximumAPosteriori
+from excite.identification.estimators.qp import QuadraticProgram
+from excite.identification.estimators.robust import Huber
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.wls import WeightedLeastSquares
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import prior_std
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import arm_problem
+
+AGREE = 1e-8
+
+
+@pytest.fixture(scope="module", params=[0, 1, 2])
+def problem(request) -> IdentificationProblem:
+    """An arm whose bodies differ from the model by a tenth, in three random motions."""
+    return arm_problem(load_robot("panda"), seed=request.param)
+
+
+def no_levels(rows, settings, scaled):
+    """A hierarchy of the fit and the nearest point alone."""
+    return ()
+
+
+def in_spreads(problem: IdentificationProblem, settings: EstimatorSettings, difference: np.ndarray) -> float:
+    """Largest difference in units of the spreads."""
+    return float(np.abs(difference / prior_std(problem, settings.spreads(problem.robot))).max())
+
+
+class TestLeastSquares:
+    def test_ls_is_wls_with_unit_weights(self, problem):
+        unit = replace(problem, weights=np.ones(problem.n_rows))
+        settings = EstimatorSettings(ls_reference="nominal", weight_iterations=0)
+        a = LeastSquares().estimate(unit, settings).parameters
+        b = WeightedLeastSquares().estimate(unit, settings).parameters
+        assert in_spreads(problem, settings, a - b) < AGREE
+
+    def test_both_norms_fit_alike(self, problem):
+        zero = LeastSquares().estimate(problem, EstimatorSettings())
+        nominal = LeastSquares().estimate(problem, EstimatorSettings(ls_reference="nominal"))
+        assert zero.residual == pytest.approx(nominal.residual, rel=1e-9)
+        assert np.linalg.norm(zero.parameters) < np.linalg.norm(nominal.parameters)
+
+    def test_robust_without_outliers_beyond_its_bound_is_ls(self, problem):
+        """With a bound that no residual reaches, Huber's objective is the sum of squares (one channel)."""
+        single = replace(
+            problem,
+            channel=np.zeros(problem.n_rows, dtype=np.int64),
+            channel_names=("all",),
+            channel_units=("N·m",),
+            weights=np.ones(problem.n_rows),
+            # One channel holds one row at each instant.
+            time=np.arange(problem.n_rows) * 0.01,
+            trial=np.zeros(problem.n_rows, dtype=np.int64),
+        )
+        settings = EstimatorSettings(huber=100.0, ls_reference="nominal")
+        a = Huber().estimate(single, settings).parameters
+        b = LeastSquares().estimate(single, settings).parameters
+        assert in_spreads(problem, settings, a - b) < 1e-6
+
+    def test_hqp_without_constraint_levels_is_the_least_squares_solution_nearest_to_nominal(self, problem):
+        settings = EstimatorSettings()
+        found = HierarchicalProgram(levels=no_levels).estimate(problem, settings)
+        scales = prior_std(problem, settings.spreads(problem.robot))
+        weights = 1.0 / found.regression.std[problem.channel]
+        inverse = np.linalg.pinv(problem.Y * weights[:, None] * scales, rcond=1e-8)
+        expected = problem.prior + scales * (inverse @ (problem.residual(problem.prior) * weights))
+        assert in_spreads(problem, settings, found.parameters - expected) < AGREE
+
+    def test_cls1_with_bounds_that_do_not_bind_is_wls(self, problem):
+        limits = np.full((2, problem.n_params), np.inf) * np.array([[-1.0], [1.0]])
+        settings = EstimatorSettings(parameter_bounds=limits)
+        a = BoundedNearBase().estimate(problem, settings).parameters
+        b = WeightedLeastSquares().estimate(problem, settings).parameters
+        assert in_spreads(problem, settings, a - b) < AGREE
+
+
+class TestConstrained:
+    @pytest.mark.parametrize("seed", [0, 1])
+    def test_all_are_ridge_regression_where_nothing_binds(self, seed):
+        """The model is right and the noise small: all stay near the model, where every constraint holds by far."""
+        problem = arm_problem(load_robot("panda"), seed=seed, error=0.0, noise=1e-3)
+        wide = equivalent_boxes(problem.robot, growth=40.0)
+        settings = EstimatorSettings(prior_spread=0.01, inertia_floor=0.0, com_boxes=wide, bound_width=1e3)
+        expected = MaximumAPosteriori().estimate(problem, settings).parameters
+        for estimator in (
+            QuadraticProgram(),
+            PhysicallyConsistent(),
+            DensityRealisable(),
+            PhysicallyFeasible(),
+        ):
+            found = estimator.estimate(problem, settings)
+            assert in_spreads(problem, settings, found.parameters - expected) < AGREE, found.method
+
+    def test_cls3_is_lmi_when_ellipsoids_and_boxes_do_not_bind(self, problem):
+        n = len(problem.robot.segments)
+        huge = ellipsoid_matrix(np.zeros((n, 3)), np.full((n, 3), 50.0))
+        boxes = np.tile(np.array([[-40.0] * 3, [40.0] * 3]), (n, 1, 1))
+        settings = EstimatorSettings(
+            com_boxes=boxes, com_ellipsoids=huge, body_ellipsoids=huge, alpha=0.1, inertia_floor=0.01
+        )
+        a = DensityRealisable().estimate(problem, settings)
+        b = PhysicallyConsistent().estimate(problem, settings)
+        free = MaximumAPosteriori().estimate(problem, settings)
+        # The cones do bind: otherwise this would only repeat the test above.
+        assert in_spreads(problem, settings, b.parameters - free.parameters) > 1e-3
+        assert in_spreads(problem, settings, a.parameters - b.parameters) < AGREE
+
+    def test_pullback_and_entropic_agree_to_second_order(self):
+        """Near the model the divergence is its own second order: what parts the two falls faster than the step."""
+        differences = []
+        for error in (2e-2, 2e-3):
+            problem = arm_problem(load_robot("panda"), seed=0, error=error, noise=1e-6)
+            found = [
+                PhysicallyConsistent().estimate(problem, EstimatorSettings(regulariser=name, alpha=1e-3))
+                for name in ("pullback", "entropic")
+            ]
+            changes = [item.parameters - problem.prior for item in found]
+            differences.append(np.linalg.norm(changes[0] - changes[1]) / np.linalg.norm(changes[0]))
+        assert differences[0] < 0.05
+        assert differences[1] < 0.3 * differences[0]

@@ -1,0 +1,273 @@
+"""Cone programs: projections, derivatives, refinement, certificates, and solvers that lie."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, NoSolutionError
+from excite.identification.consistency import check_consistency
+from excite.identification.constraints.com_box import equivalent_boxes
+from excite.identification.constraints.cones import Cones, triangle_of
+from excite.identification.constraints.ellipsoid import body_ellipsoids, com_ellipsoids
+from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.cls2 import PhysicallyFeasible
+from excite.identification.estimators.cls3 import DensityRealisable
+from excite.identification.estimators.conic import (
+    ConicAnswer,
+    ConicProblem,
+    conic_distance,
+    interior_point,
+    refined,
+)
+from excite.identification.estimators.entropic import EntropicAnswer, EntropicProblem, newton
+from excite.identification.estimators.geometric import entropic_divergence, pullback_metric
+from excite.identification.estimators.lmi import PhysicallyConsistent
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
+from excite.identification.problem import IdentificationProblem
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import arm_problem, segment_index, wrench_problem
+
+CONIC = (PhysicallyConsistent, DensityRealisable, PhysicallyFeasible)
+# A weak pull lets noise push bodies out of what can exist, so that the cones bind.
+WEAK = EstimatorSettings(alpha=1e-2, inertia_floor=0.0)
+
+
+@pytest.fixture(scope="module")
+def problem() -> IdentificationProblem:
+    return arm_problem(load_robot("panda"), seed=5, duration=2.0, noise=0.3)
+
+
+def cones_of(order: int, values: np.ndarray) -> Cones:
+    return Cones(order, np.zeros((*values.shape, 1)), values, ("block",) * len(values))
+
+
+class TestCones:
+    @pytest.mark.parametrize("order", [0, 3, 4])
+    def test_projection_is_the_nearest_point(self, order):
+        """Moreau: value = Π(value) − Π(−value), and the two are orthogonal (the cones are self-dual)."""
+        size = triangle_of(order).size if order else 4
+        values = np.random.default_rng(order).normal(size=(50, size))
+        cones = cones_of(order, values)
+        inside, opposite = cones.projected(values), cones.projected(-values)
+        np.testing.assert_allclose(inside - opposite, values, atol=1e-12)
+        np.testing.assert_allclose((inside * opposite).sum(axis=1), 0.0, atol=1e-12)
+        assert cones.margin(inside).min() > -1e-12
+
+    @pytest.mark.parametrize("order", [0, 3, 6])
+    def test_derivative_is_that_of_the_projection(self, order):
+        size = triangle_of(order).size if order else 4
+        rng = np.random.default_rng(order)
+        values, change = rng.normal(size=(20, size)), rng.normal(size=(20, size))
+        cones = cones_of(order, values)
+        step = 1e-6
+        finite = (cones.projected(values + step * change) - cones.projected(values - step * change)) / (
+            2 * step
+        )
+        np.testing.assert_allclose(
+            np.einsum("bij,bj->bi", cones.derivative(values), change), finite, atol=1e-6
+        )
+
+    def test_vectors_keep_scalar_products(self):
+        rng = np.random.default_rng(0)
+        a, b = rng.normal(size=(2, 5, 5))
+        a, b = a + a.T, b + b.T
+        shape = triangle_of(5)
+        assert shape.vectors(a) @ shape.vectors(b) == pytest.approx(np.trace(a @ b))
+        np.testing.assert_allclose(shape.matrices(shape.vectors(a)), a)
+
+
+def test_refinement_reaches_rounding():
+    """The matrix nearest to a given one among positive semidefinite ones has a closed form."""
+    rng = np.random.default_rng(1)
+    shape = triangle_of(4)
+    given = rng.normal(size=(4, 4))
+    given = given + given.T
+    target = shape.vectors(given)
+    cones = Cones(4, np.eye(10)[None], np.zeros((1, 10)), ("block",))
+    nothing = no_rows(10)
+    problem = ConicProblem(target, nothing, (cones,))
+    rough = interior_point(problem, 1e-3)
+    exact = cones.projected(target[None])[0]
+    better = refined(problem, rough)
+    assert np.abs(better.z - exact).max() < 1e-12 < np.abs(rough.z - exact).max()
+    assert conic_distance(problem, rough) >= np.linalg.norm(rough.z - exact)
+
+
+def no_rows(n: int) -> LinearConstraints:
+    return LinearConstraints(np.zeros((0, n)), np.zeros(0), ())
+
+
+class TestGuarantees:
+    @pytest.mark.parametrize("kind", CONIC)
+    def test_hold_when_recomputed_and_the_cones_bind(self, kind, problem):
+        found = kind().estimate(problem, WEAK)
+        parameters = found.parameters
+        assert (parameters[::10] >= -1e-9).all()
+        assert np.linalg.eigvalsh(central_inertia_matrices(parameters)).min() > -1e-9
+        least = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))[:, 0]
+        if kind.consistent:
+            assert least.min() >= -1e-9
+            assert least.min() < 1e-6, "nothing binds: the test shows nothing"
+        else:
+            assert least.min() < -1e-4, "cls2 does not promise the triangle inequality; here it breaks"
+
+    def test_cls3_centres_and_masses_lie_in_their_ellipsoids(self, problem):
+        """Eq. (6) of Golluccio et al. 2020, and tr(J Q) ≥ 0, from the parameters."""
+        boxes = equivalent_boxes(problem.robot, growth=0.05)
+        settings = replace(WEAK, com_boxes=boxes)
+        parameters = DensityRealisable().estimate(problem, settings).parameters
+        pseudo = pseudo_inertia_matrices(parameters)
+        bodies = body_ellipsoids(problem.prior, boxes)
+        assert np.einsum("sij,sij->s", pseudo, bodies).min() > -1e-6
+        ten = parameters.reshape(-1, 10)
+        point = np.column_stack([ten[:, 1:4], ten[:, 0]])
+        value = np.einsum("si,sij,sj->s", point, com_ellipsoids(problem.prior, boxes), point)
+        assert (value > -1e-6 * ten[:, 0] ** 2).all()
+        assert value.min() < 1e-4, "no ellipsoid binds"
+
+    def test_cls2_bounds_hold(self, problem):
+        settings = replace(WEAK, bound_width=0.2)
+        ten = PhysicallyFeasible().estimate(problem, settings).parameters.reshape(-1, 10)
+        nominal = problem.prior.reshape(-1, 10)[:, 0]
+        assert (np.abs(ten[:, 0] - nominal) <= 0.2 * 0.5 * nominal + 1e-6).all()
+
+    def test_matrix_that_is_no_ellipsoid_is_refused_by_its_link(self, problem):
+        wrong = com_ellipsoids(problem.prior, equivalent_boxes(problem.robot))
+        wrong[2] = np.eye(4)
+        with pytest.raises(InputError, match=r"panda_link3|link3"):
+            DensityRealisable().estimate(problem, EstimatorSettings(com_ellipsoids=wrong))
+
+
+def test_nominal_bodies_fit_into_their_ellipsoids(g1):
+    """However small the boxes are."""
+    nominal = g1.nominal_parameters
+    boxes = equivalent_boxes(g1, growth=0.1)
+    pseudo = pseudo_inertia_matrices(nominal)
+    assert (np.einsum("sij,sij->s", pseudo, body_ellipsoids(nominal, boxes)) > 0.0).all()
+    ten = nominal.reshape(-1, 10)
+    point = np.column_stack([ten[:, 1:4] / ten[:, :1], np.ones(len(ten))])
+    assert (np.einsum("si,sij,sj->s", point, com_ellipsoids(nominal, boxes), point) > 0.0).all()
+
+
+class TestLyingSolvers:
+    """The answer is right or refused; refinement may turn a bad answer into the right one."""
+
+    @pytest.mark.parametrize("kind", CONIC)
+    @pytest.mark.parametrize("lie", ["ignores", "far", "nan", "infeasible"])
+    def test_is_caught(self, kind, lie, problem):
+        honest = kind().estimate(problem, WEAK)
+
+        def liar(conic: ConicProblem) -> ConicAnswer:
+            true = interior_point(conic)
+            if lie == "ignores":
+                return ConicAnswer(conic.target.copy(), np.zeros_like(true.multipliers))
+            if lie == "far":
+                return ConicAnswer(true.z + 10.0, 3.0 * np.abs(true.multipliers) + 1.0)
+            if lie == "nan":
+                return ConicAnswer(np.full_like(true.z, np.nan), true.multipliers)
+            return ConicAnswer(true.z, true.multipliers, infeasible=True)
+
+        try:
+            found = kind(liar).estimate(problem, WEAK)
+        except NoSolutionError as error:
+            assert (error.exit_code == 3 and np.isfinite(error.best.residual)) or lie == "nan"
+            assert error.best.status is not SolveStatus.SOLVED or lie == "infeasible"
+            return
+        assert lie in ("ignores", "far")
+        np.testing.assert_allclose(found.parameters, honest.parameters, atol=1e-5)
+
+    @pytest.mark.parametrize("lie", ["nominal", "ignores", "nan"])
+    def test_entropic_is_caught(self, lie, problem):
+        def liar(entropic: EntropicProblem) -> EntropicAnswer:
+            true = newton(entropic)
+            if lie == "nominal":
+                return EntropicAnswer(np.zeros_like(true.z), np.zeros_like(true.multipliers))
+            if lie == "ignores":
+                return EntropicAnswer(entropic.target.copy(), true.multipliers)
+            return EntropicAnswer(np.full_like(true.z, np.nan), true.multipliers)
+
+        with pytest.raises(NoSolutionError):
+            PhysicallyConsistent(entropic=liar).estimate(problem, replace(WEAK, regulariser="entropic"))
+
+
+@pytest.mark.parametrize("kind", [PhysicallyConsistent, DensityRealisable])
+@pytest.mark.parametrize("regulariser", ["euclidean", "entropic"])
+def test_contradiction_is_reported(kind, regulariser, g1):
+    """A total mass below that of the feet, which stay nominal."""
+    feet = tuple(segment_index(g1, link) for link in ("left_ankle_roll_link", "right_ankle_roll_link"))
+    standing = wrench_problem(g1, g1.nominal_parameters, seed=0, trials=1, duration=4.0, unmeasured=feet)
+    settings = EstimatorSettings(total_mass=0.5, regulariser=regulariser)
+    with pytest.raises(NoSolutionError, match="infeasible") as caught:
+        kind().estimate(standing, settings)
+    assert np.isfinite(caught.value.best.parameters).all()
+
+
+class TestGeometricDistances:
+    def test_do_not_depend_on_frame_or_units(self):
+        """d(T P Tᵀ ‖ T P₀ Tᵀ) = d(P ‖ P₀): the point of Lee, Wensing and Park 2020."""
+        panda = load_robot("panda")
+        nominal = panda.nominal_parameters
+        changed = nominal * np.repeat(np.linspace(0.5, 2.0, len(nominal) // 10), 10)
+        # Millimetres instead of metres: first moments times 10³, inertias times 10⁶.
+        units = np.tile(np.array([1.0] + [1e3] * 3 + [1e6] * 6), len(nominal) // 10)
+        plain = entropic_divergence(changed, nominal)
+        np.testing.assert_allclose(
+            entropic_divergence(changed * units, nominal * units), plain, rtol=1e-6, atol=1e-9
+        )
+        share = np.linspace(0.5, 2.0, len(nominal) // 10)
+        np.testing.assert_allclose(plain, 4.0 * (share - np.log(share) - 1.0), atol=1e-8)
+
+    def test_body_that_cannot_exist_is_infinitely_far(self):
+        nominal = load_robot("panda").nominal_parameters
+        wrong = nominal.copy()
+        wrong[0] *= -1.0
+        assert entropic_divergence(wrong, nominal)[0] == np.inf
+
+    def test_pullback_is_its_trace(self, problem):
+        """‖B (θ − θ₀)/s‖² = tr((P₀⁻¹ΔP)²)/(4σ²), with the trace taken directly."""
+        n = len(problem.robot.segments)
+        spreads, scales = np.linspace(0.2, 1.0, n), np.full(problem.n_params, 2.0)
+        change = 0.01 * np.random.default_rng(0).normal(size=problem.n_params) * np.abs(problem.prior)
+        metric = pullback_metric(problem, spreads, scales)
+        nominal = pseudo_inertia_matrices(problem.prior)
+        ratio = np.linalg.solve(nominal, pseudo_inertia_matrices(change))
+        expected = (np.einsum("sij,sji->s", ratio, ratio) / (4.0 * spreads**2)).sum()
+        assert np.sum((metric @ (change / scales)) ** 2) == pytest.approx(expected, rel=1e-6)
+
+    def test_entropic_gradient_and_hessian(self):
+        rng = np.random.default_rng(0)
+        n, k = 12, 3
+        maps = 0.05 * rng.normal(size=(k, 10, n))
+        linear = no_rows(n)
+        entropic = EntropicProblem(rng.normal(size=n), maps, np.array([0.1, 1.0, 10.0]), linear)
+
+        def value(z):
+            x = entropic.relative(z)
+            trace = np.trace(x, axis1=1, axis2=2)
+            square = ((x - np.eye(4)) ** 2).sum(axis=(1, 2))
+            g = -np.linalg.slogdet(x)[1] + trace - 0.5 * square
+            return 0.5 * np.sum((z - entropic.target) ** 2) + entropic.weights @ g
+
+        z, step = 0.3 * rng.normal(size=n), 1e-5
+        slopes = [(value(z + step * e) - value(z - step * e)) / (2 * step) for e in np.eye(n)]
+        np.testing.assert_allclose(entropic.gradient(z), slopes, atol=1e-7)
+        curves = [
+            (entropic.gradient(z + step * e) - entropic.gradient(z - step * e)) / (2 * step)
+            for e in np.eye(n)
+        ]
+        np.testing.assert_allclose(entropic.hessian(z), curves, atol=1e-6)
+        found = newton(entropic)
+        assert np.abs(entropic.gradient(found.z)).max() < 1e-9
+
+    @pytest.mark.parametrize("regulariser", ["pullback", "entropic"])
+    @pytest.mark.parametrize("alpha", [1e-4, 1.0, 1e3])
+    def test_bodies_can_exist_whatever_the_weight(self, regulariser, alpha, problem):
+        settings = EstimatorSettings(regulariser=regulariser, alpha=alpha)
+        found = PhysicallyConsistent().estimate(problem, settings)
+        names = tuple(segment.link for segment in problem.robot.segments)
+        assert check_consistency(found.parameters, names).pseudo_inertia_min_eigenvalue >= -1e-9

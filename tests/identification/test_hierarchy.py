@@ -1,0 +1,164 @@
+"""The lexicographic optimum against a chain of generic programs, and solvers that lie to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.estimators.active_set import ActiveSetProjector
+from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.hierarchy import Level, solve_hierarchy
+from excite.identification.estimators.projection import ProjectionAnswer, project
+from excite.identification.orthogonal import row_space
+
+N = 6
+
+
+def random_rows(rng: np.random.Generator, n_rows: int, shift: float, n_equal: int = 0) -> LinearConstraints:
+    """Rows of unit length that lie ``shift`` from the origin."""
+    matrix = rng.normal(size=(n_rows, N))
+    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
+    return LinearConstraints(matrix, shift + 0.3 * rng.normal(size=n_rows), ("row",) * n_rows, n_equal)
+
+
+def generic(objective, gradient, start, constraints) -> np.ndarray:
+    """An optimum by sequential quadratic programming, which shares no code with what is tested."""
+    done = minimize(
+        objective,
+        start,
+        jac=gradient,
+        constraints=constraints,
+        method="SLSQP",
+        options={"maxiter": 500, "ftol": 1e-14},
+    )
+    return done.x
+
+
+def chain(first, second, matrix, measured):
+    """Slack norms of two levels and the residual norm of a fit, level by level with slacks held."""
+    held, slacks, x = [], [], np.zeros(N)
+    for rows in (first, second):
+        m = len(rows.bound)
+
+        def kept(v, held=tuple(held)):
+            return np.concatenate([part(v[:N]) for part in held]) if held else np.zeros(1)
+
+        def own(v, rows=rows):
+            return rows.matrix @ v[:N] + v[N:] - rows.bound
+
+        start = np.concatenate([x, np.maximum(rows.bound - rows.matrix @ x, 0.0)])
+        v = generic(
+            lambda v: 0.5 * v[N:] @ v[N:],
+            lambda v: np.concatenate([np.zeros(N), v[N:]]),
+            start,
+            [{"type": "ineq", "fun": own}, {"type": "ineq", "fun": kept}],
+        )
+        x, w = v[:N], np.where(np.abs(v[N:]) < 1e-6, 0.0, v[N:])
+        slacks.append(float(np.linalg.norm(w)))
+        held.append(lambda y, rows=rows, w=w: rows.matrix @ y - rows.bound + w + 1e-9)
+        assert m == len(w)
+    v = generic(
+        lambda y: 0.5 * np.sum((matrix @ y - measured) ** 2),
+        lambda y: matrix.T @ (matrix @ y - measured),
+        x,
+        [{"type": "ineq", "fun": part} for part in held],
+    )
+    return slacks, float(np.linalg.norm(matrix @ v - measured))
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), shift=st.sampled_from([-0.5, 0.2, 1.0]))
+def test_levels_are_met_as_a_generic_chain_of_programs_meets_them(seed, shift):
+    """Eq. (7) of Jovic et al. 2016 on random rows, feasible or not."""
+    rng = np.random.default_rng(seed)
+    first, second = random_rows(rng, 5, shift), random_rows(rng, 8, 0.5 + shift)
+    matrix, measured = rng.normal(size=(3, N)), 3.0 * rng.normal(size=3)
+    found = solve_hierarchy((Level("1", first), Level("2", second)), matrix, measured, ActiveSetProjector())
+    slacks, residual = chain(first, second, matrix, measured)
+    assert found.status is SolveStatus.SOLVED
+    assert found.slacks == pytest.approx(slacks, abs=1e-4)
+    # No level is worse at the final point than at its own optimum.
+    for rows, reached in zip((first, second), found.slacks, strict=True):
+        assert np.linalg.norm(rows.violations(found.x)) <= reached + 1e-7
+    assert np.linalg.norm(matrix @ found.x - measured) <= residual + 1e-4 * (1.0 + residual)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_last_level_is_the_nearest_point(seed):
+    """With one determined direction and no constraints, what is left stays at the reference."""
+    rng = np.random.default_rng(seed)
+    row = rng.normal(size=(1, N))
+    found = solve_hierarchy((), row, np.array([2.0]), project)
+    np.testing.assert_allclose(found.x, 2.0 * row[0] / (row[0] @ row[0]), atol=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), n_equal=st.integers(0, 2))
+def test_active_set_is_quadprog_and_goes_on_from_where_it_stood(seed, n_equal):
+    rng = np.random.default_rng(seed)
+    rows = random_rows(rng, 9, 0.1, n_equal)
+    target = rng.normal(size=N)
+    expected = project(target, rows)
+    mine = ActiveSetProjector()
+    part = LinearConstraints(rows.matrix[:5], rows.bound[:5], rows.labels[:5], n_equal)
+    mine(target, part)
+    found = mine(target, rows)
+    assert (found is None) == (expected is None)
+    if found is not None:
+        np.testing.assert_allclose(found.z, expected.z, atol=1e-9)
+        np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-7)
+
+
+def test_active_set_says_when_there_is_no_point():
+    matrix = np.vstack([np.eye(N)[0], -np.eye(N)[0]])
+    rows = LinearConstraints(matrix, np.array([1.0, 1.0]), ("a", "b"))
+    assert ActiveSetProjector()(np.zeros(N), rows) is None
+
+
+def test_row_space_splits_a_matrix():
+    rng = np.random.default_rng(0)
+    matrix = rng.normal(size=(20, 4)) @ rng.normal(size=(4, 9))
+    space = row_space(matrix)
+    assert space.rank == 4
+    np.testing.assert_allclose(matrix @ space.inverse, space.image, atol=1e-12)
+    np.testing.assert_allclose(matrix @ space.null, 0.0, atol=1e-12)
+    np.testing.assert_allclose(space.image.T @ space.image, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(space.null.T @ space.null, np.eye(5), atol=1e-12)
+    assert row_space(np.zeros((3, 5))).rank == 0
+
+
+class TestLyingProjector:
+    """Whatever a solver says, the answer is right or refused."""
+
+    def problem(self):
+        rng = np.random.default_rng(3)
+        levels = (Level("1", random_rows(rng, 6, 0.4)), Level("2", random_rows(rng, 8, 0.8)))
+        return levels, rng.normal(size=(3, N)), 3.0 * rng.normal(size=3)
+
+    @pytest.mark.parametrize("lie", ["ignores", "far", "nan", "none"])
+    def test_is_caught(self, lie):
+        levels, matrix, measured = self.problem()
+        honest = solve_hierarchy(levels, matrix, measured, project)
+
+        def liar(target, rows):
+            true = project(target, rows)
+            if true is None or lie == "none":
+                return None
+            if lie == "ignores":
+                return ProjectionAnswer(target.copy(), np.zeros(len(rows.bound)))
+            if lie == "far":
+                moved = project(target + 3.0, rows)
+                return ProjectionAnswer(moved.z, true.multipliers)
+            return ProjectionAnswer(np.full_like(true.z, np.nan), true.multipliers)
+
+        found = solve_hierarchy(levels, matrix, measured, liar)
+        if found.status is SolveStatus.SOLVED:
+            np.testing.assert_allclose(matrix @ found.x, matrix @ honest.x, atol=1e-4)
+            assert found.slacks == pytest.approx(honest.slacks, abs=1e-6)
+        else:
+            assert np.isfinite(found.x).all()
