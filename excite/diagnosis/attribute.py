@@ -31,7 +31,9 @@ class Gates:
         validation_again: nats of a further effect on validation trials alone.
         closed_again: share that a further effect removes.
         relative: strength of a further effect against the strongest one, as normalised torque amplitude.
-        same_joint: the same where the joint has an accepted effect already, and for timing.
+        of_rest: share of all normalised power above the floor that a further effect removes: where every joint
+            has a little of something, naming one of them would be arbitrary.
+        same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and for timing.
         most: effects at most.
     """
 
@@ -41,7 +43,8 @@ class Gates:
     evidence_again: float = 80.0
     validation_again: float = 30.0
     closed_again: float = 0.2
-    relative: float = 0.27
+    relative: float = 0.2
+    of_rest: float = 0.25
     same_joint: float = 0.6
     most: int = 3
 
@@ -56,6 +59,7 @@ class Scored:
         validation: nats on validation trials.
         closed: ``(n_joints,)`` share of the validation power above the floor that it removes.
         strength: amplitude that it removes, over channels, normalised by the channels' deviation.
+        of_rest: share of the normalised power above the floor, over all channels, that it removes.
         place: index of the joint that it changes most.
     """
 
@@ -64,6 +68,7 @@ class Scored:
     validation: float
     closed: Array
     strength: float
+    of_rest: float
     place: int
 
     @property
@@ -131,6 +136,7 @@ class Attributor:
     baseline: Baseline
     spectral: Array
     gates: Gates = field(default_factory=Gates)
+    _kept: dict = field(default_factory=dict)
 
     def run(self) -> Attribution:
         """Add effects until none passes."""
@@ -150,7 +156,7 @@ class Attributor:
             best = replace(best, hypothesis=polished(best.hypothesis))
             stages[-1] = Stage(context, ranking, best)
             accepted.append(best)
-            current = extended(best.hypothesis)
+            current = extended(best.hypothesis).reprofiled()
         return Attribution(tuple(stages), before, current.fit, current, self._floor(current.fit), scale)
 
     def _floor(self, fit: Fit) -> Array:
@@ -159,7 +165,7 @@ class Attributor:
         return self.spectral if repeat is None else np.maximum(repeat, 0.5 * self.spectral)
 
     def _rank(self, context: Context, scale: Array) -> tuple[Scored, ...]:
-        search = Search(context, context.baseline.solver)
+        search = Search(context, context.baseline.solver, self._kept)
         found: list[Hypothesis] = []
         for effect in self._offered():
             for location in effect.locations(context):
@@ -192,8 +198,12 @@ class Attributor:
         closed = change / room
         normal = change / scale**2
         strength = float(np.sqrt(max(float(normal[normal > 0.0].sum()), 0.0)))
-        place = int(np.argmax(judge.ratio(before, item.fit).sum(axis=1)))
-        return Scored(item, float(ratio.sum() - price), float(ratio[:, 1].sum()), closed, strength, place)
+        rest = float((np.maximum(old - floor**2, 0.0) / scale**2).sum())
+        of_rest = strength**2 / max(rest, strength**2, 1e-300)
+        place = int(np.argmax(ratio.sum(axis=1)))
+        return Scored(
+            item, float(ratio.sum() - price), float(ratio[:, 1].sum()), closed, strength, of_rest, place
+        )
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
         gates = self.gates
@@ -209,7 +219,9 @@ class Attributor:
         strongest = max(a.strength for a in accepted)
         crowded = timing or item.location in {a.location for a in accepted}
         needed = gates.same_joint if crowded else gates.closed_again
-        return float(item.closed.max()) >= needed and item.strength >= gates.relative * strongest
+        if item.of_rest < gates.of_rest or item.strength < gates.relative * strongest:
+            return False
+        return float(item.closed.max()) >= needed
 
 
 def _price(item: Hypothesis) -> float:
@@ -238,7 +250,9 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
             widths = base.widths.copy()
             widths[j] = WIDTHS[k]
             moved = replace(base, widths=widths, solver=search.solver.with_own(j, own))
-            item = Search(replace(search.context, baseline=moved), moved.solver).refine(best, rounds=1)
+            item = Search(replace(search.context, baseline=moved), moved.solver).refine(
+                best, evaluations=6, step=0.15
+            )
             if item.loss >= best.loss - 1e-3:
                 break
             best, k = item, k + step
@@ -248,13 +262,11 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
 def polished(item: Hypothesis) -> Hypothesis:
     """The same effect with finer non-linear parameters and with predictions at its own fit."""
     original = item.baseline
-    for step in (0.2, 0.1):
-        context = Context(original.updated(item.fit))
-        moved = replace(context.baseline, solver=original.solver)
-        search = Search(Context(moved), original.solver)
-        new = search.refine(item, rounds=3, step=step)
-        if new.loss > item.loss + 1e-3:
-            break
+    for step in (0.15, 0.1, 0.05):
+        moved = replace(original.updated(item.fit), solver=original.solver)
+        new = Search(Context(moved), original.solver).refine(item, evaluations=12, step=step)
+        if new.loss > item.loss - 1e-3:
+            return item if new.loss > item.loss else new
         item = new
     return item
 

@@ -64,6 +64,24 @@ class Baseline:
         total = rigid + np.column_stack(own) + self.added_drive
         return replace(self, phi=phi, rigid=rigid, total=total)
 
+    def reprofiled(self) -> Baseline:
+        """The widths of the sign changes searched anew: an effect that was missing may have bent them."""
+        names, s = own_names(self.modelled), self.samples
+        if "coulomb_friction" not in names:
+            return self
+        use, rest, own, widths = s.identification, self.fit.before_own, [], []
+        for j in range(len(s.joints)):
+            bank = [s.rows(s.split(own_signals(s, names, j, w))) for w in WIDTHS]
+            best = _best_width(rest[j][use], [b[use] for b in bank])
+            own.append(bank[best])
+            widths.append(WIDTHS[best])
+        if widths == list(self.widths):
+            return self
+        solver = Solver(replace(self.solver.equations, own=tuple(own)))
+        fit = solver.fit()
+        moved = replace(self, widths=np.array(widths), solver=solver)
+        return replace(moved.updated(fit), fit=fit)
+
     @property
     def n_joints(self) -> int:
         """Number of joints."""

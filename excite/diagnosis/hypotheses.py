@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import minimize
 
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
@@ -83,14 +84,24 @@ class Search:
     Attributes:
         context: the context.
         solver: the equations.
+        kept: columns of earlier coarse searches: those of a later one hardly differ, its refinement's do.
     """
 
     context: Context
     solver: Solver
+    kept: dict[tuple[str, str, Theta], Columns] = field(default_factory=dict)
 
-    def try_at(self, effect: Effect, location: str, theta: Theta, iterations: int = 6) -> Hypothesis | None:
+    def try_at(
+        self, effect: Effect, location: str, theta: Theta, iterations: int = 6, *, keep: bool = False
+    ) -> Hypothesis | None:
         """One fit; None where its linear parameters are not physical or it is not finite."""
-        columns = at_rows(self.context, effect.shape(self.context, location, theta))
+        key = (effect.name, location, theta)
+        if keep and key in self.kept:
+            columns = self.kept[key]
+        else:
+            columns = at_rows(self.context, effect.shape(self.context, location, theta))
+            if keep:
+                self.kept[key] = columns
         for values in (columns.extra, columns.offset):
             if values is not None and not np.isfinite(values).all():
                 return None
@@ -101,28 +112,42 @@ class Search:
 
     def coarse(self, effect: Effect, location: str) -> Hypothesis | None:
         """The best of the grid."""
-        tried = (self.try_at(effect, location, theta, 3) for theta in effect.grid(self.context, location))
+        tried = (
+            self.try_at(effect, location, theta, 3, keep=True)
+            for theta in effect.grid(self.context, location)
+        )
         found = [item for item in tried if item is not None]
         return min(found, key=lambda item: item.loss, default=None)
 
-    def refine(self, start: Hypothesis, rounds: int = 2, step: float = 0.4) -> Hypothesis:
-        """Coordinate-wise search of the non-linear parameters, on a logarithmic scale, with a shrinking step."""
+    def refine(self, start: Hypothesis, evaluations: int = 14, step: float = 0.25) -> Hypothesis:
+        """Local search of the non-linear parameters on a logarithmic scale (Nelder, Mead 1965).
+
+        Args:
+            start: where from.
+            evaluations: fits at most, for each parameter.
+            step: size of the first simplex, relative.
+
+        Returns:
+            The best found, ``start`` itself where nothing is better.
+        """
         best = self.try_at(start.effect, start.location, start.theta) or start
-        for _ in range(rounds):
-            for k, parameter in enumerate(start.effect.searched):
-                moved = True
-                while moved:
-                    moved = False
-                    for sign in (1.0, -1.0):
-                        theta = list(best.theta)
-                        theta[k] = float(
-                            np.clip(theta[k] * np.exp(sign * step), parameter.low, parameter.high)
-                        )
-                        if theta[k] == best.theta[k]:
-                            continue
-                        item = self.try_at(start.effect, start.location, tuple(theta))
-                        if item is not None and item.loss < best.loss - 1e-5:
-                            best, moved = item, True
-                            break
-            step *= 0.45
+        searched, n = start.effect.searched, len(start.theta)
+        if n == 0:
+            return best
+        origin = np.log(best.theta)
+
+        def loss(point: Array) -> float:
+            nonlocal best
+            low, high = (np.log([getattr(p, side) for p in searched]) for side in ("low", "high"))
+            inside = np.clip(point, low, high)
+            item = self.try_at(start.effect, start.location, tuple(np.exp(inside).tolist()))
+            if item is None:
+                return best.loss + 1.0
+            if item.loss < best.loss:
+                best = item
+            return item.loss + float(np.abs(point - inside).sum())
+
+        simplex = origin + np.vstack([np.zeros(n), step * np.eye(n)])
+        options = {"maxfev": evaluations * n, "initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-4}
+        minimize(loss, origin, method="Nelder-Mead", options=options)
         return best

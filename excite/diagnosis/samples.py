@@ -85,10 +85,13 @@ class ArmSamples:
 
     def filtered(self, signals: Sequence[Array]) -> list[Array]:
         """Signals at full rate, one ``(n, …)`` a trial, through the filter, at the kept rows."""
-        return [
-            both_ways(values, self.rate_hz, self.bands.rows_hz)[trial.rows]
-            for trial, values in zip(self.trials, signals, strict=True)
-        ]
+        lengths = [len(trial.time) for trial in self.trials]
+        # All trials go through side by side; a shorter one is held at its end, as the filter would do.
+        stacked = np.empty((max(lengths), len(lengths), *signals[0].shape[1:]))
+        for k, values in enumerate(signals):
+            stacked[: len(values), k], stacked[len(values) :, k] = values, values[-1]
+        smooth = np.moveaxis(both_ways(stacked, self.rate_hz, self.bands.rows_hz), 1, 0)
+        return [values[trial.rows] for trial, values in zip(self.trials, smooth, strict=True)]
 
     def rows(self, signals: Sequence[Array]) -> Array:
         """The same, all trials below each other, ``(n_rows, …)``."""
@@ -131,7 +134,7 @@ def both_ways(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     for _ in range(2):
         state = start[:, None, :] * flat[None, :, :1]
         flat = sosfilt(sections, flat, axis=1, zi=state)[0][:, ::-1]
-    return np.ascontiguousarray(flat.T).reshape(values.shape)
+    return flat.T.reshape(values.shape)
 
 
 def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> ArmSamples:

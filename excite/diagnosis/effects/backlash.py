@@ -19,10 +19,10 @@ class Backlash(Effect):
     moves = True
 
     def grid(self, context: Context, location: str) -> list[Theta]:
-        return [(w, 20.0) for w in (0.002, 0.005, 0.01, 0.02, 0.04)]
+        return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         inertia = float(link_inertia(context, j).mean())
         stiffness = inertia * (2.0 * np.pi * theta[1]) ** 2
-        return Shape(offset=response(context, j, stiffness, 0.7, 0.5 * theta[0]))
+        return Shape(offset=response(context, j, stiffness, 1.0, 0.5 * theta[0]))

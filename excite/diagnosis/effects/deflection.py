@@ -76,7 +76,13 @@ def response(context: Context, j: int, stiffness: float, ratio: float, gap: floa
     )
     damping = 2.0 * ratio * math.sqrt(stiffness * float(inertia.mean()))
     x, s, acc = deflect(
-        load, inertia, starts, 1.0 / context.baseline.samples.rate_hz, stiffness, damping, gap
+        load,
+        inertia,
+        starts,
+        1.0 / context.baseline.samples.rate_hz,
+        stiffness,
+        damping,
+        gap,
     )
     by_q, by_v = context.gradient(j, "q"), context.gradient(j, "v")
     total = by_q * x[:, None] + by_v * s[:, None] + mass * acc[:, None]

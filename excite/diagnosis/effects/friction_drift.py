@@ -24,6 +24,9 @@ class FrictionDrift(Effect):
     mujoco = "none: a constant at the session's end"
     friction = True
 
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        return self.name not in modelled and bool({"coulomb_friction", "viscous_friction"} & set(modelled))
+
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(t,) for t in (12.0, 50.0, 2000.0)]
 
@@ -31,7 +34,11 @@ class FrictionDrift(Effect):
         j = context.row(location)
         end = float(context.session.max())
         growth = np.expm1(-context.session / theta[0]) / np.expm1(-end / theta[0])
-        return Shape({j: np.column_stack([growth * context.sign(j), growth * context.v[:, j]])})
+        # What the baseline has not cannot have drifted: a viscous column would stand in for viscous friction.
+        modelled = context.baseline.modelled
+        coulomb = growth * context.sign(j) if "coulomb_friction" in modelled else np.zeros_like(growth)
+        viscous = growth * context.v[:, j] if "viscous_friction" in modelled else np.zeros_like(growth)
+        return Shape({j: np.column_stack([coulomb, viscous])})
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         found = super().estimates(context, location, theta, fit)

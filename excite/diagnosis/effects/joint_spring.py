@@ -28,4 +28,6 @@ class JointSpring(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         q = context.q[:, context.row(location)]
         constant = abs(beta[0] * q.mean() + beta[1])
-        return abs(beta[0]) * q.std() >= _CHANGES * constant and super().admissible(context, location, theta, beta)
+        return abs(beta[0]) * q.std() >= _CHANGES * constant and super().admissible(
+            context, location, theta, beta
+        )
