@@ -46,6 +46,11 @@ def test_forces_are_better_than_by_cad(humanoid: Humanoid, estimate: Array) -> N
     assert 40.0 < fits["direct", "fz"].reference_rmse < 60.0 and fits["cross", "fz"].rmse < 15.0
 
 
+def test_it_stays_on_its_feet(humanoid: Humanoid) -> None:
+    """All motions of the plan, on a robot 5 kg heavier than the model they were planned with."""
+    assert len(humanoid.motions) == 4 and len(humanoid.cross.trial_names) == 2
+
+
 def test_the_total_mass_is_found(humanoid: Humanoid, estimate: Array) -> None:
     assert estimate[::10].sum() == pytest.approx(humanoid.twin.truth.phi[::10].sum(), rel=5e-3)
 
