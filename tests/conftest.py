@@ -24,6 +24,19 @@ def data_dir() -> Path:
 
 
 @pytest.fixture(scope="session")
+def gap_dir() -> Path:
+    """Folder with practice cases of the diagnosis: ``gap`` beside the recordings."""
+    data = Path(os.environ.get("EXCITE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+    folder = data.parent / "gap"
+    if not folder.is_dir():
+        reason = f"practice cases not found in {folder}; put them beside the recordings (EXCITE_DATA)"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return folder
+
+
+@pytest.fixture(scope="session")
 def g1() -> Robot:
     """The bundled Unitree G1."""
     return load_robot("g1")

@@ -33,7 +33,8 @@ class Gates:
         relative: strength of a further effect against the strongest one, as normalised torque amplitude.
         of_rest: share of all normalised power above the floor that a further effect removes: where every joint
             has a little of something, naming one of them would be arbitrary.
-        same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and for timing.
+        same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and
+            for timing.
         most: effects at most.
     """
 
@@ -44,7 +45,7 @@ class Gates:
     validation_again: float = 30.0
     closed_again: float = 0.2
     relative: float = 0.2
-    of_rest: float = 0.25
+    of_rest: float = 0.12
     same_joint: float = 0.6
     most: int = 3
 

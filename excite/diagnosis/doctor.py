@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.diagnosis.channels import examine_channels
 from excite.diagnosis.result import LogFault
 from excite.logs.log import Log, Trial
 from excite.robot.robot import Array, Robot
@@ -45,7 +46,9 @@ def examine(robot: Robot, log: Log) -> Chart:
                 faults.append(fault)
         faults += _counted(trial)
         trials.append(trial)
-    return Chart(tuple(trials), tuple(faults), ())
+    mended, wrong = examine_channels(robot, log, tuple(trials))
+    limits = tuple(f"{fault.what}: {fault.cause}" for fault in wrong if not fault.repaired)
+    return Chart(mended, (*faults, *wrong), limits)
 
 
 def _take(trial: Trial, keep: NDArray[np.bool_], time: Array | None = None) -> Trial:

@@ -1,0 +1,76 @@
+"""The weighted fit and its evidence against independent truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.effects.deflection import deflect
+from excite.diagnosis.equations import Equations, Solver
+from excite.diagnosis.evidence import effective_counts
+
+
+def _equations(rng: np.random.Generator) -> tuple[Equations, np.ndarray, np.ndarray]:
+    n = 600
+    shared = rng.normal(size=(2, n, 3))
+    own = tuple(rng.normal(size=(n, 2)) for _ in range(2))
+    extra = rng.normal(size=(2, n, 1))
+    extra[1] = 0.0
+    x = np.array([0.3, -0.2, 0.5])
+    y = shared @ x + extra[:, :, 0] * 0.7
+    y = y + np.array([own[j] @ [1.0, -2.0] for j in range(2)])
+    y = y + rng.normal(size=y.shape) * np.array([[0.01], [1.0]])
+    equations = Equations(shared, own, y, np.arange(n) < 400, np.zeros(n, dtype=int), np.full(2, 1e-6))
+    return equations, extra, x
+
+
+def test_fit_recovers_all_kinds_of_columns():
+    equations, extra, x = _equations(np.random.default_rng(0))
+    fit = Solver(equations).fit(extra)
+    assert fit.extra[0] == pytest.approx(0.7, abs=5 * fit.extra_std[0])
+    np.testing.assert_allclose(fit.shared, x, atol=5e-3)
+    np.testing.assert_allclose(fit.own[0], [1.0, -2.0], atol=5e-3)
+    np.testing.assert_allclose(fit.sigma, [0.01, 1.0], rtol=0.15)
+    np.testing.assert_allclose(fit.residual[:, 400:].std(axis=1), [0.01, 1.0], rtol=0.15)
+
+
+def test_offset_is_the_same_as_taking_it_off_the_measurement():
+    equations, extra, _ = _equations(np.random.default_rng(1))
+    fit = Solver(equations).fit(offset=0.7 * extra[:, :, 0])
+    np.testing.assert_allclose(fit.sigma, Solver(equations).fit(extra).sigma, rtol=0.02)
+
+
+def test_other_own_columns_leave_the_first_solver_alone():
+    equations, extra, _ = _equations(np.random.default_rng(2))
+    solver = Solver(equations)
+    before = solver.fit(extra).sigma
+    poorer = solver.with_own(0, equations.own[0][:, :1]).fit(extra).sigma
+    assert poorer[0] > 10 * before[0]
+    np.testing.assert_array_equal(solver.fit(extra).sigma, before)
+
+
+def test_effective_samples_of_an_autoregressive_residual():
+    rng, n, rho = np.random.default_rng(3), 20000, 0.8
+    noise = rng.normal(size=n)
+    series = np.zeros(n)
+    for k in range(1, n):
+        series[k] = rho * series[k - 1] + noise[k]
+    counts = effective_counts(series[None], np.ones(n, dtype=bool), np.zeros(n, dtype=int))
+    assert counts[0, 0] == pytest.approx(n * (1 - rho) / (1 + rho), rel=0.2)
+    assert counts[0, 1] == 0.0
+
+
+def test_deflection_of_a_loaded_spring_and_of_play():
+    n, dt, load, stiffness, inertia = 400, 0.005, 2.0, 500.0, 0.5
+    starts = np.zeros(n, dtype=bool)
+    starts[0] = True
+    damping = 2.0 * np.sqrt(stiffness * inertia)
+    arguments = (np.full(n, inertia), starts, dt, stiffness, damping)
+    still = deflect(np.full(n, load), *arguments, 0.0)
+    np.testing.assert_allclose(still[0], -load / stiffness, rtol=1e-9)
+    # The load turns over: the link crosses the play and leans on the other side.
+    turned = np.where(np.arange(n) < 100, load, -load)
+    across = deflect(turned, *arguments, 0.01)
+    assert across[0, 50] == pytest.approx(-load / stiffness - 0.01)
+    assert across[0, -1] == pytest.approx(load / stiffness + 0.01, rel=1e-3)
+    assert across[2, 101] == pytest.approx(load / inertia, rel=0.8)
