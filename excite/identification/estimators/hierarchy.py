@@ -21,6 +21,7 @@ from excite.identification.estimators.semi_projection import (
     WEAK,
     SemiAnswer,
     SemiProjection,
+    completed,
     semi_project,
 )
 from excite.identification.orthogonal import row_space
@@ -219,6 +220,7 @@ def _least_violation(state: _State, level: Level, rows: LinearConstraints, proje
             np.zeros(k), counted, joined.matrix @ state.basis, joined.bound - joined.matrix @ state.x, e
         )
         answer = _trusted(semi_project(problem, u, projector))
+        answer = _trusted(completed(problem, answer))
         u = answer.n
         x = state.x + state.basis @ u
         above, found = state.violated(x), _violated(level, x)
@@ -264,10 +266,12 @@ def _fit(state: _State, matrix: Array, measured: Array, projector: Projector) ->
         target, rows.matrix @ along, rows.matrix @ across, rows.bound - rows.matrix @ state.x, 0
     )
     weak = WEAK
-    answer = _trusted(semi_project(problem, free, projector, weak))
     for _ in range(_MAX_ROUNDS):
-        x = state.x + along @ answer.p + across @ answer.n
-        found = state.violated(x)
+        answer = _trusted(semi_project(problem, free, projector, weak))
+        found = state.violated(state.x + along @ answer.p + across @ answer.n)
+        if not len(found.bound):
+            answer = _trusted(completed(problem, answer))
+            found = state.violated(state.x + along @ answer.p + across @ answer.n)
         good = answer.distance <= _DISTANCE * max(1.0, float(np.linalg.norm(answer.p - target)))
         if not len(found.bound) and good:
             break
@@ -278,13 +282,12 @@ def _fit(state: _State, matrix: Array, measured: Array, projector: Projector) ->
         # From the same centre as long as rows are missing, so that the projector can go on where it stood.
         if not len(found.bound):
             free, weak = answer.n, max(0.1 * weak, _LEAST_WEAK)
-        answer = _trusted(semi_project(problem, free, projector, weak))
     else:
         raise _Failed(SolveStatus.NOT_OPTIMAL)
     rows = state.hard
-    state.x, state.basis = x, across
+    state.x, state.basis = state.x + along @ answer.p + across @ answer.n, across
     state.pin(_take(rows, answer.multipliers > _ACTIVE))
-    state.hard = stack([], len(x))
+    state.hard = stack([], len(state.x))
     state.add(_take(rows, answer.multipliers <= _ACTIVE))
     return answer.distance
 

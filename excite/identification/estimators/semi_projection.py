@@ -101,7 +101,7 @@ def judged(problem: SemiProjection, p: Array, n: Array, multipliers: Array) -> S
 def semi_project(
     problem: SemiProjection, start: Array, projector: Projector, weak: float = WEAK
 ) -> SemiAnswer | None:
-    """One proximal step from ``start`` and its exact completion; None where the solver finds no point.
+    """One proximal step from ``start``; None where the solver finds no point.
 
     Args:
         problem: the problem.
@@ -123,12 +123,14 @@ def semi_project(
         return None
     multipliers = np.zeros(len(kept))
     multipliers[kept] = answer.multipliers / size
-    near = judged(problem, answer.z[:k], start + answer.z[k:] / root, multipliers)
+    return judged(problem, answer.z[:k], start + answer.z[k:] / root, multipliers)
+
+
+def completed(problem: SemiProjection, near: SemiAnswer) -> SemiAnswer:
+    """The optimum itself from a proximal answer, where its active rows lead there; else that answer."""
     if not np.isfinite(near.gap):
         return near
-    load = np.zeros(len(kept))
-    load[kept] = answer.multipliers
-    exact = pursue(problem, load > 1e-12 * max(1.0, float(load.max(initial=0.0))), near.n)
+    exact = pursue(problem, near.multipliers > 0.0, near.n)
     return near if exact is None or exact.gap > near.gap else exact
 
 
