@@ -10,8 +10,16 @@ from excite.diagnosis.floating.contact_times import PRICE_OF_A_SWITCH, find_cont
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.problem import Problem, build_problem
-from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, nominal_fit, refine
-from excite.diagnosis.floating.screening import Screened, screen
+from excite.diagnosis.floating.refinement import (
+    Fitted,
+    Placed,
+    apply_all,
+    explained_state,
+    nominal_fit,
+    refine,
+)
+from excite.diagnosis.floating.screening import Screened, effect_columns, screen
+from excite.diagnosis.floating.spectrum import NOT_NOISE, repeat_levels
 from excite.diagnosis.floating.state import State
 
 # Nats by which evidence must differ before one hypothesis is preferred (odds of 150 to 1).
@@ -21,9 +29,10 @@ SIGNIFICANT = 8.0
 # Power over the expected noise that repeated trials, which set it, leave open.
 NOISE_SLACK = 1.5
 # Share of the power above the noise that the accepted effects must explain.
-EXPLAINED = 0.6
-# A further effect must close this share of the power above the noise that is still open, and of all of it.
-_FURTHER_SHARE, _FURTHER_OF_ALL = 0.3, 0.002
+EXPLAINED = 0.85
+# A further effect must close this share of the power above the noise that is still open, and of all of it;
+# more where one of its kind is accepted already, since that is what an approximate form leaves behind.
+_FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
 _MOST_EFFECTS = 3
 _FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS = 6, 1, 14
 
@@ -86,7 +95,7 @@ def attribute(problem: Problem) -> Attribution:
             break
         steps.append(ranked)
         current = ranked[0].fitted
-        if current.power < 1.15 * n:
+        if current.power < NOISE_SLACK * n:
             break
     over = max(1.0, current.power / n)
     open_power = baseline.power - n
@@ -106,12 +115,8 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
         current: what is accepted already.
     """
     n = len(problem.nominal_rows)
-    state = apply_all(
-        State.logged(coarse.record, coarse.record.tree.phi + current.delta), current.placed, current.theta
-    )
-    rows = coarse.rows(state)
-    if len(coarse.index):
-        rows = rows + coarse.columns @ (current.delta[coarse.index] / coarse.scales)
+    state = explained_state(coarse, current)
+    rows = coarse.rows(state) + coarse.baseline_rows(current.delta)
     screened = screen(coarse, state, rows)
     places = {name: max(1, sum(s.effect.name == name for s in screened)) for name in FLOATING_EFFECTS}
     fits = [_refined(problem, current, item) for item in _shortlist(screened)]
@@ -126,11 +131,15 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     over = max(1.0, min(f.power for f in fits) / n)
     ranked = [
         Ranked(
-            f, 0.5 * (current.power - f.power) / over - f.price + current.price - np.log(places.get(f.placed[-1].effect.name, 1))
+            f, 0.5 * (current.power - f.power) / over - (f.price - current.price) - np.log(_places(f, places))
         )
         for f in fits
     ]
     return tuple(sorted(ranked, key=lambda item: -item.evidence))
+
+
+def _places(fitted: Fitted, places: dict[str, int]) -> int:
+    return places.get(fitted.placed[-1].effect.name, 1)
 
 
 def _shortlist(screened: list[Screened]) -> list[Screened]:
@@ -165,12 +174,23 @@ def _contacts(problem: Problem, current: Fitted, places: dict[str, int]) -> list
     if found is None:
         return []
     effect: FloatingEffect = found.fitted.placed[-1].effect
+    state = apply_all(
+        State.logged(problem.record, problem.record.tree.phi + found.fitted.delta),
+        current.placed,
+        current.theta,
+    )
+    rows = problem.rows(state) + problem.baseline_rows(found.fitted.delta)
     locations = effect.locations(problem.nominal)
     places[effect.name] = len(locations)
-    fits = []
-    for location in locations:
-        placed = (*current.placed, Placed(effect, location))
-        fits.append(refine(problem, placed, found.fitted.theta, found.fitted))
+    linear = {
+        link: problem.fit(rows, effect_columns(problem, state, effect, link, np.zeros(3))).evidence
+        for link in locations
+    }
+    nearest = sorted(locations, key=lambda link: -linear[link])[: _NEIGHBOURS // 2]
+    fits = [
+        refine(problem, (*current.placed, Placed(effect, link)), found.fitted.theta, found.fitted)
+        for link in nearest
+    ]
     price = PRICE_OF_A_SWITCH * found.switches
     return [
         Fitted(f.placed, f.theta, f.std, f.delta, f.power, f.evidence - price, f.price + price) for f in fits
@@ -183,7 +203,9 @@ def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int, *, firs
     closed = current.power - best.fitted.power
     if first:
         return closed > 2.0 * SIGNIFICANT
-    return closed > _FURTHER_SHARE * (current.power - n) and closed > _FURTHER_OF_ALL * (baseline.power - n)
+    known = {item.effect.name for item in current.placed}
+    of_all = _SAME_OF_ALL if best.last.effect.name in known else _FURTHER_OF_ALL
+    return closed > _FURTHER_SHARE * (current.power - n) and closed > of_all * (baseline.power - n)
 
 
 def _tied(step: tuple[Ranked, ...]) -> tuple[str, ...]:
@@ -214,7 +236,14 @@ def _verdict(
     quiet = baseline.power < NOISE_SLACK * n and problem.repeatability.repeatable
     if not steps:
         return "none" if quiet else "unknown"
-    left = steps[-1][0].fitted.power / n
-    if left > NOISE_SLACK and explained < EXPLAINED:
+    accepted = steps[-1][0].fitted
+    if (accepted.power > NOISE_SLACK * n and explained < EXPLAINED) or not _repeats(problem, accepted):
         return "unknown"
     return "ambiguous" if len(rivals) > 1 else "effect"
+
+
+def _repeats(problem: Problem, fitted: Fitted) -> bool:
+    """Whether repeated trials differ by no more than noise once a fit's effects are taken out."""
+    white = problem.whitening(explained_state(problem, fitted).residual)
+    levels = repeat_levels(problem.whitening, white)
+    return levels is None or float(levels[: len(levels) // 2].mean()) < NOT_NOISE

@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter
 
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, refine
+from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, refine
 from excite.diagnosis.floating.screening import effect_columns
 from excite.diagnosis.floating.state import State
 from excite.logs.signals.butterworth import lowpass
@@ -18,6 +18,8 @@ from excite.robot.robot import Array
 _SMOOTH_HZ = 3.0
 _SHORTEST_S = 0.25
 _ROUNDS = 4
+# Share of the variance that two levels must explain: 0.64 for Gaussian noise, 0.75 for an even spread.
+_TWO_LEVELS = 0.8
 # Each change between contact and none is a free moment in time.
 PRICE_OF_A_SWITCH = 6.0
 
@@ -44,14 +46,17 @@ def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Contac
     direction = np.linalg.svd(centred, full_matrices=False)[2][0]
     score = centred @ direction
     low, high = _two_means(score)
-    if high - low <= 0.0:
+    upper = score > 0.5 * (low + high)
+    between = upper.mean() * (1.0 - upper.mean()) * (high - low) ** 2
+    if between < _TWO_LEVELS * score.var():
         return None
     best: ContactFit | None = None
-    shares = [(score - low) / (high - low), (high - score) / (high - low)]
-    for share in (_tidy(problem, raw) for raw in shares):
-        found = _alternate(problem, before, share, shortlist)
+    for raw in ((score - low) / (high - low), (high - score) / (high - low)):
+        found = _alternate(problem, before, _tidy(problem, raw), shortlist)
         if found is not None and (best is None or _worth(found) > _worth(best)):
             best = found
+        if best is not None and best.fitted.power < 2.0 * len(problem.nominal_rows):
+            break
     return best
 
 
@@ -63,10 +68,8 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
     best: ContactFit | None = None
     for _ in range(_ROUNDS):
         effect = UnloggedContact(share, share[problem.record.every_other])
-        state = apply_all(
-            State.logged(problem.record, problem.record.tree.phi + before.delta), before.placed, before.theta
-        )
-        rows = problem.rows(state) + (problem.columns @ (before.delta[problem.index] / problem.scales) if len(problem.index) else 0.0)
+        state = explained_state(problem, before)
+        rows = problem.rows(state) + problem.baseline_rows(before.delta)
         zero = np.zeros(3)
         ranked = sorted(
             (
@@ -91,8 +94,7 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
 
 
 def _leftover(problem: Problem, fitted: Fitted) -> Array:
-    state = State.logged(problem.record, problem.record.tree.phi + fitted.delta)
-    return apply_all(state, fitted.placed, fitted.theta).residual
+    return explained_state(problem, fitted).residual
 
 
 def _pulled(problem: Problem, fitted: Fitted) -> Array:
@@ -104,7 +106,9 @@ def _pulled(problem: Problem, fitted: Fitted) -> Array:
     always = UnloggedContact(np.ones(problem.record.n_samples)).apply(state, place.location, force)
     pull = state.residual - always.residual
     weight = np.linalg.inv(problem.record.sensor_noise)
-    residual = np.concatenate([lowpass(state.residual[s], problem.record.rate_hz, 5.0) for s in problem.record.spans])
+    residual = np.concatenate(
+        [lowpass(state.residual[s], problem.record.rate_hz, 5.0) for s in problem.record.spans]
+    )
     return np.einsum("ni,ij,nj->n", residual, weight, pull) / np.einsum("ni,ij,nj->n", pull, weight, pull)
 
 

@@ -119,7 +119,9 @@ def _effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate,
             Candidate(
                 effect=placed.effect.called(final.theta[k]),
                 location=placed.location,
-                parameters=placed.effect.report(problem.nominal, placed.location, final.theta[k], final.std[k]),
+                parameters=placed.effect.report(
+                    problem.nominal, placed.location, final.theta[k], final.std[k]
+                ),
                 evidence=float(best.evidence),
                 gap_after=after,
                 share_closed=share,
@@ -149,7 +151,9 @@ def _warnings(problem: Problem, found: Attribution) -> tuple[str, ...]:
     if not problem.repeatability.repeatable:
         notes.append("repeated trials differ by more than noise: something outside the log acts on the robot")
     if not problem.unloaded.sensors:
-        notes.append("no foot is ever in the air: a constant sensor bias looks like a constant external force")
+        notes.append(
+            "no foot is ever in the air: a constant sensor bias looks like a constant external force"
+        )
     if not any(problem.record.validation):
         notes.append("no validation trial: the gap is that of the trials that were fitted")
     if found.verdict in {"effect", "ambiguous"} and found.overdispersion > 1.5:

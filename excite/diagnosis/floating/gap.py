@@ -7,9 +7,8 @@ from scipy.signal.windows import tukey
 
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
-from excite.diagnosis.floating.refinement import Fitted, apply_all
+from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.spectrum import BAND_HZ
-from excite.diagnosis.floating.state import State
 from excite.diagnosis.result import ChannelGap, Gap, share_closed
 from excite.logs.files import WRENCH_AXES
 from excite.robot.robot import Array
@@ -35,8 +34,7 @@ def in_band(record: FloatingRecord, values: Array) -> Array:
 
 def residual_of(problem: Problem, fitted: Fitted) -> Array:
     """``(n, 6)`` measured less predicted with a fit's effects and inertials, in band [N, N·m]."""
-    state = State.logged(problem.record, problem.record.tree.phi + fitted.delta)
-    return in_band(problem.record, apply_all(state, fitted.placed, fitted.theta).residual)
+    return in_band(problem.record, explained_state(problem, fitted).residual)
 
 
 def noise_floor(problem: Problem) -> Array:

@@ -94,8 +94,16 @@ class Problem:
         """Most probable errors of all inertial parameters, ``(10·n_segments,)``, given residual rows."""
         delta = np.zeros(len(self.record.tree.phi))
         if len(self.index):
-            delta[self.index] = self.scales * scipy.linalg.cho_solve(self._baseline_factor, self.columns.T @ rows)
+            delta[self.index] = self.scales * scipy.linalg.cho_solve(
+                self._baseline_factor, self.columns.T @ rows
+            )
         return delta
+
+    def baseline_rows(self, delta: Array) -> Array:
+        """``(m,)`` what errors ``delta (10·n_segments,)`` of the inertial parameters make of the rows."""
+        if not len(self.index):
+            return np.zeros(len(self.columns))
+        return np.asarray(self.columns @ (delta[self.index] / self.scales))
 
     @cached_property
     def _baseline_factor(self) -> tuple[Array, bool]:

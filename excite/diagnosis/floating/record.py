@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ class FloatingRecord:
             a=self.a[keep],
             readings={name: values[keep] for name, values in self.readings.items()},
             readings_rate={name: values[keep] for name, values in self.readings_rate.items()},
-            spans=tuple(slice(int(lo), int(hi)) for lo, hi in zip(ends[:-1], ends[1:], strict=True)),
+            spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(ends)),
         )
 
     def validation_samples(self) -> NDArray[np.bool_]:
@@ -130,7 +131,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
         a=np.concatenate([part.a for part in parts]),
         readings={s.name: np.concatenate([part.readings[s.name] for part in parts]) for s in robot.sensors},
         readings_rate={s.name: np.concatenate([part.rates[s.name] for part in parts]) for s in robot.sensors},
-        spans=tuple(slice(int(lo), int(hi)) for lo, hi in zip(lengths[:-1], lengths[1:], strict=True)),
+        spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(lengths)),
         trials=tuple(names),
         validation=tuple(trial.role == "validation" for trial in log.trials),
         repeats=tuple(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.problem import Problem, solve
+from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.screening import effect_columns
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
@@ -60,6 +60,12 @@ def apply_all(state: State, placed: tuple[Placed, ...], theta: tuple[Array, ...]
     return state
 
 
+def explained_state(problem: Problem, fitted: Fitted) -> State:
+    """The record's state with a fit's inertials and effects."""
+    state = State.logged(problem.record, problem.record.tree.phi + fitted.delta)
+    return apply_all(state, fitted.placed, fitted.theta)
+
+
 def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...], before: Fitted) -> Fitted:
     """Iterate linearised fits until they gain nothing.
 
@@ -80,8 +86,7 @@ def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...
     price, std = 0.0, np.zeros_like(theta)
     for _ in range(_MAX_STEPS):
         columns = _columns(problem, placed, theta, counts, delta)
-        base = np.zeros(0) if not len(problem.index) else delta[problem.index] / problem.scales
-        target = rows + problem.columns @ base + columns @ (theta / scales)
+        target = rows + problem.baseline_rows(delta) + columns @ (theta / scales)
         fit = problem.fit(target, columns)
         price, std = fit.gain - fit.evidence, scales * np.sqrt(np.diag(fit.covariance))
         step, best = 1.0, None
@@ -106,12 +111,16 @@ def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...
     return Fitted(placed, parts, _split(std, counts), delta, cost, 0.5 * (null - cost) - price, price)
 
 
-def _rows(problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array) -> Array:
+def _rows(
+    problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array
+) -> Array:
     state = State.logged(problem.record, problem.record.tree.phi + delta)
     return problem.rows(apply_all(state, placed, _split(theta, counts)))
 
 
-def _columns(problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array) -> Array:
+def _columns(
+    problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array
+) -> Array:
     state, columns = State.logged(problem.record, problem.record.tree.phi + delta), []
     parts = _split(theta, counts)
     for item, values in zip(placed, parts, strict=True):

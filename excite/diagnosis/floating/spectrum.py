@@ -81,7 +81,7 @@ class Repeatability:
 
 
 # A difference of repeated trials that is this many times the expected noise is something that happened.
-_NOT_NOISE = 3.0
+NOT_NOISE = 8.0
 _SCALE_RANGE = (0.8, 2.5)
 
 
@@ -92,18 +92,12 @@ def scaled_to_repeats(whitening: Whitening, residual: Array) -> tuple[Whitening,
         whitening: from :func:`make_whitening`.
         residual: ``(n, 6)`` nominal residual.
     """
-    white, record = whitening(residual), whitening.record
-    levels = []
-    for first, second in record.repeats:
-        n_bins = min(len(whitening.factors[first]), len(whitening.factors[second]))
-        one, two = (_bin_power_parts(white[whitening.rows[i]], n_bins) for i in (first, second))
-        levels.append((0.5 * (one - two) ** 2).mean(axis=1))
-    if not levels:
+    level = repeat_levels(whitening, whitening(residual))
+    if level is None:
         return whitening, Repeatability(None, True)
-    shortest = min(map(len, levels))
-    level = np.mean([item[:shortest] for item in levels], axis=0)
+    shortest = len(level)
     low = float(level[: shortest // 2].mean())
-    if low > _NOT_NOISE:
+    if low > NOT_NOISE:
         return whitening, Repeatability(low, False)
     line = np.polynomial.Polynomial.fit(np.arange(shortest), level, 1)
     factors = tuple(
@@ -114,6 +108,24 @@ def scaled_to_repeats(whitening: Whitening, residual: Array) -> tuple[Whitening,
         for factor in whitening.factors
     )
     return replace(whitening, factors=factors), Repeatability(low, True)
+
+
+def repeat_levels(whitening: Whitening, white: Array) -> Array | None:
+    """Power of the difference of repeated trials over the expected noise, by frequency; None without repeats.
+
+    Args:
+        whitening: the whitening.
+        white: ``(n_rows,)`` whitened residual.
+    """
+    levels = []
+    for first, second in whitening.record.repeats:
+        n_bins = min(len(whitening.factors[first]), len(whitening.factors[second]))
+        one, two = (_bin_power_parts(white[whitening.rows[i]], n_bins) for i in (first, second))
+        levels.append((0.5 * (one - two) ** 2).mean(axis=1))
+    if not levels:
+        return None
+    shortest = min(map(len, levels))
+    return np.mean([item[:shortest] for item in levels], axis=0)
 
 
 def _bin_power_parts(white: Array, n_bins: int) -> Array:

@@ -8,7 +8,7 @@ from scipy.signal import welch
 from excite.diagnosis.floating.effects.effect import links, segment_of
 from excite.diagnosis.floating.gap import in_band, noise_floor
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.refinement import Fitted, apply_all
+from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.result import Where
 from excite.logs.files import WRENCH_AXES
@@ -20,7 +20,7 @@ _LEAST = 0.02
 def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     """Map of what a fit leaves, largest share first; ``depends_on`` names what explains most of a component."""
     record = problem.record
-    state = apply_all(State.logged(record, record.tree.phi + fitted.delta), fitted.placed, fitted.theta)
+    state = explained_state(problem, fitted)
     residual, floor = in_band(record, state.residual), noise_floor(problem)
     scale = np.maximum(in_band(record, problem.nominal.measured).std(axis=0), 1e-9)
     power = np.maximum((residual**2).mean(axis=0) - floor**2, 0.0) / scale**2
@@ -49,7 +49,7 @@ def free_force_links(problem: Problem, fitted: Fitted, margin: float = 0.05) -> 
     Links whose leftover is within ``margin`` of the best are listed too.
     """
     record = problem.record
-    state = apply_all(State.logged(record, record.tree.phi + fitted.delta), fitted.placed, fitted.theta)
+    state = explained_state(problem, fitted)
     factor = np.linalg.inv(np.linalg.cholesky(record.sensor_noise))
     white = in_band(record, state.residual) @ factor.T
     left = {}
@@ -61,7 +61,11 @@ def free_force_links(problem: Problem, fitted: Fitted, margin: float = 0.05) -> 
         left[link] = float((rest**2).sum())
     best = min(left.values())
     total = float((white**2).sum())
-    chosen = [link for link in sorted(left, key=lambda name: left[name]) if left[link] <= best + margin * (total - best)]
+    chosen = [
+        link
+        for link in sorted(left, key=lambda name: left[name])
+        if left[link] <= best + margin * (total - best)
+    ]
     return tuple(chosen)
 
 

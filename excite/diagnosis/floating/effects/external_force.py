@@ -21,9 +21,8 @@ class ExternalForce(FloatingEffect):
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Mean force in the world, and stiffness."""
-        return tuple(Parameter(axis, "N", 15.0, 1.0) for axis in ("fx", "fy", "fz")) + (
-            Parameter("stiffness", "N/m", 30.0, 1.0),
-        )
+        force = tuple(Parameter(axis, "N", 15.0, 1.0) for axis in ("fx", "fy", "fz"))
+        return (*force, Parameter("stiffness", "N/m", 30.0, 1.0))
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Add it."""

@@ -41,8 +41,11 @@ class JointElasticity(FloatingEffect):
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Stiffness and compliance."""
-        stiffness = 1.0 / float(theta[0]) if theta[0] else float("inf")
+        if not theta[0]:
+            return super().report(state, location, theta, std)
+        stiffness = 1.0 / float(theta[0])
+        spread = abs(stiffness * float(std[0] / theta[0]))
         return {
-            "stiffness": Estimate(stiffness, abs(stiffness) * float(std[0] / abs(theta[0])) if theta[0] else None, "N·m/rad"),
+            "stiffness": Estimate(stiffness, spread, "N·m/rad"),
             **super().report(state, location, theta, std),
         }

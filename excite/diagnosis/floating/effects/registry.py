@@ -13,6 +13,7 @@ from excite.diagnosis.floating.effects.sensor_bias import SensorBias
 from excite.diagnosis.floating.effects.sensor_crosstalk import SensorCrosstalk
 from excite.diagnosis.floating.effects.sensor_frame_offset import SensorFrameOffset
 from excite.diagnosis.floating.effects.sensor_gain import SensorGain
+from excite.diagnosis.floating.effects.soft_tissue import SoftTissue
 from excite.diagnosis.floating.effects.time_delay import TimeDelay
 
 FLOATING_EFFECTS: dict[str, FloatingEffect] = {
@@ -29,5 +30,6 @@ FLOATING_EFFECTS: dict[str, FloatingEffect] = {
         SensorFrameOffset(),
         ExternalForce(),
         TimeDelay(),
+        SoftTissue(),
     )
 }
