@@ -198,9 +198,7 @@ def _triangle(
     ]
     body = problem.Y[rows, :inertial]
     last = body[:, inertial - 10 :] if carries else np.zeros((len(body), 10))
-    return square_factor(
-        np.column_stack([body[:, own], last, problem.Y[np.ix_(rows, drives)], problem.y[rows]])
-    )
+    return square_factor(np.column_stack([body[:, own], last, problem.Y[rows][:, drives], problem.y[rows]]))
 
 
 def _with_spread(pair: _Pair, solve) -> DriveGains:

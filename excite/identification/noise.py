@@ -17,6 +17,8 @@ from excite.robot.robot import Array
 # Lags, in independent samples of the filter, over which filtered noise is still correlated.
 _FILTER_MEMORY = 8.0
 _LARGEST_SHARE = 0.2
+_COLUMNS_AT_ONCE = 16
+_FREQUENCIES_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,19 +210,37 @@ def whitened_factor(
         values, vectors = np.linalg.eigh(noise.spectrum(grid.n_samples))
         usable = values > 2e-2 * values.max()
         root = np.where(usable, 1.0 / np.sqrt(np.where(usable, values, 1.0)), 0.0)
-        kept = usable.any(axis=1)
+        kept = np.flatnonzero(usable.any(axis=1))
         double = np.full(len(values), 2.0)
         double[0] = 1.0
         if grid.n_samples % 2 == 0:
             double[-1] = 1.0
         root = root[kept] * np.sqrt(double[kept] / grid.n_samples)[:, None]
         whiten = root[:, :, None] * vectors[kept].conj().transpose(0, 2, 1)
-        rows = grid.rows
-        scaled = columns[rows] / noise.std[problem.channel[rows], None]
-        z = whiten @ np.fft.rfft(grid.spread(scaled, problem.channel, n_channels), axis=0)[kept]
-        z = z.reshape(-1, columns.shape[1])
-        factor = triangle(np.vstack([factor, z.real, z.imag]))
+        transformed = _transform(problem, grid, columns, noise.std, n_channels, kept)
+        for start in range(0, len(kept), _FREQUENCIES_AT_ONCE):
+            part = slice(start, start + _FREQUENCIES_AT_ONCE)
+            z = (whiten[part] @ transformed[part]).reshape(-1, columns.shape[1])
+            factor = triangle(np.vstack([factor, z.real, z.imag]))
     return factor
+
+
+def _transform(
+    problem: IdentificationProblem,
+    grid: TrialGrid,
+    columns: Array,
+    std: Array,
+    n_channels: int,
+    kept: NDArray[np.int64],
+) -> Array:
+    """Columns of a trial over the noise's ``std`` at some frequencies, ``(n_kept, n_channels, k)``, complex."""
+    scale = std[problem.channel[grid.rows], None]
+    found = np.empty((len(kept), n_channels, columns.shape[1]), dtype=complex)
+    for start in range(0, columns.shape[1], _COLUMNS_AT_ONCE):
+        part = slice(start, start + _COLUMNS_AT_ONCE)
+        spread = grid.spread(columns[grid.rows, part] / scale, problem.channel, n_channels)
+        found[:, :, part] = np.fft.rfft(spread, axis=0)[kept]
+    return found
 
 
 def triangle(rows: Array) -> Array:

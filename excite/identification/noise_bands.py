@@ -11,14 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.colour import Bins, alike_bands, frequency_bins
+from excite.identification.colour import frequency_bins
 from excite.identification.noise import NoiseModel, TrialGrid, fft_length
+from excite.identification.noise_spectra import (
+    TransformedTrial,
+    band_edges,
+    band_of,
+    blocks,
+    filter_of,
+    spilled_power,
+    transformed_trial,
+)
 from excite.identification.problem import IdentificationProblem
 from excite.robot.robot import Array
 
-_CELLS = 256
 _ROUNDS = 3
-_COLUMNS_AT_ONCE = 16
 # Off-diagonal powers count where they exceed chance by this many standard deviations.
 _SIGNIFICANT = 4.0
 
@@ -58,34 +65,15 @@ class NoiseBands:
         shortest = min(grid.n_samples for grid in grids)
         memory = max(8.0 / min(1.0, problem.noise_bandwidth), 4.0 / narrowest)
         n_lags = int(min(memory, max(1.0, 0.2 * shortest)))
-        bins = frequency_bins(fft_length(8 * n_lags + 8), *_filter_of(problem, grids[0]))
+        bins = frequency_bins(fft_length(8 * n_lags + 8), *filter_of(problem, grids[0]))
         spectrum = np.zeros((bins.n_fft // 2 + 1, *self.power.shape[1:]))
-        spectrum[bins.kept] = bins.colour[:, None, None] * self.power[_band_of(bins, self.edges)]
+        spectrum[bins.kept] = bins.colour[:, None, None] * self.power[band_of(bins, self.edges)]
         covariance = np.fft.irfft(spectrum, bins.n_fft, axis=0)[: n_lags + 1]
         level = np.sqrt(np.maximum(np.einsum("cc->c", covariance[0]), 1e-300))
         lags = np.arange(n_lags + 1)
         window = np.clip(2.0 * (1.0 - lags / (n_lags + 1.0)), 0.0, 1.0)
         scaled = covariance / np.outer(level, level) * window[:, None, None]
         return NoiseModel(std * level, scaled)
-
-
-@dataclass(frozen=True, eq=False)
-class _Transformed:
-    """One trial in the frequency domain.
-
-    Attributes:
-        bins: its frequencies.
-        q: ``(n_kept, n_channels, k)`` orthonormal columns.
-        r: ``(n_kept, n_channels)`` residual.
-        counts: ``(n_channels, n_channels)`` instants at which both channels have rows.
-        n_samples: length of the trial.
-    """
-
-    bins: Bins
-    q: Array
-    r: Array
-    counts: Array
-    n_samples: int
 
 
 def noise_bands(
@@ -100,9 +88,8 @@ def noise_bands(
         residual: ``(n_rows,)`` weighted residual of the fit.
         factor: ``R``, ``(k, k)``.
     """
-    n_channels = len(problem.channel_names)
-    trials = tuple(_transformed(problem, grid, q, residual, n_channels) for grid in grids)
-    edges = _bands(trials, n_channels)
+    trials = tuple(transformed_trial(problem, grid, q, residual) for grid in grids)
+    edges = band_edges(trials)
     moments = _Moments(trials, edges)
     power = moments.start()
     meat = moments.meat(power)
@@ -117,25 +104,24 @@ def noise_bands(
 class _Moments:
     """Expected and observed band powers of the residual."""
 
-    def __init__(self, trials: tuple[_Transformed, ...], edges: Array):
+    def __init__(self, trials: tuple[TransformedTrial, ...], edges: Array):
         self.trials, n_bands = trials, len(edges) - 1
-        n_channels = trials[0].r.shape[1]
-        self.band = [_band_of(trial.bins, edges) for trial in trials]
+        n_channels = trials[0].r.shape[2]
+        self.band = [band_of(trial.bins, edges) for trial in trials]
         shape = (n_bands, n_channels, n_channels)
         self.observed, self.crossed = np.zeros(shape), np.zeros(shape)
         # Expected power per unit of power of each band, the fit left aside: (bands, bands, channels, channels).
         self.spilled = np.zeros((n_bands, *shape))
         for trial, band in zip(trials, self.band, strict=True):
             bins = trial.bins
-            spill = _spill(trial, band, n_bands)
+            spill = spilled_power(trial, band, n_bands)
             self.spilled += spill[:, :, None, None] * trial.counts
             for b in range(n_bands):
-                part = (band == b) & bins.audible
-                r, x = trial.r[part], trial.q[part]
-                inverse = bins.weight[part] / bins.colour[part]
-                self.observed[b] += ((r * inverse[:, None]).T @ r.conj()).real
-                weighted = x * bins.weight[part][:, None, None]
-                self.crossed[b] += _products(weighted, x)
+                for part in blocks((band == b) & bins.audible):
+                    r, x = trial.r[part], trial.q[part]
+                    inverse = bins.weight[part] / bins.colour[part]
+                    self.observed[b] += np.einsum("f,fhc,fhd->cd", inverse, r, r)
+                    self.crossed[b] += _products(x * np.sqrt(bins.weight[part])[:, None, None, None])
         self.numbers = np.einsum("bbcd->bcd", self.spilled)
         taken = np.einsum("bcc->bc", self.crossed)
         self.freedom = np.maximum(np.einsum("bcc->bc", self.numbers) - taken, 1.0)
@@ -147,17 +133,16 @@ class _Moments:
 
     def meat(self, power: Array) -> Array:
         """``QᵀΣQ``."""
-        k = self.trials[0].q.shape[2]
+        k = self.trials[0].q.shape[3]
         meat = np.zeros((k, k))
         for trial, band in zip(self.trials, self.band, strict=True):
             bins = trial.bins
             for b in range(len(power)):
-                part = band == b
-                values, vectors = np.linalg.eigh(power[b])
-                root = vectors * np.sqrt(np.maximum(values, 0.0))
-                x = trial.q[part] * np.sqrt(bins.weight[part] * bins.colour[part])[:, None, None]
-                z = np.einsum("dc,fdk->fck", root, x, optimize=True).reshape(-1, k)
-                meat += z.real.T @ z.real + z.imag.T @ z.imag
+                root = _psd_root(power[b])
+                for part in blocks(band == b):
+                    size = np.sqrt(bins.weight[part] * bins.colour[part])[:, None, None, None]
+                    z = (root.T @ (trial.q[part] * size)).reshape(-1, k)
+                    meat += z.T @ z
         return meat
 
     def improved(self, power: Array, meat: Array) -> Array:
@@ -173,9 +158,9 @@ class _Moments:
         for trial, band in zip(self.trials, self.band, strict=True):
             bins = trial.bins
             for b in range(len(power)):
-                part = (band == b) & bins.audible
-                x = trial.q[part] @ root
-                expected[b] += _products(x * (bins.weight[part] / bins.colour[part])[:, None, None], x)
+                for part in blocks((band == b) & bins.audible):
+                    size = np.sqrt(bins.weight[part] / bins.colour[part])[:, None, None, None]
+                    expected[b] += _products(_times(trial.q[part], root) * size)
         own, wanted = np.einsum("bcc->bc", expected), np.einsum("bcc->bc", self.observed)
         ratio = np.sqrt(np.clip(wanted / np.maximum(own, 1e-300), 0.25, 4.0))
         stretched = power * ratio[:, :, None] * ratio[:, None, :]
@@ -187,80 +172,28 @@ class _Moments:
 
     def shares(self, power: Array, factor: Array) -> Array:
         """What each band and channel adds to the variances of ``R⁻¹Qᵀe``, ``(bands, channels, k)``."""
-        inverse = np.linalg.solve(factor, np.eye(len(factor)))
+        inverse = np.asarray(np.linalg.solve(factor, np.eye(len(factor))), dtype=float)
         shares = np.zeros((*power.shape[:2], len(factor)))
         for trial, band in zip(self.trials, self.band, strict=True):
             bins = trial.bins
             for b in range(len(power)):
-                part = band == b
-                x = trial.q[part] @ inverse.T
-                x2 = x.real**2 + x.imag**2
-                weight = bins.weight[part] * bins.colour[part]
-                shares[b] += np.einsum("f,fck->ck", weight, x2) * np.diag(power[b])[:, None]
+                for part in blocks(band == b):
+                    x = _times(trial.q[part], inverse.T)
+                    weight = bins.weight[part] * bins.colour[part]
+                    squared = np.einsum("f,fhck->ck", weight, np.square(x, out=x))
+                    shares[b] += squared * np.diag(power[b])[:, None]
         return shares
 
 
-def _filter_of(problem: IdentificationProblem, grid: TrialGrid):
-    rate = 1.0 / grid.step_s
-    return problem.filters, problem.sampling_hz or rate, rate
+def _times(x: Array, matrix: Array) -> Array:
+    """``x @ matrix`` over the last axis as one product."""
+    return (x.reshape(-1, x.shape[-1]) @ matrix).reshape(x.shape)
 
 
-def _transformed(problem, grid: TrialGrid, q: Array, residual: Array, n_channels: int) -> _Transformed:
-    bins = frequency_bins(fft_length(2 * grid.n_samples), *_filter_of(problem, grid))
-    k = q.shape[1]
-    x = np.empty((len(bins.kept), n_channels, k), dtype=complex)
-    for start in range(0, k, _COLUMNS_AT_ONCE):
-        part = slice(start, start + _COLUMNS_AT_ONCE)
-        spread = grid.spread(q[grid.rows, part], problem.channel, n_channels)
-        x[:, :, part] = np.fft.rfft(spread, bins.n_fft, axis=0)[bins.kept]
-    r = grid.spread(residual[grid.rows], problem.channel, n_channels)
-    mask = grid.spread(np.ones(len(grid.rows)), problem.channel, n_channels)
-    transformed = np.fft.rfft(r, bins.n_fft, axis=0)[bins.kept]
-    return _Transformed(bins, x, transformed, mask.T @ mask, grid.n_samples)
-
-
-def _bands(trials: tuple[_Transformed, ...], n_channels: int) -> Array:
-    """Edges of the bands, as share of half the rate."""
-    top = max(float(trial.bins.relative[trial.bins.audible].max()) for trial in trials)
-    power, counts, taken = (np.zeros((_CELLS, n_channels)) for _ in range(3))
-    for trial in trials:
-        bins = trial.bins
-        cell = np.minimum((bins.relative / top * _CELLS).astype(np.int64), _CELLS - 1)
-        use = bins.audible
-        inverse = np.where(use, bins.weight / bins.colour, 0.0)
-        np.add.at(power, cell, inverse[:, None] * np.abs(trial.r) ** 2)
-        np.add.at(counts, cell, np.outer(np.where(use, bins.weight, 0.0), np.diag(trial.counts)))
-        absorbed = (trial.q.real**2 + trial.q.imag**2).sum(axis=2)
-        np.add.at(taken, cell, np.where(use, bins.weight, 0.0)[:, None] * absorbed)
-    first = alike_bands(power, counts, taken)
-    return np.concatenate([first / _CELLS * top, [max(1.0, top)]])
-
-
-def _band_of(bins: Bins, edges: Array) -> Array:
-    return np.clip(np.searchsorted(edges, bins.relative, side="right") - 1, 0, len(edges) - 2)
-
-
-def _spill(trial: _Transformed, band: Array, n_bands: int) -> Array:
-    """Power that noise of unit power in band b' has in the audible part of band b, per instant.
-
-    ``tr(W_b G_b')/n`` of the Toeplitz matrices of both: a record of finite length smears frequencies.
-    """
-    bins = trial.bins
-    seen, given = (np.zeros((n_bands, bins.n_fft // 2 + 1)) for _ in range(2))
-    for b in range(n_bands):
-        part = band == b
-        given[b, bins.kept[part]] = bins.colour[part]
-        part = part & bins.audible
-        seen[b, bins.kept[part]] = 1.0 / bins.colour[part]
-    lag = np.arange(bins.n_fft)
-    pairs = np.maximum(0.0, 1.0 - np.minimum(lag, bins.n_fft - lag) / trial.n_samples)
-    return (np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T
-
-
-def _products(a: Array, b: Array) -> Array:
-    """``Re Σ_f Σ_k a[f, c, k] conj(b[f, d, k])``, ``(n_channels, n_channels)``."""
-    a, b = a.transpose(1, 0, 2).reshape(a.shape[1], -1), b.transpose(1, 0, 2).reshape(b.shape[1], -1)
-    return a.real @ b.real.T + a.imag @ b.imag.T
+def _products(x: Array) -> Array:
+    """``Σ_f Σ_h Σ_k x[f, h, c, k] x[f, h, d, k]``, ``(n_channels, n_channels)``."""
+    x = x.transpose(2, 0, 1, 3).reshape(x.shape[2], -1)
+    return x @ x.T
 
 
 def _significant(power: Array, freedom: Array) -> Array:

@@ -70,7 +70,7 @@ def pool(values: Array, covariances: Array, level: float = 0.95) -> Pooled:
     center = (fixed * values).sum(axis=0) / fixed.sum(axis=0)
     q = (fixed * (values - center) ** 2).sum(axis=0)
     information, moment = _joint(values, covariances, between)
-    covariance = np.linalg.inv(information)
+    covariance = np.asarray(np.linalg.inv(information), dtype=float)
     size = np.sqrt(np.diag(covariance))
     return Pooled(
         mean=size * (covariance / np.outer(size, size) @ (size * moment)),

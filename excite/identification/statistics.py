@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import t as student
 
@@ -17,6 +18,8 @@ from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS
 from excite.robot.robot import Array
 from excite.threads import one_blas_thread
+
+_BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +92,8 @@ def base_statistics(rows: Regression, base: BaseParameters | None = None) -> Bas
     factor, rotated = r[: base.rank, : base.rank], r[: base.rank, base.rank]
     estimate = solve_triangular(factor, rotated)
     weight = 1.0 / rows.std[problem.channel]
-    residual = (problem.y - problem.Y[:, columns] @ estimate) * weight
-    q = solve_triangular(factor, (problem.Y[:, columns] * weight[:, None]).T, trans="T").T
+    q = _orthonormal(problem.Y, columns, weight, factor)
+    residual = problem.y * weight - q @ (factor @ estimate)
     bands = noise_bands(problem, rows.grids, q, residual, factor)
     variance = float(residual @ residual) / max(problem.n_rows - base.rank, 1)
     return BaseStatistics(
@@ -110,6 +113,16 @@ def parameter_labels(problem: IdentificationProblem) -> tuple[str, ...]:
     labels = [f"{name}({segment.name})" for segment in problem.robot.segments for name in PARAMETERS]
     drives = (name.partition(".") for name in problem.parameter_names[problem.n_inertial :])
     return (*labels, *(f"{term}({joint})" for term, _, joint in drives))
+
+
+def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, factor: Array) -> Array:
+    """``W X R⁻¹``, ``(n_rows, n_base)``, block by block so that there is only one copy."""
+    q = np.empty((len(matrix), len(columns)))
+    for start in range(0, len(matrix), _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        weighted = matrix[rows, columns] * weight[rows, None]
+        q[rows] = solve_triangular(factor, weighted.T, trans="T", check_finite=False).T
+    return q
 
 
 def _sandwich(factor: Array, meat: Array) -> Array:
