@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.identification.changes import Changes
+from excite.identification.changes import ChangedSegment, Changes
 from excite.identification.consistency import Consistency
 from excite.identification.inertia import FILE_ORDER
 from excite.identification.uncertainty import ParameterUncertainty
@@ -190,10 +190,17 @@ class Identification:
         if not self.changes.segments:
             return ["changed segments: none found"]
         return ["changed segments:"] + [
-            f"  {item.segment}: {item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
+            f"  {item.segment}: {_mass_change(item)}"
             + (f" (or {', '.join(item.tied_with)})" if item.tied_with else "")
             for item in self.changes.segments
         ]
+
+
+def _mass_change(item: ChangedSegment) -> str:
+    """The change of mass, or that the rows say nothing of it: an arm's masses show only in combinations."""
+    if item.std_kg > max(abs(item.mass_change_kg), 1.0):
+        return "first moments or inertia; its mass alone is not determined"
+    return f"{item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
 
 
 def _parameter_block(row: Array) -> dict[str, Any]:
