@@ -12,7 +12,7 @@ from excite.diagnosis.doctor import examine
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.locate import locate
-from excite.diagnosis.noise_floor import spectral_floor
+from excite.diagnosis.noise_floor import repeat_floor, spectral_floor
 from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, share_closed
 from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.shrink import gap_of
@@ -49,11 +49,13 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator) -> Diagnosis:
     attribution = Attributor(baseline, spectral).run()
     judgement = judge(attribution, spectral)
     first = attribution.stages[0]
+    before, floor = baseline.plain(attribution.before.residual), attribution.floor
+    repeat = repeat_floor(samples, baseline.plain(attribution.after.residual))
     gap = gap_of(
         samples,
-        attribution.before.residual,
-        attribution.after.residual if attribution.accepted else attribution.before.residual,
-        attribution.floor,
+        before,
+        baseline.plain(attribution.after.residual) if attribution.accepted else before,
+        floor if repeat is None else np.maximum(repeat, 0.5 * floor),
         attribution.scale,
         rng,
     )
@@ -96,7 +98,8 @@ def _candidate(
     """A scored hypothesis as it stands in the document; gaps on the validation trials."""
     h = item.hypothesis
     rows = ~attribution.final.samples.identification
-    residual = h.fit.residual[:, rows] if rows.any() else h.fit.residual
+    residual = h.baseline.plain(h.fit.residual)
+    residual = residual[:, rows] if rows.any() else residual
     after = float(np.sqrt(np.mean((residual**2).mean(axis=1) / attribution.scale**2)))
     return Candidate(
         effect=item.name,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from excite.diagnosis.baseline import WIDTHS, Baseline, own_names, own_signals
+from excite.diagnosis.baseline import WIDTHS, Baseline, own_names
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations import Fit, Solver
@@ -162,7 +162,7 @@ class Attributor:
 
     def _floor(self, fit: Fit) -> Array:
         """Of repeated trials; of the spectrum where there are none."""
-        repeat = repeat_floor(self.baseline.samples, fit.residual)
+        repeat = repeat_floor(self.baseline.samples, self.baseline.judged(fit.residual))
         return self.spectral if repeat is None else np.maximum(repeat, 0.5 * self.spectral)
 
     def _rank(self, context: Context, scale: Array) -> tuple[Scored, ...]:
@@ -181,7 +181,7 @@ class Attributor:
         refined.sort(key=_price)
         samples = context.baseline.samples
         use, before = samples.identification, context.baseline.fit
-        counts = effective_counts(refined[0].fit.residual, use, samples.trial_of_row)
+        counts = effective_counts(self.baseline.judged(refined[0].fit.residual), use, samples.trial_of_row)
         judge = Judge(use, counts, self.spectral)
         floor = self._floor(refined[0].fit)
         scored = [self._score(judge, before, item, floor, scale) for item in refined]
@@ -191,9 +191,10 @@ class Attributor:
         return [e for e in EFFECTS.values() if e.offered(self.baseline.modelled)]
 
     def _score(self, judge: Judge, before: Fit, item: Hypothesis, floor: Array, scale: Array) -> Scored:
-        ratio = judge.ratio(before, item.fit)
+        first, last = self.baseline.judged(before.residual), self.baseline.judged(item.fit.residual)
+        ratio = judge.ratio(first, last)
         price = 0.5 * item.n_parameters * np.log(max(judge.count.sum(), 2.0)) + np.log(200.0)
-        old, new = judge.power(before).validation, judge.power(item.fit).validation
+        old, new = judge.power(first).validation, judge.power(last).validation
         change = old - new
         room = np.maximum(old - floor**2, 0.05 * old)
         closed = change / room
@@ -238,7 +239,7 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     base = search.context.baseline
     if not best.effect.friction or "coulomb_friction" not in base.modelled:
         return best
-    samples, names = base.samples, own_names(base.modelled)
+    names = own_names(base.modelled)
     j, place, step = (
         search.context.row(best.location),
         WIDTHS.index(base.widths[search.context.row(best.location)]),
@@ -247,7 +248,7 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     for step in (1, -1):
         k = place + step
         while 0 <= k < len(WIDTHS):
-            own = samples.rows(samples.split(own_signals(samples, names, j, WIDTHS[k])))
+            own = base.own_rows(names, j, WIDTHS[k])
             widths = base.widths.copy()
             widths[j] = WIDTHS[k]
             moved = replace(base, widths=widths, solver=search.solver.with_own(j, own))

@@ -15,6 +15,8 @@ from excite.robot.robot import Array
 # Widths of the sign change of Coulomb friction that are tried [rad/s].
 WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
 _RELATIVE = 0.5
+# Speed below which a joint counts as standing [rad/s].
+_STILL = 0.012
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,9 @@ class Baseline:
         rigid: full-rate torque of the rigid bodies at ``phi`` ``(n_samples, n_joints)`` [N·m], accepted effects of
             bodies and geometry included.
         total: the same with friction, rotor inertia and all accepted effects.
+        root_weight: ``(n_joints, n_rows)`` square root of the rows' weights, by which all rows of ``solver`` are
+            multiplied; their mean square is 1.
+        strict: the same where hypotheses are judged: standstill counts for next to nothing.
         added: accepted effects' part of ``rigid``.
         added_drive: accepted effects' part of ``total`` that is not in ``rigid``.
     """
@@ -47,6 +52,8 @@ class Baseline:
     basis: Array
     rigid: Array
     total: Array
+    root_weight: Array
+    strict: Array
     added: Array
     added_drive: Array
 
@@ -64,6 +71,19 @@ class Baseline:
         total = rigid + np.column_stack(own) + self.added_drive
         return replace(self, phi=phi, rigid=rigid, total=total)
 
+    def own_rows(self, names: tuple[str, ...], joint: int, width: float) -> Array:
+        """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
+        s = self.samples
+        return s.rows(s.split(own_signals(s, names, joint, width))) * self.root_weight[joint][:, None]
+
+    def plain(self, residual: Array) -> Array:
+        """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]."""
+        return residual / self.root_weight
+
+    def judged(self, residual: Array) -> Array:
+        """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""
+        return residual / self.root_weight * self.strict
+
     def reprofiled(self) -> Baseline:
         """The widths of the sign changes searched anew: an effect that was missing may have bent them."""
         names, s = own_names(self.modelled), self.samples
@@ -71,7 +91,7 @@ class Baseline:
             return self
         use, rest, own, widths = s.identification, self.fit.before_own, [], []
         for j in range(len(s.joints)):
-            bank = [s.rows(s.split(own_signals(s, names, j, w))) for w in WIDTHS]
+            bank = [self.own_rows(names, j, w) for w in WIDTHS]
             best = _best_width(rest[j][use], [b[use] for b in bank])
             own.append(bank[best])
             widths.append(WIDTHS[best])
@@ -126,15 +146,16 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     free = "rigid_body" in modelled
     tau = samples.rows([t.tau for t in samples.trials])
     nominal = inverse_dynamics(model, q, v, a)[:, index]
-    y = (tau - samples.rows(samples.split(nominal))).T
+    root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
+    y = (tau - samples.rows(samples.split(nominal))).T * root
     phi = _model_phi(samples)
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
+    shared = shared * root[:, :, None]
     names = own_names(modelled)
     widths = np.full(len(index), 6e-3)
+    tried = WIDTHS if "coulomb_friction" in names else (6e-3,)
     bank = [
-        [samples.rows(samples.split(own_signals(samples, names, j, w))) for w in WIDTHS]
-        if "coulomb_friction" in names
-        else [samples.rows(samples.split(own_signals(samples, names, j, 6e-3)))]
+        [samples.rows(samples.split(own_signals(samples, names, j, w))) * root[j][:, None] for w in tried]
         for j in range(len(index))
     ]
     use = samples.identification
@@ -159,8 +180,38 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     nothing = np.zeros_like(torque)
     total = torque + friction
     return Baseline(
-        samples, modelled, free, widths, solver, fit, phi_hat, basis, torque, total, nothing, nothing
+        samples,
+        modelled,
+        free,
+        widths,
+        solver,
+        fit,
+        phi_hat,
+        basis,
+        torque,
+        total,
+        root,
+        strict,
+        nothing,
+        nothing,
     )
+
+
+def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array:
+    """Square roots of the rows' weights, ``(n_joints, n_rows)``, their mean square 1.
+
+    At rest friction is whatever holds the joint, no function of its motion: rows that the filter mixes with
+    standstill weigh little. A fit that gave them no weight at all would leave the change of sign to chance.
+
+    Args:
+        samples: the samples.
+        slope: loss of weight with the share of standstill in a row.
+        least: least root of a weight before normalisation.
+    """
+    v = samples.stacked("v")[:, list(samples.index)]
+    still = samples.rows(samples.split(_STILL**2 / (v**2 + _STILL**2))).T
+    root = np.clip(1.0 - slope * still, least, 1.0)
+    return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
 
 
 def _best_width(target: Array, columns: list[Array]) -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.arm import diagnose_arm
+from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.diagnosis.result import Diagnosis
 from excite.errors import InputError
 from excite.logs.files import load_log
@@ -37,8 +38,10 @@ def diagnose(
     robot = robot or nominal_robot(loaded)
     if loaded.header.base == "fixed" and loaded.header.torque in {"motor_side", "link_side"}:
         return diagnose_arm(robot, loaded, np.random.default_rng(seed))
+    if loaded.header.base != "fixed" and loaded.header.sensors:
+        return diagnose_floating(loaded, robot, np.random.default_rng(seed))
     raise InputError(
         f"base {loaded.header.base} with torque {loaded.header.torque} is not diagnosed yet",
         field="torque",
-        remedy="use a fixed-base log with joint torques",
+        remedy="use a fixed-base log with joint torques, or a floating-base log with contact wrenches",
     )

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.diagnosis.equations import Fit
 from excite.robot.robot import Array
 
 _LAGS = 200
@@ -40,15 +39,15 @@ class Judge:
     count: Array
     floor: Array
 
-    def power(self, fit: Fit) -> Power:
-        """Mean squares of a fit's residuals."""
-        squares = fit.residual**2
+    def power(self, residual: Array) -> Power:
+        """Mean squares of residuals ``(n_joints, n_rows)``."""
+        squares = residual**2
         inside = squares[:, self.use].mean(axis=1)
         outside = squares[:, ~self.use].mean(axis=1) if (~self.use).any() else inside
         return Power(inside, outside)
 
-    def ratio(self, before: Fit, after: Fit) -> Array:
-        """Log-likelihood ratio by joint ``(n_joints, 2)`` [nats] on identification and validation rows."""
+    def ratio(self, before: Array, after: Array) -> Array:
+        """Log-likelihood ratio by joint ``(n_joints, 2)`` [nats] from residuals: identification, validation."""
         least = self.floor**2
         p, r = self.power(before), self.power(after)
         logs = np.column_stack(

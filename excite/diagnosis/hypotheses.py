@@ -58,22 +58,23 @@ class Hypothesis:
 
 
 def at_rows(context: Context, shape: Shape) -> Columns:
-    """Filter a shape and keep it at the rows."""
+    """Filter a shape and keep it at the rows, weighted as they are."""
     samples = context.baseline.samples
     n_rows = sum(len(t.rows) for t in samples.trials)
     extra = offset = None
+    root = context.baseline.root_weight
     if shape.columns:
         keys = sorted(shape.columns)
         m = shape.columns[keys[0]].shape[1]
         stacked = samples.rows(samples.split(np.concatenate([shape.columns[k] for k in keys], axis=1)))
         extra = np.zeros((len(context.joints), n_rows, m))
         for place, k in enumerate(keys):
-            extra[k] = stacked[:, m * place : m * (place + 1)]
+            extra[k] = stacked[:, m * place : m * (place + 1)] * root[k][:, None]
     if shape.offset:
         keys = sorted(shape.offset)
         stacked = samples.rows(samples.split(np.column_stack([shape.offset[k] for k in keys])))
         offset = np.zeros((len(context.joints), n_rows))
-        offset[keys] = stacked.T
+        offset[keys] = stacked.T * root[keys]
     return Columns(extra, offset)
 
 

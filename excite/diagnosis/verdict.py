@@ -61,7 +61,7 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
 def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:
     """Joints whose residual after all accepted effects is significantly more than noise."""
     samples = attribution.final.samples
-    residual, use = attribution.after.residual, samples.identification
+    residual, use = attribution.final.judged(attribution.after.residual), samples.identification
     counts = effective_counts(residual, use, samples.trial_of_row).sum(axis=1)
     power = (residual**2).mean(axis=1)
     floor = np.maximum(attribution.floor, spectral) ** 2
