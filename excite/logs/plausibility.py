@@ -77,7 +77,7 @@ def _units(log: Log, robot: Robot) -> list[Finding]:
     too_fast = fast > 3.0 * speed
     # A full turn's excess is an encoder that counts on, not a unit; degrees exceed limits manifold.
     manifold = np.maximum(np.abs(low), np.abs(high)) > 3.0 * np.maximum(np.abs(lower), np.abs(upper))
-    degrees = inside_as_degrees & (manifold | (outside & too_fast) | (too_fast & (fast / _DEGREE < speed)))
+    degrees = inside_as_degrees & (manifold | (outside & too_fast))
     joints = np.array(log.header.joints)
     found = []
     if degrees.any():

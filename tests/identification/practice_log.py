@@ -35,7 +35,7 @@ def arm_log(
     true = nominal * np.repeat(rng.uniform(0.9, 1.1, len(nominal) // 10), 10) if true is None else true
     limits = robot.limits
     middle = 0.5 * (limits.position_lower + limits.position_upper)
-    size = 0.45 * (limits.position_upper - limits.position_lower)
+    size = np.minimum(0.45 * (limits.position_upper - limits.position_lower), 1.5)
     own = np.array([np.mean(np.abs(joint_torque_regressor(robot.model, middle[None], v, v) @ nominal))
                     for v in np.zeros((n, 1, n))])  # fmt: skip
     scale = np.maximum(own.max() * np.geomspace(1.0, 0.05, n), 0.05)

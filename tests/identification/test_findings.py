@@ -1,0 +1,90 @@
+"""What an identification says of its own limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from excite.identification.doubts import find_doubts
+from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.identify import identify
+from excite.identification.problem import build_problem
+from excite.identification.result import TotalMassReport
+from excite.identification.settings import ProblemSettings
+from excite.identification.statistics import base_statistics
+from excite.identification.warnings import find_warnings
+from excite.robot.loading import load_robot
+from tests.identification.practice_log import arm_log, changed
+
+SETTINGS = ProblemSettings(cutoff_hz=5.0)
+
+
+@pytest.fixture(scope="module")
+def ur10():
+    return load_robot("ur10")
+
+
+def doubts(robot, log, method: str) -> dict:
+    problem = build_problem(robot, log, SETTINGS)
+    estimate = find_estimator(method).estimate(problem, EstimatorSettings())
+    spread = EstimatorSettings().spreads(robot)
+    return {item.kind: item for item in find_doubts(estimate, base_statistics(estimate.regression), spread)}
+
+
+def test_a_joint_that_hardly_moves_leaves_directions_unexcited(ur10):
+    log = arm_log(ur10, 0, trials=3)
+    slack = np.ones(ur10.n_joints)
+    slack[4:] = 0.002
+    lazy = changed(log, lambda t: replace(t, q=t.q.mean(axis=0) + slack * (t.q - t.q.mean(axis=0))))
+    rich, poor = doubts(ur10, log, "wls"), doubts(ur10, lazy, "wls")
+    found = poor["unexcited"]
+    assert any("wrist" in name for name in found.places)
+    before = rich["unexcited"].figures["directions"] if "unexcited" in rich else 0
+    assert found.figures["directions"] > before
+
+
+def test_friction_that_drives_puts_constraints_in_conflict_with_least_squares(ur10):
+    """Torques that grow against the velocity; a method that asks for friction cannot follow them."""
+    log = arm_log(ur10, 0, trials=3)
+    push = np.zeros(ur10.n_joints)
+    push[1] = 20.0
+    driven = changed(log, lambda t: replace(t, tau=t.tau - push * np.gradient(t.q, t.time, axis=0)))
+    found = doubts(ur10, driven, "qp")
+    assert found["conflict"].figures["standard_deviations"] > 5.0
+    assert any("viscous" in name for name in found["conflict"].places)
+    assert any("viscous" in name for name in found["at_bound"].places)
+    assert "conflict" not in doubts(ur10, log, "qp")
+
+
+def test_least_squares_does_not_contradict_itself(ur10):
+    assert "conflict" not in doubts(ur10, arm_log(ur10, 0, trials=3), "wls")
+
+
+def test_forces_that_disagree_with_the_known_mass_are_named(ur10):
+    result = identify(ur10, arm_log(ur10, 0, trials=2), "wls", problem_settings=SETTINGS)
+
+    def said(measured: float, weighed: float | None) -> str:
+        mass = TotalMassReport(35.0, 35.0, measured, 0.05, weighed)
+        found = find_warnings(replace(result, total_mass=mass))
+        return next((item.text for item in found if item.kind == "force_scale"), "")
+
+    assert "exerts" in said(-34.0, None)
+    assert "gain" in said(35.0 / 2.0, None)
+    assert "the scale" in said(35.0, 36.0)
+    assert said(38.0, None) == said(35.1, 35.0) == ""
+    assert result.to_json()["findings"][0].keys() == {"kind", "text", "figures", "places"}
+
+
+def test_findings_about_the_log_come_with_the_result(ur10):
+    degrees = changed(arm_log(ur10, 0, trials=3), lambda t: replace(t, q=np.degrees(t.q), q_cmd=None))
+    kinds = [item.kind for item in identify(ur10, degrees, "wls", problem_settings=SETTINGS).findings]
+    assert kinds[:2] == ["degrees", "degrees"]
+
+
+def test_a_sound_log_is_not_talked_down(ur10):
+    found = identify(ur10, arm_log(ur10, 0, trials=4), "wls", problem_settings=SETTINGS).findings
+    odd = {"degrees", "order", "torque_sign", "torque_scale", "torque_side", "conflict", "no_better"}
+    assert not odd & {item.kind for item in found}
