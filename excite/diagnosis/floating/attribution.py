@@ -9,6 +9,7 @@ import numpy as np
 from excite.diagnosis.floating.contact_times import PRICE_OF_A_SWITCH, find_contact
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.held_out import held_out_gain
 from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.refinement import (
     Fitted,
@@ -93,6 +94,8 @@ def attribute(problem: Problem) -> Attribution:
         ranked = rank_next(problem, coarse, current)
         if not ranked or not _worthwhile(ranked[0], current, baseline, n, first=not steps):
             break
+        if not held_out_gain(problem, current, ranked[0].fitted) > 0.0:
+            break
         steps.append(ranked)
         current = ranked[0].fitted
         if current.power < NOISE_SLACK * n:
@@ -126,6 +129,7 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     open_after = (min(f.power for f in fits) if fits else current.power) / n
     if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
         fits += _contacts(problem, current, places)
+    fits = [f for f in fits if current.power - f.power > f.placed[-1].effect.least_shrink * n]
     if not fits:
         return ()
     over = max(1.0, min(f.power for f in fits) / n)
@@ -202,7 +206,7 @@ def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int, *, firs
         return False
     closed = current.power - best.fitted.power
     if first:
-        return closed > 2.0 * SIGNIFICANT
+        return True
     known = {item.effect.name for item in current.placed}
     of_all = _SAME_OF_ALL if best.last.effect.name in known else _FURTHER_OF_ALL
     return closed > _FURTHER_SHARE * (current.power - n) and closed > of_all * (baseline.power - n)

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.refinement import Fitted, nominal_fit, refine
-from excite.robot.robot import Array
+from excite.diagnosis.floating.refinement import Fitted, explained_state, nominal_fit, refine
 
 
 def identification_only(problem: Problem) -> Problem:
@@ -49,6 +48,18 @@ def refit(problem: Problem, fitted: Fitted) -> tuple[Fitted, Fitted]:
     return baseline, refine(restricted, fitted.placed, fitted.theta, baseline)
 
 
-def validation_power(problem: Problem, residual_rows: Array) -> float:
-    """Sum of squares of the validation trials' rows."""
-    return float((residual_rows[problem.validation] ** 2).sum())
+def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float:
+    """What a further effect takes away from the validation trials' sum of squares, fitted to the others.
+
+    Positive infinity where there are no validation trials: nothing speaks against it.
+    """
+    if not problem.validation.any() or problem.validation.all():
+        return float("inf")
+    restricted = identification_only(problem)
+    baseline = nominal_fit(restricted)
+    powers = []
+    for fitted in (without, candidate):
+        alone = refine(restricted, fitted.placed, fitted.theta, baseline) if fitted.placed else baseline
+        rows = problem.rows(explained_state(problem, alone))
+        powers.append(float((rows[problem.validation] ** 2).sum()))
+    return powers[0] - powers[1]

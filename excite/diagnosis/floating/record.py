@@ -12,7 +12,7 @@ from excite.errors import LogError
 from excite.identification.kinematics import forces_on_grid, trial_kinematics
 from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import Log, Trial
-from excite.logs.robot import nominal_robot
+from excite.logs.robot import nominal_robot, robot_in_log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.regressor.wrench import base_wrench
@@ -108,7 +108,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
 
     Args:
         log: a floating-base log with contact wrenches and base pose.
-        robot: the nominal robot with the log's sensors; None reads the one that the log names.
+        robot: the nominal robot; None reads the one that the log names.
 
     Raises:
         LogError: the log has a fixed base, or lacks base pose or wrenches.
@@ -116,7 +116,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
     header = log.header
     if header.base == "fixed" or not header.sensors:
         raise LogError("has no floating base with contact sensors", source=log.folder, field="base")
-    robot = nominal_robot(log) if robot is None else robot
+    robot = nominal_robot(log) if robot is None else robot_in_log(robot, header, log.folder)
     settings = ProblemSettings()
     filters = Filters(CUTOFF_HZ, CUTOFF_HZ, 4, ROW_RATE_HZ)
     parts = [_prepare_trial(robot, log, trial, settings, filters) for trial in log.trials]

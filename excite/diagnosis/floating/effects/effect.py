@@ -36,10 +36,14 @@ class FloatingEffect(ABC):
     Attributes:
         name: a word of the contract.
         reads_as: what it is confused with, and what tells it apart.
+        least_shrink: share of the noise's power that it must take away as well, however significant it looks:
+            noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
+            where the columns are made of accelerations.
     """
 
     name: ClassVar[str]
     reads_as: ClassVar[str]
+    least_shrink: ClassVar[float] = 0.05
 
     @abstractmethod
     def locations(self, state: State) -> tuple[str, ...]:

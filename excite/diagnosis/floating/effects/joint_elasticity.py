@@ -17,6 +17,7 @@ class JointElasticity(FloatingEffect):
 
     name: ClassVar[str] = "joint_elasticity"
     reads_as: ClassVar[str] = "encoder offset, where the joint's load hardly changes"
+    least_shrink: ClassVar[float] = 0.15
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Joints."""

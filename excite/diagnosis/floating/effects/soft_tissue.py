@@ -11,7 +11,7 @@ from excite.diagnosis.floating.state import State
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
 
-_CUTOFF_HZ = 4.0
+_CUTOFF_HZ = 3.0
 
 
 class SoftTissue(FloatingEffect):
@@ -23,6 +23,7 @@ class SoftTissue(FloatingEffect):
 
     name: ClassVar[str] = "soft_tissue"
     reads_as: ClassVar[str] = "elasticity, where the joint's load is the segment's own inertia"
+    least_shrink: ClassVar[float] = 0.3
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with mass; joints through massless links belong to the next link with mass."""

@@ -1,0 +1,110 @@
+"""Floating-base diagnosis against pinocchio, finite differences and simulated cases with a known answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.diagnosis.floating.attribution import attribute
+from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.problem import Problem, build_problem
+from excite.diagnosis.floating.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.unloaded import find_unloaded
+from excite.errors import LogError
+from excite.logs.files import load_log
+from excite.logs.log import Log
+
+# Nominal inertials given and right; plates under a TALOS; nothing hidden.
+_CLEAN = "case_013"
+_BIASED, _BIAS = "case_024", (5.264572, 7.468074, -9.363308, -4.561285, -5.174294, -5.676496)
+
+
+@pytest.fixture(scope="module")
+def clean_log(gap_dir: Path) -> Log:
+    return load_log(gap_dir / "floating" / _CLEAN)
+
+
+@pytest.fixture(scope="module")
+def record(clean_log: Log) -> FloatingRecord:
+    return prepare_record(clean_log)
+
+
+@pytest.fixture(scope="module")
+def problem(record: FloatingRecord) -> Problem:
+    return build_problem(record)
+
+
+def with_readings(record: FloatingRecord, sensor: str, change) -> FloatingRecord:
+    """The record as it would be if a sensor had said something else."""
+    return replace(record, readings=record.readings | {sensor: change(record.readings[sensor])})
+
+
+def test_prediction_is_inverse_dynamics(record: FloatingRecord) -> None:
+    state, model = State.logged(record), record.robot.model
+    data = model.createData()
+    for i in (0, 700, 1500):
+        expected = pin.rnea(model, data, record.q[i], record.v[i], record.a[i])[:6]
+        np.testing.assert_allclose(state.predicted[i], expected, atol=1e-8)
+
+
+def test_noise_of_a_clean_record_is_as_expected(problem: Problem) -> None:
+    power = problem.power(problem.nominal_rows) / len(problem.nominal_rows)
+    assert 0.7 < power < 1.3
+
+
+@pytest.mark.parametrize("name", sorted(FLOATING_EFFECTS))
+def test_effects_vanish_at_zero_and_follow_their_columns(record: FloatingRecord, name: str) -> None:
+    few = replace(
+        record,
+        q=record.q[:200],
+        v=record.v[:200],
+        a=record.a[:200],
+        readings={k: x[:200] for k, x in record.readings.items()},
+        readings_rate={k: x[:200] for k, x in record.readings_rate.items()},
+        spans=(slice(0, 200),),
+    )
+    effect, state = FLOATING_EFFECTS[name], State.logged(few)
+    location = effect.locations(state)[-1]
+    zero = np.zeros(len(effect.parameters(state, location)))
+    np.testing.assert_allclose(effect.apply(state, location, zero).residual, state.residual, atol=1e-9)
+    theta = 0.02 * effect.scales(state, location)
+    moved = effect.apply(state, location, theta).residual - state.residual
+    linear = -effect.columns(state, location, zero) @ theta
+    assert np.abs(moved - linear).max() < 0.05 * np.abs(moved).max() + 1e-9
+
+
+def test_nothing_is_found_where_nothing_is(record: FloatingRecord) -> None:
+    assert attribute(build_problem(record.thinned())).verdict == "none"
+
+
+def test_a_wrong_gain_is_named_and_measured(record: FloatingRecord) -> None:
+    gained = with_readings(record.thinned(), "left_plate", lambda x: x * np.array([1, 1.06, 1, 1, 1, 1]))
+    found = attribute(build_problem(gained))
+    assert found.verdict == "effect"
+    assert (found.accepted.placed[0].effect.name, found.accepted.placed[0].location) == (
+        "sensor_gain",
+        "left_plate.fy",
+    )
+    assert found.accepted.theta[0][0] == pytest.approx(0.06, abs=0.01)
+
+
+def test_a_foot_in_the_air_tells_the_bias(gap_dir: Path) -> None:
+    record = prepare_record(load_log(gap_dir / "floating" / _BIASED))
+    state = State.logged(record)
+    unloaded = find_unloaded(record, state)
+    seen = {
+        name: values for name, values in zip(unloaded.sensors, unloaded.values(state.readings), strict=True)
+    }
+    np.testing.assert_allclose(seen["right_plate"], _BIAS, atol=0.2)
+    np.testing.assert_allclose(seen["left_plate"], 0.0, atol=0.5)
+
+
+def test_wrenches_are_needed(clean_log: Log) -> None:
+    bare = replace(clean_log, trials=tuple(replace(t, wrenches={}) for t in clean_log.trials))
+    with pytest.raises(LogError, match="wrench"):
+        prepare_record(bare)
