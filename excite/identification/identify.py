@@ -166,7 +166,9 @@ def _assemble(
 
 
 def _base_parameters(problem, statistics, values, std, indices) -> tuple[BaseParameter, ...]:
-    rsd = statistics.rsd_percent(values) if len(values) == len(statistics.std) else None
+    whole = len(values) == len(statistics.std)
+    rsd = statistics.rsd_percent(values) if whole else None
+    half = statistics.half_width() if whole else None
     found = []
     for place, index in enumerate(indices):
         column = int(statistics.base.independent[index])
@@ -181,6 +183,7 @@ def _base_parameters(problem, statistics, values, std, indices) -> tuple[BasePar
                 value=float(values[place]),
                 std=float(std[place]),
                 rsd_percent=float(percent),
+                half_width_95=None if half is None else float(half[place]),
             )
         )
     return tuple(found)

@@ -29,6 +29,8 @@ class BaseParameter:
         value: [SI].
         std: standard deviation [SI], valid for filtered and correlated noise.
         rsd_percent: ``100·std/|value|``.
+        half_width_95: half the width of the interval that holds the truth in 95 of 100 cases [SI], None where
+            it was not asked for.
     """
 
     name: str
@@ -37,6 +39,7 @@ class BaseParameter:
     value: float
     std: float
     rsd_percent: float
+    half_width_95: float | None = None
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,10 @@ def test_filtered_noise_widens_the_intervals():
     problem = problem_of(FILTERED, 0)
     found = base_statistics(iterate_weights(regression(problem)))
     assert np.median(found.std / found.white_std) > 2.0
+    # Few independent numbers: Student's quantile is wider than the normal one.
+    ratio = found.half_width() / found.std
+    assert (ratio > 1.96).all() and (ratio < 2.3).all()
+    assert (found.degrees_of_freedom < found.factor.shape[0] * 100).all()
 
 
 def _small_problem(n: int = 60) -> IdentificationProblem:
