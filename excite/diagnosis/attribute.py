@@ -17,6 +17,7 @@ from excite.robot.robot import Array
 
 _REFINED = 6
 _LISTED = 24
+_HARDLY = 0.3
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,11 @@ class Gates:
         validation_again: nats of a further effect on validation trials alone.
         closed_again: share that a further effect removes.
         relative: strength of a further effect against the strongest one, as normalised torque amplitude.
-        of_rest: share of all normalised power above the floor that a further effect removes: where every joint
-            has a little of something, naming one of them would be arbitrary.
+        of_rest: share of all normalised power above the floor that a further effect removes.
         same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and
             for timing.
+        left: joints well above the floor that a further effect may leave as they are: where every joint has a
+            little of something, naming one of them would be arbitrary.
         most: effects at most.
     """
 
@@ -44,9 +46,10 @@ class Gates:
     evidence_again: float = 80.0
     validation_again: float = 30.0
     closed_again: float = 0.2
-    relative: float = 0.2
+    relative: float = 0.1
     of_rest: float = 0.12
     same_joint: float = 0.6
+    left: int = 2
     most: int = 3
 
 
@@ -62,6 +65,7 @@ class Scored:
         strength: amplitude that it removes, over channels, normalised by the channels' deviation.
         of_rest: share of the normalised power above the floor, over all channels, that it removes.
         place: index of the joint that it changes most.
+        left: joints above twice the floor's power of which it removes hardly anything.
     """
 
     hypothesis: Hypothesis
@@ -71,6 +75,7 @@ class Scored:
     strength: float
     of_rest: float
     place: int
+    left: int
 
     @property
     def name(self) -> str:
@@ -203,9 +208,9 @@ class Attributor:
         rest = float((np.maximum(old - floor**2, 0.0) / scale**2).sum())
         of_rest = strength**2 / max(rest, strength**2, 1e-300)
         place = int(np.argmax(ratio.sum(axis=1)))
-        return Scored(
-            item, float(ratio.sum() - price), float(ratio[:, 1].sum()), closed, strength, of_rest, place
-        )
+        left = int(np.sum((old > 2.0 * floor**2) & (closed < _HARDLY)))
+        evidence, outside = float(ratio.sum() - price), float(ratio[:, 1].sum())
+        return Scored(item, evidence, outside, closed, strength, of_rest, place, left)
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
         gates = self.gates
@@ -221,7 +226,11 @@ class Attributor:
         strongest = max(a.strength for a in accepted)
         crowded = timing or item.location in {a.location for a in accepted}
         needed = gates.same_joint if crowded else gates.closed_again
-        if item.of_rest < gates.of_rest or item.strength < gates.relative * strongest:
+        if (
+            item.left > gates.left
+            or item.of_rest < gates.of_rest
+            or item.strength < gates.relative * strongest
+        ):
             return False
         return float(item.closed.max()) >= needed
 
