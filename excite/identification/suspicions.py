@@ -223,7 +223,8 @@ def _motor_side(samples: TorqueSamples, log: Log) -> list[Finding]:
         if float(friction @ friction) > _DRIVE_SHARE * float(torque @ torque):
             rubbing.append(name)
     outer = float(np.median(rotors[-max(1, len(joints) // 2) :]))
-    if outer < _ROTOR_SHARE and 2 * len(rubbing) <= len(joints):
+    # Friction alone is seen behind the gear too, in bearings and seals; inertia that is negative is no rotor's.
+    if outer < (0.0 if 2 * len(rubbing) > len(joints) else _ROTOR_SHARE):
         return []
     text = (
         "torques are called link_side, yet they hold rotor inertia "
