@@ -40,10 +40,9 @@ def examine(robot: Robot, log: Log) -> Chart:
     """
     trials, faults = [], []
     for trial in log.trials:
-        for repair in (_held_rows, _stamps):
-            trial, fault = repair(trial)
-            if fault is not None:
-                faults.append(fault)
+        trial, held = _held_rows(trial)
+        trial, clock = _stamps(trial, log.header.rate_hz)
+        faults += [fault for fault in (held, clock) if fault is not None]
         faults += _counted(trial)
         trials.append(trial)
     mended, wrong = examine_channels(robot, log, tuple(trials))
@@ -87,17 +86,33 @@ def _held_rows(trial: Trial) -> tuple[Trial, LogFault | None]:
     return _take(trial, keep), fault
 
 
-def _stamps(trial: Trial) -> tuple[Trial, LogFault | None]:
+def _row_numbers(time: Array, step: float) -> NDArray[np.int64]:
+    """Number of each row on an even clock, from stamps that may be late by less than a step, rows missing.
+
+    The clock's phase is the one with the fewest rows that would fall together or leave a gap.
+    """
+    phases = np.linspace(0.0, 1.0, 40, endpoint=False)
+    numbers = [np.floor(time / step - phase).astype(np.int64) for phase in phases]
+    best = numbers[int(np.argmin([np.sum(np.diff(k) != 1) for k in numbers]))]
+    # A row that falls together with the next and leaves a gap behind it was later than a step.
+    step_in, step_out = np.diff(best)[:-1], np.diff(best)[1:]
+    best[1:-1] -= (step_in == 2) & (step_out == 0)
+    return best
+
+
+def _stamps(trial: Trial, rate_hz: float) -> tuple[Trial, LogFault | None]:
     """Jittered stamps: kept where positions are smoother on them than on an even grid, else evened out."""
     step = np.diff(trial.time)
     median = float(np.median(step))
     if np.std(step[step < 1.5 * median]) < 0.02 * median:
         return trial, None
-    index = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(step / median)))])
-    slope = np.polyfit(index, trial.time, 1)
-    even = np.polyval(slope, index)
+    period = 1.0 / rate_hz if abs(median * rate_hz - 1.0) < 0.1 else median
+    number = _row_numbers(trial.time, period)
+    distinct = np.concatenate([[True], np.diff(number) > 0])
+    even = np.polyval(np.polyfit(number, trial.time, 1), number)
     moving = trial.q.std(axis=0) > 0.0
-    honest, late = (_roughness(t, trial.q[:, moving]) for t in (trial.time, even))
+    q = trial.q[distinct][:, moving]
+    honest, late = (_roughness(t[distinct], q) for t in (trial.time, even))
     jitter = float(np.std(step) / median)
     if late < honest:
         fault = LogFault(
@@ -107,7 +122,7 @@ def _stamps(trial: Trial) -> tuple[Trial, LogFault | None]:
             "stamps were taken when packets arrived, not when they were measured",
             repaired=True,
         )
-        return _take(trial, np.ones(len(even), dtype=bool), even), fault
+        return _take(trial, distinct, even), fault
     fault = LogFault(
         "jitter",
         trial.name,
