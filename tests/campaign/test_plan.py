@@ -72,17 +72,21 @@ def test_bad_arguments_are_refused(ur10: Robot) -> None:
         plan(ur10, n_candidates=1, targets=("no_such_joint",))
 
 
-def test_chosen_motions_of_a_humanoid_were_rehearsed(g1: Robot) -> None:
-    made = plan(g1, n_candidates=10, seed=4, jobs=2)
-    assert {motion.metadata.generator for motion in made.accepted} == {"random_joint", "leg_swing", "squat"}
-    assert made.conditioning.n_base_parameters == 199
-    for motion in made.motions[:3]:
-        assert replay(g1, motion).on_its_feet
+@pytest.fixture(scope="module")
+def standing_plan(g1: Robot) -> Plan:
+    """A plan of six candidates for a robot that can fall."""
+    return plan(g1, n_candidates=6, seed=4, jobs=2)
 
 
-def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot) -> None:
-    made = plan(g1, n_candidates=4, seed=4, jobs=2)
-    motion = made.accepted[0]
+def test_chosen_motions_of_a_humanoid_were_rehearsed(g1: Robot, standing_plan: Plan) -> None:
+    generators = {motion.metadata.generator for motion in standing_plan.accepted}
+    assert generators == {"random_joint", "leg_swing", "squat"}
+    assert standing_plan.conditioning.n_base_parameters == 199
+    assert replay(g1, standing_plan.motions[0]).on_its_feet
+
+
+def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot, standing_plan: Plan) -> None:
+    motion = standing_plan.accepted[0]
     leaning = motion.q.copy()
     waist = g1.n_base_q + g1.joint_index("waist_pitch_joint")
     ankles = [g1.n_base_q + g1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right")]
