@@ -42,11 +42,11 @@ def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
-def free_force_links(problem: Problem, fitted: Fitted, margin: float = 0.05) -> tuple[str, ...]:
+def free_force_links(problem: Problem, fitted: Fitted, margin: float = 0.02) -> tuple[str, ...]:
     """Links at whose origin one force, free at each instant, explains most of what a fit leaves, best first.
 
     Six numbers an instant against three: the moment must be that of the force about the link.
-    Links whose leftover is within ``margin`` of the best are listed too.
+    Links that leave at most a share ``margin`` more than the best are listed too.
     """
     record = problem.record
     state = explained_state(problem, fitted)
