@@ -59,14 +59,8 @@ def free_force_links(problem: Problem, fitted: Fitted, margin: float = 0.02) -> 
         q, _ = np.linalg.qr(factor @ arms)
         rest = white - np.einsum("nij,nj->ni", q, np.einsum("nji,nj->ni", q, white))
         left[link] = float((rest**2).sum())
-    best = min(left.values())
-    total = float((white**2).sum())
-    chosen = [
-        link
-        for link in sorted(left, key=lambda name: left[name])
-        if left[link] <= best + margin * (total - best)
-    ]
-    return tuple(chosen)
+    limit = (1.0 + margin) * min(left.values())
+    return tuple(link for link in sorted(left, key=lambda name: left[name]) if left[link] <= limit)
 
 
 def _features(problem: Problem, state: State) -> dict[str, Array]:
