@@ -109,7 +109,7 @@ class _State:
         before = self.journal.planned(number, self.robot)
         if before is not None:
             return before
-        count = self.settings.n_candidates if number == 1 else max(1, self.settings.n_candidates // 2)
+        count = self.settings.n_candidates if number == 1 else max(1, self.settings.n_candidates // 4)
         made = plan(
             self.robot,
             n_candidates=count,

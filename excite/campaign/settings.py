@@ -14,7 +14,7 @@ class CampaignSettings:
     """Settings of a campaign; a resumed one has to have the same.
 
     Attributes:
-        n_candidates: candidate motions in the first iteration; later ones, which aim at few joints, get half.
+        n_candidates: candidate motions in the first iteration; later ones, which aim at few joints, get a quarter.
         target_rsd: relative standard deviation that essential base parameters have to reach [percent].
         max_iterations: iterations at most.
         method: registry name of the estimator.
