@@ -20,7 +20,8 @@ def rehearse(
 ) -> tuple[bool, ...]:
     """Whether a standing robot stays on its feet and clear of itself in each motion.
 
-    Every motion is run on the nominal model; those that stand on one foot also with all masses 15 % larger.
+    Motions with both feet down are run on the nominal model; those that stand on one foot with all masses
+    15 % larger, which is the harder of the two.
     A robot without feet has nothing to fall from: all its motions pass.
 
     Args:
@@ -44,5 +45,4 @@ def _tasks(robot: Robot, motions: Sequence[Motion]) -> Iterable:
 
 def _stands(robot: Robot, motion: Motion) -> bool:
     lifts_a_foot = not all(flags.all() for flags in motion.contacts.values())
-    errors = (0.0, HEAVIER) if lifts_a_foot else (0.0,)
-    return all(replay(robot, motion, mass_error=error).on_its_feet for error in errors)
+    return replay(robot, motion, mass_error=HEAVIER if lifts_a_foot else 0.0).on_its_feet
