@@ -22,6 +22,7 @@ from excite.diagnosis.floating.refinement import (
 from excite.diagnosis.floating.screening import Screened, effect_columns, screen
 from excite.diagnosis.floating.spectrum import NOT_NOISE, repeat_levels
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.result import Verdict
 
 # Nats by which evidence must differ before one hypothesis is preferred (odds of 150 to 1).
 DECISIVE = 5.0
@@ -70,7 +71,7 @@ class Attribution:
         explained: share of the power above the noise that they explain.
     """
 
-    verdict: str
+    verdict: Verdict
     baseline: Fitted
     steps: tuple[tuple[Ranked, ...], ...]
     rivals: tuple[Ranked, ...]
@@ -89,7 +90,8 @@ def attribute(problem: Problem) -> Attribution:
     coarse = build_problem(problem.record.thinned())
     baseline = nominal_fit(problem)
     n = len(problem.nominal_rows)
-    current, steps = baseline, []
+    current = baseline
+    steps: list[tuple[Ranked, ...]] = []
     while len(steps) < _MOST_EFFECTS:
         ranked = rank_next(problem, coarse, current)
         if not ranked or not _worthwhile(ranked[0], current, baseline, n, first=not steps):
@@ -236,7 +238,7 @@ def _verdict(
     rivals: tuple[Ranked, ...],
     explained: float,
     n: int,
-) -> str:
+) -> Verdict:
     quiet = baseline.power < NOISE_SLACK * n and problem.repeatability.repeatable
     if not steps:
         return "none" if quiet else "unknown"
