@@ -91,6 +91,18 @@ def inertial_faults(
     return faults
 
 
+def resting_faults(
+    root: ElementTree.Element, joints: dict[str, ElementTree.Element], path: Path
+) -> tuple[str, ...]:
+    """Links with an impossible inertial that no joint moves on a fixed base: their inertia acts on nothing.
+
+    Arguments as for :func:`check_inertials`.
+    """
+    inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    moved = {name for members in _bodies(inertials, joints, floating=False).values() for name in members}
+    return tuple(name for name in inertial_faults(root, joints, False, path) if name not in moved)
+
+
 def _remedy(link: str, mend: str) -> str:
     return f"{mend}, or acknowledge it under model.acknowledged.{link} in robot.yaml with the reason"
 
