@@ -29,6 +29,7 @@ from excite.identification.warnings import find_warnings
 from excite.logs.finding import Finding
 from excite.logs.log import Log
 from excite.logs.plausibility import implausible
+from excite.logs.robot import nominal_faults
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.com_box import com_boxes
@@ -68,7 +69,7 @@ def identify(
     if log.role("validation"):
         validation = build_problem(robot, log, problem_settings, role="validation")
     result = identify_problem(problem, validation, estimator, settings or EstimatorSettings())
-    odd = (*implausible(log, robot), *suspicions(robot, log, problem_settings))
+    odd = (*nominal_faults(robot), *implausible(log, robot), *suspicions(robot, log, problem_settings))
     return replace(result, findings=(*odd, *result.findings))
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.errors import LogError
@@ -49,8 +50,10 @@ class JointRows:
 
     @property
     def channel_units(self) -> tuple[str, ...]:
-        """Torque units."""
-        return ("N·m",) * len(self.header.joints)
+        """``N`` for joints that slide, ``N·m`` for those that turn."""
+        model = self.robot.model
+        slides = (_slides(model, model.getJointId(name)) for name in self.header.joints)
+        return tuple("N" if flag else "N·m" for flag in slides)
 
     @property
     def drive_names(self) -> tuple[str, ...]:
@@ -158,6 +161,11 @@ class JointRows:
                 remedy="state torque_constants in log.yaml, or drive_gains in the settings [N·m/A]",
             )
         return trial.current * np.array([gains[joint] for joint in self.header.joints])
+
+
+def _slides(model: pin.Model, joint: int) -> bool:
+    """Whether a joint of one coordinate translates."""
+    return bool(np.any(np.reshape(model.joints[joint].createData().S, (6, -1))[:3]))
 
 
 def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:

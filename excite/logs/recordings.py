@@ -46,8 +46,10 @@ class RecordingMapping(_Block):
 
     ``log`` is a ``log.yaml`` without ``schema`` and ``trials``. ``columns`` maps the contract's names to the
     recording's; ``{joint}`` stands for each joint of the log and ``{n}`` for its number from 1, as in
-    ``q.{joint}: q{n}_rad``. ``scale`` multiplies columns on the way, under the same names (for example
-    ``q.{joint}: 0.017453292519943295`` for degrees). ``flip`` names columns whose sign is turned.
+    ``q.{joint}: q{n}_rad``. The columns of an array ``(n, k)`` in an archive are called ``NAME.1`` to
+    ``NAME.k``, as in ``q.{joint}: positions.{n}``. ``scale`` multiplies columns on the way, under the same
+    names (for example ``q.{joint}: 0.017453292519943295`` for degrees). ``flip`` names columns whose sign is
+    turned.
     """
 
     log: dict[str, Any]
@@ -141,9 +143,20 @@ def _columns(mapping: RecordingMapping, header: LogHeader, source: object) -> li
     return columns
 
 
+def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
+    """Arrays ``(n, k)`` taken apart into columns ``NAME.1 … NAME.k``."""
+    columns: dict[str, Array] = {}
+    for name, values in found.items():
+        if np.ndim(values) == 2:
+            columns |= {f"{name}.{i + 1}": values[:, i] for i in range(values.shape[1])}
+        else:
+            columns[name] = values
+    return columns
+
+
 def _cut(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
     """The wanted columns of a file under the contract's names, from the wanted part of its duration."""
-    found = reader_for(file).read(file)
+    found = _single_columns(reader_for(file).read(file))
     columns = {}
     for column in wanted:
         if column.source not in found:

@@ -10,21 +10,28 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import LogError, RobotError
+from excite.logs.finding import Finding, listed
 from excite.logs.header import read_header
 from excite.logs.log import Log, LogHeader, SensorHeader
 from excite.robot.description import RobotDescription
-from excite.robot.loading import build_robot, carried_link, link_placement, load_robot
+from excite.robot.loading import build_robot, link_placement, load_robot
 from excite.robot.robot import Array, Robot, WrenchSensor
 from excite.robot.urdf import parse_urdf
+from excite.robot.urdf_inertia import inertial_faults, resting_faults
+from excite.robot.urdf_tree import MOVING, check_tree
 
 _UNSTATED = "not stated in the log"
+_LOG_FOLDER = "the log's folder"
+_MASSLESS = "an axis of a compound joint"
+_AT_REST = "at rest: its inertia acts on nothing"
 
 
 def nominal_robot(log: Log) -> Robot:
     """Robot of a log that was read from a folder, from the model file that its header names.
 
     A bare URDF says nothing of postures, gains and accelerations; those get placeholders that identification
-    does not use. Movable joints of the URDF that are not in the log are locked at zero.
+    does not use. Movable joints of the URDF that are not in the log are locked at zero. Inertias that no body
+    has are accepted, being a starting value only; :func:`nominal_faults` names them.
 
     Raises:
         LogError: the log was made in memory, or the URDF does not fit the header.
@@ -144,9 +151,32 @@ def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSe
     )
 
 
+def nominal_faults(robot: Robot) -> tuple[Finding, ...]:
+    """A finding that names the links of a bare URDF whose inertias no body has; empty where there are none.
+
+    A ``robot.yaml`` acknowledges such links itself, with its reason.
+    """
+    if robot.description.model.source != _LOG_FOLDER:
+        return ()
+    faults = {
+        link: reason
+        for link, reason in robot.description.model.acknowledged.items()
+        if reason not in {_MASSLESS, _AT_REST}
+    }
+    if not faults:
+        return ()
+    said = [f"{link} ({reason})" for link, reason in faults.items()]
+    text = (
+        f"the nominal model has inertias that no body has: {listed(said)}; they serve as a starting value only, "
+        "so a method that keeps to the nominal model repeats them where the data say little"
+    )
+    return (Finding("nominal_inertia", text, {"links": float(len(faults))}, tuple(faults)),)
+
+
 def _bare_description(file: Path, header: LogHeader) -> RobotDescription:
     # What pinocchio would swallow is checked when the robot is built from this description.
-    model = pin.buildModelFromXML(ElementTree.tostring(parse_urdf(file), encoding="unicode"))
+    root = parse_urdf(file)
+    model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
     movable = tuple(model.names)[1:]
     for joint in header.joints:
         if joint not in movable:
@@ -154,10 +184,6 @@ def _bare_description(file: Path, header: LogHeader) -> RobotDescription:
                 f"no joint {joint!r} in {header.robot}", field="joints", remedy="it has " + ", ".join(movable)
             )
     locked = [joint for joint in movable if joint not in header.joints]
-    reduced = pin.buildReducedModel(model, [model.getJointId(joint) for joint in locked], pin.neutral(model))
-    massless = [
-        carried_link(reduced, j) for j in range(1, reduced.njoints) if reduced.inertias[j].mass == 0.0
-    ]
     index = [model.joints[model.getJointId(joint)].idx_v for joint in header.joints]
 
     def positive(values: Array) -> dict[str, float]:
@@ -177,8 +203,8 @@ def _bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "title": f"{model.name or file.stem}, nominal model of a log",
             "model": {
                 "path": file.name,
-                "source": "the log's folder",
-                "acknowledged": {link: "an axis of a compound joint" for link in massless},
+                "source": _LOG_FOLDER,
+                "acknowledged": _accepted(root, file, header),
             },
             "base": "fixed" if header.base == "fixed" else "floating",
             "locked_joints": dict.fromkeys(locked, 0.0),
@@ -219,3 +245,18 @@ def _bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "gravity": header.gravity,
         }
     )
+
+
+def _accepted(root: ElementTree.Element, file: Path, header: LogHeader) -> dict[str, str]:
+    """Links without mass or with inertias that no body has, with what is wrong; the joints not in the log fixed.
+
+    Raises RobotError for what is no starting value either: a number that is none, a negative mass.
+    """
+    joints = check_tree(root, file)
+    for name, joint in joints.items():
+        if joint.get("type") in MOVING and name not in header.joints:
+            joint.set("type", "fixed")
+    floating = header.base != "fixed"
+    faults = inertial_faults(root, joints, floating, file)
+    accepted = {link: _MASSLESS if "no mass" in error.what else error.what for link, error in faults.items()}
+    return accepted | ({} if floating else dict.fromkeys(resting_faults(root, joints, file), _AT_REST))
