@@ -1,0 +1,1 @@
+"""Published inertial parameters of body segments, number by number."""
