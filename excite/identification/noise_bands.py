@@ -26,6 +26,8 @@ from excite.identification.problem import IdentificationProblem
 from excite.robot.robot import Array
 
 _ROUNDS = 3
+# A power that moves by less, as share of itself, moves no interval that anyone reads.
+_SETTLED = 1e-3
 # Off-diagonal powers count where they exceed chance by this many standard deviations.
 _SIGNIFICANT = 4.0
 
@@ -94,8 +96,11 @@ def noise_bands(
     power = moments.start()
     meat = moments.meat(power)
     for _ in range(_ROUNDS):
+        before = power
         power = moments.improved(power, meat)
         meat = moments.meat(power)
+        if _settled(before, power):
+            break
     power = _significant(power, moments.freedom)
     meat = moments.meat(power)
     return NoiseBands(edges, power, moments.freedom, meat, moments.shares(power, factor))
@@ -183,6 +188,12 @@ class _Moments:
                     squared = np.einsum("f,fhck->ck", weight, np.square(x, out=x))
                     shares[b] += squared * np.diag(power[b])[:, None]
         return shares
+
+
+def _settled(before: Array, after: Array) -> bool:
+    """Whether a round has moved no power by more than a negligible share of its channels' own."""
+    own = np.sqrt(np.maximum(np.einsum("bcc->bc", after), 1e-300))
+    return bool((np.abs(after - before) <= _SETTLED * own[:, :, None] * own[:, None, :]).all())
 
 
 def _times(x: Array, matrix: Array) -> Array:

@@ -17,6 +17,7 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.loading import load_robot
+from excite.robot.robot import Array
 from tests.identification.synthetic import NAMES, smooth
 
 Peer = Callable[["Experiment", int, np.ndarray], np.ndarray]
@@ -84,6 +85,7 @@ class Experiment:
         self.kept = len(filtered[0])
         self.values = np.concatenate(filtered)
         self.trials = trials
+        self._bases: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = {}
 
     def _motion(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         robot = self.robot
@@ -194,16 +196,24 @@ class Experiment:
 
     def true_base(self, columns: np.ndarray) -> np.ndarray:
         """True base parameters for given independent columns."""
-        q, r = np.linalg.qr(self.blank.Y[:, columns])
+        q, r = self.orthonormal(columns, weighted=False)
         return np.linalg.solve(r, q.T @ (self.blank.Y @ self.robot.nominal_parameters))
 
-    def coverage(self, draws: range, peers: dict[str, Peer] | None = None) -> dict[str, float]:
-        """Share of intervals of 95 % that hold the truth, ours and those of ``peers``, over all draws."""
-        inside: dict[str, list[float]] = {"ours": [], **{name: [] for name in peers or {}}}
+    def orthonormal(self, columns: np.ndarray, *, weighted: bool) -> tuple[np.ndarray, np.ndarray]:
+        """``Q`` and ``R`` of some columns without encoder noise, as they are or over each channel's own noise."""
+        key = (weighted, *columns.tolist())
+        if key not in self._bases:
+            x = self.blank.Y[:, columns]
+            self._bases[key] = np.linalg.qr(x * self.blank.weights[:, None] if weighted else x)
+        return self._bases[key]
+
+    def coverage(self, draws: range, peers: dict[str, Peer] | None = None) -> dict[str, Array]:
+        """How often intervals of 95 % hold the truth, ours and those of ``peers``: share for each parameter."""
+        inside: dict[str, list[Array]] = {"ours": [], **{name: [] for name in peers or {}}}
         for seed in draws:
             found = self.statistics(seed)
             error = np.abs(found.estimate - found.base.values(self.robot.nominal_parameters))
-            inside["ours"].append(float(np.mean(error < found.half_width())))
+            inside["ours"].append(error < found.half_width())
             for name, peer in (peers or {}).items():
-                inside[name].append(float(np.mean(peer(self, seed, found.base.independent))))
-        return {name: float(np.mean(values)) for name, values in inside.items()}
+                inside[name].append(peer(self, seed, found.base.independent))
+        return {name: np.mean(values, axis=0) for name, values in inside.items()}
