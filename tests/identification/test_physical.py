@@ -232,7 +232,7 @@ class TestFaults:
         ("old", "new", "field"),
         [
             ("schema: excite.physical_bounds/1", "schema: other/1", "schema"),
-            ("  link3.m: {bounds: [1, 6]", "  link9.m: {bounds: [1, 6]", "link3.m"),
+            ("  link3.m: {bounds: [1, 6]", "  link9.m: {bounds: [1, 6]", "link9.m"),
             ("  link3.m: {bounds: [1, 6]", "  link3.m: {bounds: [6, 1]", "link3.m"),
             ("  link3.m: {bounds: [1, 6]", "  link3.m: {bounds: [0, 6]", "link3.m"),
             ("  link3.m: {bounds: [1, 6]", "  link3.m: {bounds: heavy", "link3.m"),

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.identification.momentum_observer import observe
+from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.objective import TorqueObjective, base_objective, essential_objective
 from excite.identification.physical.relaxation import Relaxation
-from excite.identification.physical.retrieval import Certificate, RetrievalSettings, retrieve
+from excite.identification.physical.retrieval import RetrievalSettings, retrieve
 from excite.identification.physical.search import descend
 from excite.regressor.factor import r_factor
 from excite.robot.robot import Array

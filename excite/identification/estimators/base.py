@@ -9,6 +9,7 @@ from enum import Enum
 from typing import ClassVar
 
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.physical.certificate import Certificate
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
 from excite.robot.robot import Array
@@ -45,6 +46,7 @@ class Estimate:
         violations: largest violation of each kind of constraint (kg, or kg·m, kg·m²).
         active: labels of constraints that hold with equality.
         total_mass: mass to which the sum was tied [kg], None where it was free.
+        certificate: what is proven of an objective that is not convex, None for convex ones.
     """
 
     method: str
@@ -56,6 +58,7 @@ class Estimate:
     violations: dict[str, float] | None = None
     active: tuple[str, ...] = ()
     total_mass: float | None = None
+    certificate: Certificate | None = None
 
 
 class Estimator(ABC):
@@ -68,6 +71,7 @@ class Estimator(ABC):
         name: registry name.
         title: what it is, in a few words.
         consistent: whether its parameters are those of bodies that can exist.
+        bounded: whether it keeps bounds that the settings state.
         guarantees: what holds for every result that is returned, recomputed from the parameters themselves.
         exempt: checks of the shared battery in the tests that it does not claim to pass, with the reason.
     """
@@ -75,6 +79,7 @@ class Estimator(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     consistent: ClassVar[bool] = False
+    bounded: ClassVar[bool] = False
     guarantees: ClassVar[str] = ""
     exempt: ClassVar[Mapping[str, str]] = {}
 

@@ -8,12 +8,15 @@ from typing import ClassVar
 import numpy as np
 
 from excite.identification.constraints.bounds import default_bounds, within_bounds
+from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.stated_bounds import speaks_of, stated_bounds
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.hierarchy import Level, solve_hierarchy
 from excite.identification.estimators.projection import Projector, project
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.physical.default_bounds import default_bounds as physical_bounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
     RANK_TOLERANCE,
@@ -44,6 +47,7 @@ class BoundedNearBase(Estimator):
         "every parameter within its bounds, and no others within them have base parameters nearer to the "
         "least-squares ones; bodies need not be able to exist"
     )
+    bounded: ClassVar[bool] = True
     exempt: ClassVar[Mapping[str, str]] = {
         "prediction": "nearest in parameters, not in what they predict (CLS-1 of Golluccio et al. 2020)"
     }
@@ -52,7 +56,8 @@ class BoundedNearBase(Estimator):
         self._projector = projector
 
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses ``parameter_bounds``, else ``bound_width``, and the spreads."""
+        """See :meth:`Estimator.estimate`; uses ``parameter_bounds``, else ``bound_width`` and
+        ``bounds``, and the spreads."""
         return self.solve(iterate_weights(regression(problem)), settings)
 
     def solve(self, rows: Regression, settings: EstimatorSettings) -> Estimate:
@@ -65,7 +70,7 @@ class BoundedNearBase(Estimator):
         problem = rows.problem
         scaled = scaled_parameters(rows, settings)
         bounds = parameter_bounds(rows, settings)
-        level = Level("bounds", scaled.constraints(within_bounds(problem, bounds)))
+        level = Level("bounds", scaled.constraints(bound_rows(rows, settings)))
         n = problem.n_params
         base = base_parameters(rows.factor[:, :n], problem.parameter_names, RANK_TOLERANCE).matrix
         wanted = base @ (
@@ -108,8 +113,33 @@ class BoundedNearBase(Estimator):
 
 
 def parameter_bounds(rows: Regression, settings: EstimatorSettings) -> Array:
-    """Bounds from the settings, ``(2, n_params)``, else some spreads about nominal."""
+    """Bounds from the settings, ``(2, n_params)``, else some spreads about nominal.
+
+    Those spreads give way where the settings state bounds of the parameter.
+    """
     if settings.parameter_bounds is not None:
         return np.asarray(settings.parameter_bounds, dtype=float)
-    spread = prior_std(rows.problem, settings.spreads(rows.problem.robot))
-    return default_bounds(rows.problem, spread, settings.bound_width)
+    problem = rows.problem
+    spread = prior_std(problem, settings.spreads(problem.robot))
+    bounds = default_bounds(problem, spread, settings.bound_width)
+    if settings.bounds is not None:
+        bounds[:, speaks_of(problem, settings.bounds)] = [[-np.inf], [np.inf]]
+    return bounds
+
+
+def bound_rows(
+    rows: Regression, settings: EstimatorSettings, places: tuple[int, ...] | None = None
+) -> LinearConstraints:
+    """Rows of the bounds of parameters and of those that the settings state.
+
+    Args:
+        rows: the rows.
+        settings: the settings.
+        places: which of a segment's ten parameters get bounds that are not stated, all and the drives if None.
+    """
+    problem = rows.problem
+    bounds = within_bounds(problem, parameter_bounds(rows, settings), places)
+    if settings.bounds is None:
+        return bounds
+    usual = physical_bounds(problem.robot, settings)
+    return stack([bounds, stated_bounds(problem, settings.bounds, usual)], problem.n_params)

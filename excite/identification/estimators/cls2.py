@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 from excite.identification.constraints.body import feasibility_cones
-from excite.identification.constraints.bounds import MASS_AND_FIRST_MOMENT, within_bounds
+from excite.identification.constraints.bounds import MASS_AND_FIRST_MOMENT
 from excite.identification.constraints.linear import stack
 from excite.identification.constraints.mass import non_negative_masses
 from excite.identification.estimators.base import Estimate, Estimator
-from excite.identification.estimators.cls1 import parameter_bounds
+from excite.identification.estimators.cls1 import bound_rows
 from excite.identification.estimators.conic import ConicSolver, interior_point
 from excite.identification.estimators.conic_estimate import conic_estimate
 from excite.identification.estimators.ridge import ridge
@@ -27,6 +27,7 @@ class PhysicallyFeasible(Estimator):
 
     name: ClassVar[str] = "cls2"
     title: ClassVar[str] = "physically feasible inertias, bounded masses and first moments (CLS-2)"
+    bounded: ClassVar[bool] = True
     guarantees: ClassVar[str] = (
         "within the stated distance of the global optimum; masses positive, inertias about the centres of mass "
         "positive definite, masses and first moments within their bounds; the triangle inequality need not hold"
@@ -37,7 +38,7 @@ class PhysicallyFeasible(Estimator):
 
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
         """See :meth:`Estimator.estimate`; uses ``alpha``, the spreads, ``inertia_floor``, ``parameter_bounds``, else
-        ``bound_width``."""
+        ``bound_width`` and ``bounds``."""
         return self.solve(iterate_weights(regression(problem)), settings)
 
     def solve(self, rows: Regression, settings: EstimatorSettings) -> Estimate:
@@ -48,7 +49,7 @@ class PhysicallyFeasible(Estimator):
             NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
         """
         problem = rows.problem
-        bounds = within_bounds(problem, parameter_bounds(rows, settings), MASS_AND_FIRST_MOMENT)
+        bounds = bound_rows(rows, settings, MASS_AND_FIRST_MOMENT)
         linear = stack([non_negative_masses(problem), bounds], problem.n_params)
         cones = (feasibility_cones(problem, settings.inertia_floor),)
         return conic_estimate(self.name, rows, ridge(rows, settings), linear, cones, self._solver)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.errors import InputError
+from excite.errors import InputError, NoSolutionError
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.settings import EstimatorSettings
@@ -16,23 +16,39 @@ from excite.identification.physical.coordinates import physical_parameters
 from excite.identification.physical.default_bounds import default_bounds, weighed, with_drives
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import base_objective, essential_objective
-from excite.identification.physical.retrieval import Certificate, RetrievalSettings, retrieve
+from excite.identification.physical.retrieval import RetrievalSettings, retrieve
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import RANK_TOLERANCE, prior_std, regression, square_factor
+from excite.identification.regression import (
+    RANK_TOLERANCE,
+    Regression,
+    prior_std,
+    regression,
+    square_factor,
+)
 from excite.identification.statistics import parameter_labels
 from excite.regressor.base_parameters import base_parameters
+from excite.robot.robot import Array
+
+_ROUNDING = 1e-9
+_UNITS = {
+    "mass": "kg",
+    "com": "m",
+    "inertia": "kg·m²",
+    "drive": "SI",
+    "total_mass": "kg",
+    "inertia_rules": "kg·m²",
+    "principal_triangle": "kg·m²",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class PhysicalEstimate(Estimate):
-    """An estimate with a certificate of global optimality.
+    """An estimate with a certificate of global optimality: objective of eq. (15) and its proven lower bound.
 
     Attributes:
-        certificate: objective of eq. (15), its proven lower bound, and what is left between.
         essential: names of the base parameters that the objective contains.
     """
 
-    certificate: Certificate | None = None
     essential: tuple[str, ...] = ()
 
 
@@ -45,7 +61,7 @@ class PhysicalRetrieval(Estimator):
     those nearest to the nominal model are taken.
 
     Args:
-        bounds: bounds and rules; None derives them from the robot.
+        bounds: bounds and rules; None derives them from the robot, and puts in what the settings state.
         effort: number of starts, seed, and gap at which the search ends.
         essential: whether the objective leaves out the base parameters that the elimination cancels, as
             eq. (15) does; None does so for joint torques. On a floating base, whose hundreds of small
@@ -55,6 +71,7 @@ class PhysicalRetrieval(Estimator):
     name: ClassVar[str] = "physical"
     title: ClassVar[str] = "physical parameters within bounds, globally optimal (Xu et al. 2020)"
     consistent: ClassVar[bool] = True
+    bounded: ClassVar[bool] = True
     guarantees: ClassVar[str] = (
         "bounds, total mass and rules of the inertias hold exactly; no other parameters that meet them have an "
         "objective below the certificate's lower bound"
@@ -70,10 +87,11 @@ class PhysicalRetrieval(Estimator):
         self._bounds, self._effort, self._essential = bounds, effort or RetrievalSettings(), essential
 
     def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> PhysicalEstimate:
-        """See :meth:`Estimator.estimate`; uses ``com_boxes``, ``inertia_floor`` and ``total_mass``.
+        """See :meth:`Estimator.estimate`; uses ``bounds``, ``com_boxes``, ``inertia_floor``, ``total_mass``.
 
         Raises:
             InputError: the bounds are of another robot.
+            NoSolutionError: the bounds contradict each other; ``best`` breaks them least.
         """
         rows = regression(problem)
         allowed = feasible_set(problem, self._bounds_for(problem, settings), settings)
@@ -86,10 +104,14 @@ class PhysicalRetrieval(Estimator):
             else base_objective(factor, base.matrix)
         )
         nominal = np.nan_to_num(physical_parameters(problem.prior[:n]))
-        found = retrieve(objective, allowed, allowed.coordinates(nominal, problem.prior[n:]), self._effort)
+        try:
+            found = retrieve(
+                objective, allowed, allowed.coordinates(nominal, problem.prior[n:]), self._effort
+            )
+        except NoSolutionError as error:
+            raise self._contradiction(error, rows, allowed) from error
         parameters, certificate = found.parameters, found.certificate
-        drives = dict(zip(problem.parameter_names[n:], parameters[n:].tolist(), strict=True))
-        violations = allowed.bounds.violations(physical_parameters(parameters[:n]), drives, allowed.free)
+        violations = _violations(problem, allowed, parameters)
         noise = objective.floor / np.sqrt(max(problem.n_rows - len(objective.kept), 1))
         missing = np.sqrt(max(certificate.objective**2 - certificate.lower_bound**2, 0.0))
         best = PhysicalEstimate(
@@ -110,13 +132,38 @@ class PhysicalRetrieval(Estimator):
             raise no_solution(SolveStatus.VIOLATED, replace(best, status=SolveStatus.VIOLATED))
         return best
 
+    def _contradiction(
+        self, error: NoSolutionError, rows: Regression, allowed: FeasibleSet
+    ) -> NoSolutionError:
+        """The error with the parameters that break the bounds least, and what they break."""
+        if error.best is None:
+            return error
+        problem = rows.problem
+        parameters = allowed.standard(np.asarray(error.best))
+        violations = _violations(problem, allowed, parameters)
+        broken = {kind: value for kind, value in violations.items() if not value <= _ROUNDING}
+        best = PhysicalEstimate(
+            method=self.name,
+            parameters=parameters,
+            status=SolveStatus.INFEASIBLE,
+            regression=rows,
+            residual=float(np.sqrt(np.mean(problem.residual(parameters) ** 2))),
+            distance=float("inf"),
+            violations=violations,
+        )
+        missed = ", ".join(f"{kind} by {value:.3g} {_UNITS[kind]}" for kind, value in broken.items())
+        what = f"{error.what}: at best {missed or 'nothing is left'} outside"
+        return NoSolutionError(what, best=best, remedy=error.remedy)
+
     def _leaves_out(self, problem: IdentificationProblem) -> bool:
         return problem.channel_names[0] != "fx" if self._essential is None else self._essential
 
     def _bounds_for(self, problem: IdentificationProblem, settings: EstimatorSettings) -> PhysicalBounds:
         links = tuple(segment.link for segment in problem.robot.segments)
         if self._bounds is None:
-            return default_bounds(problem.robot, settings)
+            usual = default_bounds(problem.robot, settings)
+            stated = settings.bounds
+            return usual if stated is None else weighed(stated.over(usual), settings.total_mass)
         if self._bounds.links != links:
             raise InputError(
                 f"bounds links {', '.join(self._bounds.links)}",
@@ -124,6 +171,12 @@ class PhysicalRetrieval(Estimator):
                 remedy=f"the links of {problem.robot.name} are " + ", ".join(links),
             )
         return weighed(self._bounds, settings.total_mass)
+
+
+def _violations(problem: IdentificationProblem, allowed: FeasibleSet, parameters: Array) -> dict[str, float]:
+    n = problem.n_inertial
+    drives = dict(zip(problem.parameter_names[n:], parameters[n:].tolist(), strict=True))
+    return allowed.bounds.violations(physical_parameters(parameters[:n]), drives, allowed.free)
 
 
 def feasible_set(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from excite.errors import InputError
+from excite.identification.physical.known_bounds import KnownBounds
 from excite.robot.robot import Array, Robot
 
 _MAY_BE_NONE = ("total_mass", "symmetry", "mirror")
@@ -51,6 +52,8 @@ class EstimatorSettings:
         segment_mass_range: ``mass_range`` of single segments, by link.
         bound_width: bounds of ``cls1`` and ``cls2`` about nominal, where ``parameter_bounds`` are not given.
         parameter_bounds: lower and upper bound of every parameter, ``(2, n_params)`` [SI], ±inf for none.
+        bounds: what is known of masses, centres of mass, inertias about these, and drives; for methods whose
+            ``bounded`` is true.
         com_ellipsoids: where each centre of mass lies, ``(n_segments, 4, 4)``: ``[x; 1]ᵀ Q [x; 1] ≥ 0`` for
             points ``x`` [m] of the ellipsoid in the joint frame (eq. 6 of Golluccio et al. 2020); None derives them
             from the boxes.
@@ -85,6 +88,7 @@ class EstimatorSettings:
         3.0, "1", 1e-3, 1e6, "half width of the bounds of cls1 and cls2, in spreads"
     )
     parameter_bounds: Array | None = None
+    bounds: KnownBounds | None = None
     com_ellipsoids: Array | None = None
     body_ellipsoids: Array | None = None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +11,50 @@ import numpy as np
 import yaml
 
 from excite.errors import InputError
+from excite.identification.drive_terms import DRIVE_TERMS
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
+from excite.identification.physical.known_bounds import Interval, KnownBounds
+from excite.robot.robot import Robot
 
 SCHEMA = "excite.physical_bounds/1"
 _AXES = ("x", "y", "z")
+_FIELDS = ("schema", "source", "total_mass", "rules", "links", "drives", "parameters")
+_POSITIVE = ("m", "Ixx", "Iyy", "Izz")
+
+
+def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
+    """Read what a file ``excite.physical_bounds/1`` says of a robot; it may leave out whatever is not known.
+
+    ``links: {LINK: {m: [lower, upper], cx: …}}``, ``drives: {viscous.JOINT: […]}``, ``total_mass: […]`` and
+    ``rules``; ``parameters: {LINK.m: […]}`` says the same in one level.
+
+    Args:
+        path: the YAML file.
+        robot: the robot; names are checked against it.
+
+    Raises:
+        InputError: malformed, not finite or empty bounds, or of something that the robot does not have; names
+            the file, the field and what to do.
+    """
+    path = Path(path)
+    links = tuple(segment.link for segment in robot.segments)
+    known = _known(path, _document(path), links)
+    for name in known.drives:
+        term, _, joint = name.partition(".")
+        if term not in DRIVE_TERMS or joint not in robot.joint_names:
+            raise InputError(
+                "is no parameter of the robot",
+                source=path,
+                field=name,
+                remedy=f"write TERM.JOINT with {' or '.join(DRIVE_TERMS)} and one of the joints "
+                + ", ".join(robot.joint_names),
+            )
+    return known
 
 
 def load_physical_bounds(path: str | Path, links: tuple[str, ...]) -> PhysicalBounds:
-    """Read bounds from a file ``excite.physical_bounds/1``.
+    """Read a file ``excite.physical_bounds/1`` that bounds every parameter of every link.
 
     Args:
         path: the YAML file; ``robots/iiwa14/physical_bounds.yaml`` is an example.
@@ -27,36 +64,18 @@ def load_physical_bounds(path: str | Path, links: tuple[str, ...]) -> PhysicalBo
         InputError: the file is malformed, a link is missing or unknown, or a bound is empty.
     """
     path = Path(path)
-    document = _document(path)
-    parameters = document["parameters"]
-    lower, upper = np.zeros((len(links), 10)), np.zeros((len(links), 10))
-    wanted = {f"{link}.{name}": (i, j) for i, link in enumerate(links) for j, name in enumerate(NAMES)}
-    for name in wanted:
-        if name not in parameters:
+    known = _known(path, _document(path), links)
+    for name in (f"{link}.{name}" for link in links for name in NAMES):
+        if name not in known.parameters:
             raise InputError(
                 "has no bounds", source=path, field=name, remedy="bound every parameter of every link"
             )
-    drives: dict[str, tuple[float, float]] = {}
-    for name, entry in parameters.items():
-        low, high = _pair(path, name, entry.get("bounds") if isinstance(entry, dict) else entry)
-        if name in wanted:
-            lower[wanted[name]], upper[wanted[name]] = low, high
-        elif name.split(".")[-1] in NAMES:
-            raise InputError(
-                "is of no link of the robot", source=path, field=name, remedy="links are " + ", ".join(links)
-            )
-        else:
-            drives[name] = (low, high)
-    total = _pair(path, "total_mass", document.get("total_mass", [lower[:, 0].sum(), upper[:, 0].sum()]))
-    return PhysicalBounds(
-        links,
-        lower,
-        upper,
-        drives,
-        total,
-        _rules(path, document.get("rules") or {}),
-        str(document.get("source", path)),
+    lower, upper = (
+        np.array([[known.parameters[f"{link}.{name}"][side] for name in NAMES] for link in links])
+        for side in (0, 1)
     )
+    total = (float(lower[:, 0].sum()), float(upper[:, 0].sum()))
+    return known.over(PhysicalBounds(links, lower, upper, {}, total, InertiaRules()))
 
 
 def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
@@ -66,7 +85,7 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
         InputError: the file is malformed, or a parameter has no such value.
     """
     values: dict[str, float] = {}
-    for name, entry in _document(Path(path))["parameters"].items():
+    for name, entry in (_document(Path(path)).get("parameters") or {}).items():
         if not isinstance(entry, dict) or column not in entry:
             raise InputError(f"has no value {column!r}", source=path, field=name)
         values[name] = float(entry[column])
@@ -78,6 +97,8 @@ def _document(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", source=path) from error
+    except UnicodeDecodeError as error:
+        raise InputError("is no text in UTF-8", source=path) from error
     try:
         document = yaml.safe_load(text)
     except yaml.YAMLError as error:
@@ -86,32 +107,139 @@ def _document(path: Path) -> dict[str, Any]:
         raise InputError(
             "is not a bounds file", source=path, field="schema", remedy=f"start it with schema: {SCHEMA}"
         )
-    if not isinstance(document.get("parameters"), dict):
-        raise InputError("is missing", source=path, field="parameters")
+    for key in document:
+        if key not in _FIELDS:
+            raise InputError("is unknown", source=path, field=str(key), remedy="choose " + ", ".join(_FIELDS))
+    if not any(document.get(key) for key in _FIELDS[2:]):
+        raise InputError("bounds nothing", source=path, remedy="give links, drives or total_mass")
     return document
 
 
-def _pair(path: Path, name: str, value: Any) -> tuple[float, float]:
-    numbers = (
-        isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(v, int | float) for v in value)
+def _known(path: Path, document: dict[str, Any], links: tuple[str, ...]) -> KnownBounds:
+    parameters: dict[str, Interval] = {}
+    drives: dict[str, Interval] = {}
+    for field, name, value in _entries(path, document):
+        pair = _pair(path, field, value)
+        link, _, kind = name.rpartition(".")
+        if link in links and kind in NAMES:
+            if kind in _POSITIVE and pair[1] <= 0.0:
+                raise InputError(
+                    f"has bounds {value!r} and nothing positive between",
+                    source=path,
+                    field=field,
+                    remedy="masses and moments of inertia are positive",
+                )
+            target = parameters
+        elif link in links:
+            raise InputError("is unknown", source=path, field=field, remedy="choose " + ", ".join(NAMES))
+        elif kind in NAMES:
+            raise InputError(
+                "is of no link of the robot", source=path, field=field, remedy="links are " + ", ".join(links)
+            )
+        else:
+            target = drives
+        if name in target:
+            raise InputError("is bounded twice", source=path, field=field, remedy="keep one of them")
+        target[name] = pair
+    total = document.get("total_mass")
+    return KnownBounds(
+        parameters,
+        drives,
+        None if total is None else _pair(path, "total_mass", total),
+        _rules(path, document.get("rules") or {}, links),
+        str(document.get("source", path)),
     )
-    if not numbers:
-        raise InputError(f"has bounds {value!r}", source=path, field=name, remedy="write [lower, upper]")
-    return float(value[0]), float(value[1])
 
 
-def _rules(path: Path, block: dict[str, Any]) -> InertiaRules:
+def _entries(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, str, Any]]:
+    """Place in the file, name of the parameter and its entry."""
+    for link, block in _mapping(path, document, "links").items():
+        if not isinstance(block, dict):
+            raise InputError(
+                f"is {block!r}", source=path, field=f"links.{link}", remedy="write {m: [lower, upper], …}"
+            )
+        # A name that is no parameter must not pass for a drive's.
+        for name, value in block.items():
+            yield f"links.{link}.{name}", f"{link}.{name}" if name in NAMES else f"{link}.", value
+    for name, value in _mapping(path, document, "drives").items():
+        yield f"drives.{name}", str(name), value
+    for name, entry in _mapping(path, document, "parameters").items():
+        yield str(name), str(name), entry.get("bounds") if isinstance(entry, dict) else entry
+
+
+def _mapping(path: Path, document: dict[str, Any], field: str) -> dict[str, Any]:
+    block = document.get(field) or {}
+    if not isinstance(block, dict):
+        raise InputError(f"is {block!r}", source=path, field=field, remedy="write NAME: […], a line each")
+    return block
+
+
+def _pair(path: Path, name: str, value: Any) -> Interval:
+    numbers = [_number(entry) for entry in value] if isinstance(value, list | tuple) else []
+    if len(numbers) != 2 or any(number is None for number in numbers):
+        raise InputError(
+            f"has bounds {value!r}", source=path, field=name, remedy="write [lower, upper], two numbers in SI"
+        )
+    low, high = float(numbers[0] or 0.0), float(numbers[1] or 0.0)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise InputError(
+            f"has bounds [{low:g}, {high:g}]",
+            source=path,
+            field=name,
+            remedy="write finite numbers, or leave the line out",
+        )
+    if not low < high:
+        raise InputError(
+            f"has bounds [{low:g}, {high:g}] with nothing between",
+            source=path,
+            field=name,
+            remedy="put the lower one below the upper",
+        )
+    return low, high
+
+
+def _number(value: Any) -> float | None:
+    """YAML 1.1 reads ``1e-4`` as text; it is meant as a number."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        return float(value)
+    except ValueError:
+        return None
+
+
+def _rules(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, Any]:
     known = {"diagonal_ratio", "off_diagonal_share", "slenderness", "slender", "principal_triangle"}
-    for key in block:
+    if not isinstance(block, dict):
+        raise InputError(f"is {block!r}", source=path, field="rules", remedy="write " + ", ".join(known))
+    for key, value in block.items():
+        field = f"rules.{key}"
         if key not in known:
             raise InputError(
-                "is unknown", source=path, field=f"rules.{key}", remedy="choose " + ", ".join(sorted(known))
+                "is unknown", source=path, field=field, remedy="choose " + ", ".join(sorted(known))
             )
-    slender = {}
-    for link, axis in (block.get("slender") or {}).items():
+        if key == "principal_triangle":
+            if not isinstance(value, bool):
+                raise InputError(f"is {value!r}", source=path, field=field, remedy="write true or false")
+        elif key != "slender" and not (value is None and key != "slenderness"):
+            number = _number(value)
+            if number is None or not (math.isfinite(number) and number > 0.0):
+                raise InputError(f"is {value!r}", source=path, field=field, remedy="write a positive number")
+    rules = {key: _number(value) if isinstance(value, str) else value for key, value in block.items()}
+    if "slender" in rules:
+        rules["slender"] = _slender(path, rules["slender"] or {}, links)
+    return rules
+
+
+def _slender(path: Path, block: Any, links: tuple[str, ...]) -> dict[str, int]:
+    found = {}
+    for link, axis in (block if isinstance(block, dict) else {"": block}).items():
+        field = f"rules.slender.{link}"
         if axis not in _AXES:
+            raise InputError(f"is {axis!r}", source=path, field=field, remedy="choose x, y or z")
+        if link not in links:
             raise InputError(
-                f"is {axis!r}", source=path, field=f"rules.slender.{link}", remedy="choose x, y or z"
+                "is no link of the robot", source=path, field=field, remedy="links are " + ", ".join(links)
             )
-        slender[link] = _AXES.index(axis)
-    return InertiaRules(**{**block, "slender": slender})
+        found[link] = _AXES.index(axis)
+    return found

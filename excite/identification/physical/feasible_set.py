@@ -151,7 +151,8 @@ class FeasibleSet:
         """A point far inside, ``(size,)``.
 
         Raises:
-            NoSolutionError: bounds and rules contradict each other.
+            NoSolutionError: bounds and rules contradict each other; ``best`` is the point ``(size,)`` that
+                breaks them least, None where none was found.
         """
         deep = np.zeros((1, self.size + 1))
         deep[0, -1] = 1.0
@@ -172,6 +173,7 @@ class FeasibleSet:
         if answer is None or self.slack(answer.z[:-1]) <= 2.0 * _INSIDE:
             raise NoSolutionError(
                 "bounds and rules of the physical parameters leave nothing between them",
+                best=None if answer is None else answer.z[:-1],
                 remedy="widen the bounds, the total mass or the rules of the inertias",
             )
         return answer.z[:-1]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from excite.errors import InputError
+from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import TorqueObjective
 from excite.identification.physical.relaxation import Relaxation, Relaxed
@@ -53,33 +54,6 @@ class RetrievalSettings:
                     field=item.name,
                     remedy=f"choose at least {least[item.name]}",
                 )
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """How far an objective can be from the best one that the constraints allow.
-
-    Attributes:
-        objective: ``f`` of eq. (15) at the answer [N·m, or the rows' unit].
-        lower_bound: no parameters within the constraints have a smaller one.
-        gap: ``(objective − lower_bound) / objective``.
-        relaxations: convex relaxations solved to prove it.
-        optima: objective of each local optimum found, in the order of the starts: the relaxation's own, then
-            random ones.
-    """
-
-    objective: float
-    lower_bound: float
-    gap: float
-    relaxations: int
-    optima: tuple[float, ...]
-
-    def summary(self) -> str:
-        """One line."""
-        return (
-            f"objective {self.objective:.4g}, proven not to go below {self.lower_bound:.4g} "
-            f"(gap {100.0 * self.gap:.2g} %, {self.relaxations} relaxations, {len(self.optima)} starts)"
-        )
 
 
 @dataclass(frozen=True, eq=False)
