@@ -49,10 +49,18 @@ class JointSamples:
     @property
     def shared_velocity(self) -> Array:
         """Velocities of the joints whose motor also turns with another, zero for others, ``(m, n_joints)``."""
+        return np.where(self._shared, self.v[:, self.joints], 0.0)
+
+    @property
+    def shared_acceleration(self) -> Array:
+        """Accelerations of those joints likewise, ``(m, n_joints)``."""
+        return np.where(self._shared, self.a[:, self.joints], 0.0)
+
+    @property
+    def _shared(self) -> Array:
         if self.motors is None:
-            return np.zeros((len(self.v), len(self.joints)))
-        shared = np.count_nonzero(self.motors, axis=1) > 1
-        return np.where(shared, self.v[:, self.joints], 0.0)
+            return np.zeros(len(self.joints), dtype=bool)
+        return np.count_nonzero(self.motors, axis=1) > 1
 
     def own(self, values: Array) -> Array:
         """Columns that act on their own joint only: ``(m, n_joints)`` → ``(m, n_joints, n_joints)``."""
@@ -176,6 +184,8 @@ DRIVE_TERMS: dict[str, DriveTerm] = {
         # Friction behind a gear that two motors drive, which turns with the joint and not with its motor.
         DriveTerm("joint_viscous", "N·m·s/rad", (), lambda s: s.own(s.shared_velocity)),
         DriveTerm("joint_coulomb", "N·m", (), lambda s: s.own(smooth_sign(s.shared_velocity, s.width))),
+        # Likewise the inertia of that gear's wheels.
+        DriveTerm("joint_armature", "kg·m²", (), lambda s: s.own(s.shared_acceleration)),
         # Zero of an encoder as it is calibrated, about a quarter of a degree.
         DriveTerm("encoder", "rad", ("encoder_offset",), encoder_columns, spread=5e-3),
         # Cross-talk as data sheets of torque sensors state it, some tenths of a per cent.

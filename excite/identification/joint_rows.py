@@ -21,6 +21,9 @@ from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.loading import per_joint
 from excite.robot.robot import Array, Robot
 
+SHARED_GEAR_TERMS = ("joint_viscous", "joint_coulomb", "joint_armature")
+"""Drive terms of a gear that two motors drive."""
+
 STANDS_FOR_S = 0.25
 """Stretches of standstill that are at least this long are left out [s]."""
 
@@ -180,6 +183,6 @@ def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]
     if named:
         return named
     usual: tuple[str, ...] = ("viscous", "coulomb", "offset")
-    if settings.coupling:
-        usual = (*usual, "joint_viscous", "joint_coulomb")
-    return usual if header.torque == "link_side" else (*usual, "armature")
+    if header.torque != "link_side":
+        usual = (*usual, "armature")
+    return (*usual, *SHARED_GEAR_TERMS) if settings.coupling else usual

@@ -10,6 +10,7 @@ import pytest
 from excite.errors import InputError, LogError
 from excite.identification.alignment import estimate_torque_delay
 from excite.identification.explanation import explain_signals
+from excite.identification.joint_rows import SHARED_GEAR_TERMS
 from excite.identification.preparation import advanced, prepare_trial
 from excite.identification.problem import build_problem
 from excite.identification.settings import ProblemSettings
@@ -181,12 +182,12 @@ def test_a_coupled_wrist_is_explained_with_its_matrix_alone(robot: Robot) -> Non
     coupled = build_problem(robot, log, ProblemSettings(coupling=COUPLING))
     assert misfit(coupled) < 2e-3
     assert misfit(build_problem(robot, log)) > 0.02
-    free = ProblemSettings(coupling=COUPLING, drive_terms=("viscous", "joint_viscous", "joint_coulomb"))
+    free = ProblemSettings(coupling=COUPLING, drive_terms=("viscous", *SHARED_GEAR_TERMS))
     names = build_problem(robot, log, free).parameter_names
     columns = build_problem(robot, log, free).Y[:, [k for k, n in enumerate(names) if n.startswith("joint_")]]
-    # Friction behind the gear is told apart only where two motors share a joint.
+    # Friction and inertia behind the gear are told apart only where two motors share a joint.
     moved = np.abs(columns).max(axis=0) > 0.0
-    assert moved.tolist() == [name == "wrist_3_joint" for name in robot.joint_names] * 2
+    assert moved.tolist() == [name == "wrist_3_joint" for name in robot.joint_names] * 3
 
 
 def test_every_step_is_explained_and_drawn(robot: Robot, tmp_path) -> None:

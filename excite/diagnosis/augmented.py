@@ -1,0 +1,116 @@
+"""The nominal simulator with the accepted effects in it: a MuJoCo model, and notes on what XML cannot say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.diagnosis.augmented_effects import FORMS, Draft, Found, tilted
+from excite.diagnosis.augmented_plant import Plant, fitted_plant, physical_plant
+from excite.diagnosis.baseline import Baseline
+from excite.robot.robot import Array, Robot
+from excite.simulation.drives import Drives
+from excite.simulation.mjcf import World, build_spec
+
+if TYPE_CHECKING:
+    import mujoco
+
+_TIMESTEP = 1e-3
+_NO_LIMIT = 1e6
+_NOTABLE = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class AugmentedModel:
+    """A MuJoCo model of an arm, its actuators motors that take torques.
+
+    Attributes:
+        xml: the model. What XML cannot express stands in it as ``<custom><text name="excite.EFFECT.PLACE"/>``,
+            applied by :class:`excite.diagnosis.rollout.Simulator`.
+        warnings: what it could not take up, one sentence each.
+    """
+
+    xml: str
+    warnings: tuple[str, ...]
+
+
+def baseline_model(baseline: Baseline) -> AugmentedModel:
+    """The simulator without effects: the fitted or trusted baseline."""
+    return augmented_model(baseline, ())
+
+
+def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedModel:
+    """The simulator with effects.
+
+    Args:
+        baseline: the baseline as fitted together with them.
+        effects: the effects.
+
+    Returns:
+        The model.
+
+    Raises:
+        InputError: the robot has joints that cannot be simulated.
+    """
+    robot = baseline.samples.robot
+    wanted, warnings = fitted_plant(baseline), []
+    for item in effects:
+        form = FORMS.get(item.effect)
+        if form is None:
+            warnings.append(f"{item.effect} has no form in a simulator and is left out of the model")
+        elif form.plant is not None:
+            wanted = form.plant(wanted, robot, baseline.samples.joints, item)
+    gravity = np.array(robot.model.gravity.linear)
+    for item in effects:
+        if item.effect == "base_tilt":
+            gravity = tilted(gravity, item)
+    plant = physical_plant(baseline, wanted, gravity)
+    if plant.mismatch > _NOTABLE:
+        warnings.append(
+            "the fitted inertial parameters are no bodies' that can exist; the nearest ones are off by "
+            f"{plant.mismatch:.1f} times the residual"
+        )
+    draft = Draft(robot, baseline.samples.joints, _spec(robot, baseline.samples.index, plant))
+    for item in effects:
+        form = FORMS.get(item.effect)
+        if form is not None and form.model is not None:
+            form.model(draft, item)
+    draft.spec.compile()
+    return AugmentedModel(draft.spec.to_xml(), tuple(warnings))
+
+
+def _spec(robot: Robot, index: Sequence[int], plant: Plant) -> mujoco.MjSpec:
+    """Bodies, friction and rotor inertia, a motor for each joint."""
+    n = robot.n_joints
+
+    def all_joints(values: Array) -> Array:
+        out = np.zeros(n)
+        out[list(index)] = values
+        return out
+
+    drives = Drives(
+        kp=np.ones(n),
+        kd=np.zeros(n),
+        torque_limit=np.full(n, _NO_LIMIT),
+        viscous=all_joints(plant.viscous),
+        coulomb=all_joints(plant.coulomb),
+        bearing_viscous=np.zeros(n),
+        bearing_coulomb=np.zeros(n),
+        armature=all_joints(plant.armature),
+        rate_hz=1.0 / _TIMESTEP,
+    )
+    spec = build_spec(robot, plant.phi, drives, World(timestep=_TIMESTEP))
+    bias = all_joints(plant.bias)
+    for number, name in enumerate(robot.joint_names):
+        motor = spec.actuator(name)
+        motor.forcelimited = False
+        motor.gainprm[0] = 1.0
+        motor.biasprm[:3] = [-bias[number], 0.0, 0.0]
+        # Positions are the record's: a range would push where the model's is narrower.
+        spec.joint(name).limited = False
+    return spec
+
+

@@ -1,0 +1,208 @@
+"""Runs an augmented model: MuJoCo for what its XML says, this runner for the effects noted in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from excite.diagnosis.augmented_effects import DEFLECTION, NOTE
+from excite.robot.robot import Array
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A piece of a record to be simulated.
+
+    Attributes:
+        q: ``(n_joints,)`` positions at its start [rad].
+        v: velocities at its start [rad/s].
+        load: torque that the links need at its start [N·m]; sets how far soft and loose gears are deflected.
+        time: ``(n_steps,)`` of the steps [s] since the trial's start.
+        session_s: time of its start within the session [s].
+    """
+
+    q: Array
+    v: Array
+    load: Array
+    time: Array
+    session_s: float
+
+
+class Drive(Protocol):
+    """Where a simulation's torques come from."""
+
+    def torque(self, time: float, q: Array, v: Array) -> Array:
+        """Torques of the motors [N·m] at a time of the trial [s] and a state, all ``(n_joints,)``."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedTorque:
+    """The record's own torques, no feedback.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        tau: ``(n, n_joints)`` [N·m].
+    """
+
+    time: Array
+    tau: Array
+
+    def torque(self, time: float, q: Array, v: Array) -> Array:
+        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
+        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
+        return (1.0 - share) * self.tau[k] + share * self.tau[k + 1]
+
+
+@dataclass(frozen=True, eq=False)
+class PositionServo:
+    """``kp (q_cmd − q) + kd (v_cmd − v) + feedforward``, commands interpolated.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        q_cmd: ``(n, n_joints)``, v_cmd and feedforward alike.
+        v_cmd: commanded velocities [rad/s].
+        feedforward: torque added to it [N·m].
+        kp: ``(n_joints,)`` [N·m/rad].
+        kd: ``(n_joints,)`` [N·m·s/rad].
+    """
+
+    time: Array
+    q_cmd: Array
+    v_cmd: Array
+    feedforward: Array
+    kp: Array
+    kd: Array
+
+    def torque(self, time: float, q: Array, v: Array) -> Array:
+        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
+        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
+        qc, vc, ff = (
+            (1.0 - share) * x[k] + share * x[k + 1] for x in (self.q_cmd, self.v_cmd, self.feedforward)
+        )
+        return self.kp * (qc - q) + self.kd * (vc - v) + ff
+
+
+class Simulator:
+    """A loaded model.
+
+    The runner applies, at every step: Stribeck and load-dependent friction and friction that drifts, by setting
+    ``dof_frictionloss`` and ``dof_damping``; periodic torques (ripple; a tilted base's part on the first joint)
+    in ``qfrc_applied``; a delay of the torque channel, by taking the logged torque of a later time.
+    """
+
+    def __init__(self, xml: str, joints: tuple[str, ...]):
+        """Load a model.
+
+        Args:
+            xml: the model's text.
+            joints: joints in the order of all arrays.
+        """
+        import mujoco
+
+        self.model = mujoco.MjModel.from_xml_string(xml)
+        self.data = mujoco.MjData(self.model)
+        self.joints = joints
+        self._qpos = np.array([self.model.joint(name).qposadr[0] for name in joints])
+        self._dof = np.array([self.model.joint(name).dofadr[0] for name in joints])
+        self._motor = np.array([self.model.actuator(name).id for name in joints])
+        self._friction = self.model.dof_frictionloss.copy()
+        self._damping = self.model.dof_damping.copy()
+        self._notes = [
+            (effect, place, values)
+            for effect, place, values in _notes(self.model)
+            if effect != "time_delay" and (place in joints)
+        ]
+        self._delay = sum(v["delay"] for effect, _, v in _notes(self.model) if effect == "time_delay")
+        self._load = np.zeros(len(joints))
+
+    def run(self, window: Window, drive: Drive, keep: int) -> Array:
+        """Positions at the window's start and after every ``keep`` steps, ``(n_kept, n_joints)`` [rad].
+
+        The step is symplectic, so that velocities belong half a step before positions; the first ones are put
+        there. A run that diverges ends in what is not finite.
+        """
+        import mujoco
+
+        model, data = self.model, self.data
+        mujoco.mj_resetData(model, data)
+        model.opt.timestep = float(window.time[1] - window.time[0])
+        data.qpos[self._qpos], data.qvel[self._dof] = window.q, window.v
+        self._load = window.load.copy()
+        self._deflect(window.load)
+        delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
+        if model.na:
+            data.act[:] = drive.torque(float(window.time[0]), window.q, window.v)[: model.na]
+        kept = [window.q]
+        for step, time in enumerate(window.time):
+            q, v = data.qpos[self._qpos], data.qvel[self._dof]
+            data.ctrl[self._motor] = drive.torque(float(time) + delay, q, v)
+            if self._notes:
+                self._apply(q, v, window.session_s + float(time - window.time[0]))
+            mujoco.mj_step(model, data)
+            if (step + 1) % keep == 0:
+                kept.append(data.qpos[self._qpos].copy())
+        return np.array(kept)
+
+    def _deflect(self, load: Array) -> None:
+        """Soft and loose gears start where their load puts them."""
+        for effect, place, values in self._notes:
+            if effect not in {"joint_elasticity", "backlash"}:
+                continue
+            address = self.model.joint(place + DEFLECTION).qposadr[0]
+            torque = load[self.joints.index(place)]
+            soft = effect == "joint_elasticity"
+            self.data.qpos[address] = (
+                -torque / values["stiffness"] if soft else -0.5 * np.sign(torque) * values["width"]
+            )
+
+    def _apply(self, q: Array, v: Array, session: float) -> None:
+        model, data = self.model, self.data
+        model.dof_frictionloss[:] = self._friction
+        model.dof_damping[:] = self._damping
+        data.qfrc_applied[:] = 0.0
+        for effect, place, p in self._notes:
+            j = self.joints.index(place)
+            dof = self._dof[j]
+            if effect == "stribeck":
+                model.dof_frictionloss[dof] += p["excess"] * np.exp(-((v[j] / p["velocity"]) ** 2))
+            elif effect == "load_dependent_friction":
+                model.dof_frictionloss[dof] += p["coefficient"] * abs(self._carried(j))
+            elif effect == "friction_drift":
+                growth = np.expm1(-session / p["time_constant"])
+                growth /= np.expm1(-p["session_end"] / p["time_constant"])
+                model.dof_frictionloss[dof] += growth * p["coulomb_change"]
+                model.dof_damping[dof] += growth * p["viscous_change"]
+            elif "periods_per_rev" in p:
+                phase = p["periods_per_rev"] * q[j]
+                data.qfrc_applied[dof] -= p["cosine"] * np.cos(phase) + p["sine"] * np.sin(phase)
+        np.maximum(model.dof_frictionloss, 0.0, out=model.dof_frictionloss)
+
+    def _carried(self, j: int) -> float:
+        """Torque that a joint's gear carries: what the last step's motor gave less friction and rotor."""
+        data, dof = self.data, self._dof[j]
+        if data.time == 0.0:
+            return float(self._load[j])
+        force = data.qfrc_actuator[dof] + data.qfrc_passive[dof] + data.qfrc_constraint[dof]
+        return float(force - self.model.dof_armature[dof] * data.qacc[dof])
+
+
+def _notes(model: mujoco.MjModel) -> list[tuple[str, str, dict[str, float]]]:
+    """Effects noted in a model: name, place, values."""
+    import mujoco
+
+    found = []
+    for k in range(model.ntext):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, k)
+        parts = name.split(".", 2)
+        if len(parts) == 3 and parts[0] == NOTE:
+            first, size = int(model.text_adr[k]), int(model.text_size[k])
+            data = bytes(model.text_data[first : first + size]).decode().rstrip("\0")
+            pairs = (item.split("=") for item in data.split())
+            found.append((parts[1], parts[2], {key: float(value) for key, value in pairs}))
+    return found

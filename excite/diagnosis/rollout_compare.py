@@ -1,0 +1,208 @@
+"""Roll-outs of validation trials with the simulator as it was and with the effects in it, against the record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.diagnosis.attribute import Attribution, Scored
+from excite.diagnosis.augmented import augmented_model, baseline_model
+from excite.diagnosis.augmented_effects import Found
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.effects.deflection import link_inertia
+from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.result import Rollout
+from excite.diagnosis.rollout import Drive, LoggedTorque, Simulator, Window
+from excite.diagnosis.samples import ArmSamples, ArmTrial
+from excite.logs.signals.butterworth import lowpass
+from excite.logs.signals.differentiate import central_differences
+from excite.regressor.kernels import inverse_dynamics
+from excite.robot.robot import Array
+
+HORIZON_S = 0.5
+# Simulated time at most: roll-outs are spread evenly over longer records [s].
+_TOTAL_S = 16.0
+_STEP_S = 1.25e-3
+_START_HZ = 10.0
+_EDGE_S = 0.3
+
+
+def compared(attribution: Attribution, baseline: Baseline) -> tuple[Rollout, str]:
+    """Roll-outs with the logged torques before and after the accepted effects, and the model's text.
+
+    Every roll-out starts from the record's positions and velocities and runs for half a second with the logged
+    torques and no feedback, which would hide the gap.
+
+    Args:
+        attribution: the attribution.
+        baseline: the baseline before it.
+
+    Returns:
+        The comparison, its model's name empty, and the augmented model.
+    """
+    effects, final = found_effects(attribution), refitted(attribution, baseline)
+    before = baseline_model(baseline)
+    after = augmented_model(final, effects) if effects else before
+    samples = baseline.samples
+    plain = errors(before.xml, samples, baseline.rigid)
+    augmented = errors(after.xml, samples, final.rigid) if effects else plain
+    warnings = (*after.warnings, *unheard(final, effects, after.xml))
+    return (
+        Rollout(
+            before=_rms(plain, samples.joints),
+            after=_rms(augmented, samples.joints),
+            horizon_s=HORIZON_S,
+            model="",
+            warnings=warnings,
+        ),
+        after.xml,
+    )
+
+
+def refitted(attribution: Attribution, baseline: Baseline) -> Baseline:
+    """The baseline with inertial parameters and drive terms as fitted together with all accepted effects."""
+    final, s = attribution.final, baseline.samples
+    n = baseline.basis.shape[1]
+    phi = baseline.phi + baseline.basis @ (final.fit.shared[:n] - baseline.fit.shared)
+    motion = (s.stacked(name) for name in ("q", "v", "a"))
+    rigid = inverse_dynamics(s.robot.model, *motion, phi)[:, list(s.index)]
+    return replace(final, phi=phi, rigid=rigid)
+
+
+def found_effects(attribution: Attribution) -> tuple[Found, ...]:
+    """The accepted effects with their sizes as fitted all together."""
+    last, place, made = attribution.final, 0, []
+    columns = last.solver.equations.shared
+    first = attribution.stages[0].context.baseline.basis.shape[1]
+    for item in attribution.accepted:
+        extra = item.hypothesis.columns.extra
+        count = 0 if extra is None else extra.shape[2]
+        here = slice(first + place, first + place + count)
+        beta = item.hypothesis.fit.extra
+        if extra is not None:
+            scale = np.linalg.norm(columns[:, :, here], axis=(0, 1)) / np.linalg.norm(extra, axis=(0, 1))
+            beta = last.fit.shared[here] * scale
+        place += count
+        made.append(_found(item, beta))
+    return tuple(made)
+
+
+def _found(item: Scored, beta: Array) -> Found:
+    h = item.hypothesis
+    context = Context(h.baseline)
+    fit = replace(h.fit, extra=beta)
+    values = {
+        name: e.value for name, e in h.effect.estimates(context, h.location, h.theta, fit).items()
+    }
+    values |= {p.name: float(b) for p, b in zip(h.effect.linear, beta, strict=True)}
+    values |= {p.name: float(t) for p, t in zip(h.effect.searched, h.theta, strict=True)}
+    if item.name == "joint_elasticity":
+        inertia = float(link_inertia(context, context.row(h.location)).mean())
+        values["damping"] = 2.0 * values["damping_ratio"] * float(np.sqrt(values["stiffness"] * inertia))
+    if item.name == "friction_drift":
+        values["session_end"] = float(context.session.max())
+    return Found(item.name, item.location, values)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A window with the torques that drive it and the positions that were recorded.
+
+    Attributes:
+        window: where it starts.
+        drive: what drives it.
+        recorded: ``(n_kept, n_joints)`` [rad].
+        keep: steps between recorded positions.
+    """
+
+    window: Window
+    drive: Drive
+    recorded: Array
+    keep: int
+
+
+def pieces(samples: ArmSamples, rigid: Array, total_s: float = _TOTAL_S) -> list[Piece]:
+    """Windows of the validation trials, of all trials where there are none.
+
+    Args:
+        samples: the samples.
+        rigid: ``(n_samples, n_joints)`` torque of the rigid bodies, for the deflection of gears [N·m].
+        total_s: simulated time at most [s].
+    """
+    loads = samples.split(rigid)
+    chosen = [k for k, t in enumerate(samples.trials) if not t.identification] or list(
+        range(len(samples.trials))
+    )
+    starts = [
+        (k, i)
+        for k in chosen
+        for i in _starts(len(samples.trials[k].time), samples.rate_hz)
+    ]
+    most = max(1, int(total_s / HORIZON_S))
+    pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
+    smooth = {k: _smooth(samples, samples.trials[k]) for k in chosen}
+    return [
+        _piece(samples, samples.trials[k], smooth[k], loads[k], i) for k, i in (starts[p] for p in pick)
+    ]
+
+
+def _starts(n: int, rate_hz: float) -> range:
+    edge, length = round(_EDGE_S * rate_hz), round(HORIZON_S * rate_hz)
+    return range(edge, n - edge - length, length)
+
+
+def _smooth(samples: ArmSamples, trial: ArmTrial) -> tuple[Array, Array]:
+    index = list(samples.index)
+    d = central_differences(lowpass(trial.q[:, index], samples.rate_hz, _START_HZ), samples.rate_hz)
+    return d.value, d.first
+
+
+def _piece(
+    samples: ArmSamples, trial: ArmTrial, smooth: tuple[Array, Array], load: Array, i: int
+) -> Piece:
+    period = 1.0 / samples.rate_hz
+    keep = max(1, int(np.ceil(period / _STEP_S - 1e-9)))
+    n = round(HORIZON_S * samples.rate_hz)
+    step = period / keep
+    t0 = float(trial.time[i])
+    v = np.array([np.interp(t0 - 0.5 * step, trial.time, c) for c in smooth[1].T])
+    window = Window(
+        smooth[0][i], v, load[i], t0 + step * np.arange(n * keep), float(trial.session_s[i])
+    )
+    recorded = trial.q[i : i + n + 1][:, list(samples.index)]
+    return Piece(window, LoggedTorque(trial.time, trial.tau), recorded, keep)
+
+
+def errors(xml: str, samples: ArmSamples, rigid: Array) -> Array:
+    """Simulated less recorded positions, ``(n_windows, n_kept, n_joints)`` [rad]."""
+    simulator = Simulator(xml, samples.joints)
+    return np.array(
+        [simulator.run(p.window, p.drive, p.keep) - p.recorded for p in pieces(samples, rigid)]
+    )
+
+
+def unheard(baseline: Baseline, effects: Sequence[Found], xml: str) -> tuple[str, ...]:
+    """Effects that the written model, loaded again, ignores: doubled, they do not move a roll-out."""
+    samples = baseline.samples
+    few = pieces(samples, baseline.rigid, 3.0 * HORIZON_S)
+    said = []
+    here = Simulator(xml, samples.joints)
+    runs = [here.run(p.window, p.drive, p.keep) for p in few] if effects else []
+    for k, item in enumerate(effects):
+        bigger = replace(item, values={n: 1.5 * v for n, v in item.values.items()})
+        other = augmented_model(baseline, [*effects[:k], bigger, *effects[k + 1 :]])
+        moved = Simulator(other.xml, samples.joints)
+        change = max(
+            float(np.abs(moved.run(p.window, p.drive, p.keep) - r).max())
+            for p, r in zip(few, runs, strict=True)
+        )
+        if not change > 0.0:
+            said.append(f"the simulator ignores {item.effect} at {item.location}")
+    return tuple(said)
+
+
+def _rms(error: Array, joints: Sequence[str]) -> dict[str, float]:
+    values = np.sqrt((error**2).mean(axis=(0, 1)))
+    return {name: float(v) for name, v in zip(joints, values, strict=True)}
