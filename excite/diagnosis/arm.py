@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.locate import locate
 from excite.diagnosis.noise_floor import repeat_floor, spectral_floor
 from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, share_closed
+from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.shrink import gap_of
 from excite.diagnosis.verdict import Judgement, judge
@@ -24,13 +26,14 @@ from excite.robot.robot import Robot
 _LISTED = 8
 
 
-def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator) -> Diagnosis:
+def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
     """Diagnose a log of a fixed-base arm with joint torques.
 
     Args:
         robot: the nominal model.
         log: the log.
         rng: of the bootstrap.
+        out: folder for the augmented simulator; none is written without it.
 
     Returns:
         The diagnosis.
@@ -85,6 +88,7 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator) -> Diagnosis:
         effects=effects,
         gap=gap,
         where=where,
+        simulation=simulated(attribution, baseline, out),
         n_tied=n_tied,
         next_experiment=_next(listed[:n_tied]),
         faults=chart.faults,

@@ -112,5 +112,3 @@ def _spec(robot: Robot, index: Sequence[int], plant: Plant) -> mujoco.MjSpec:
         # Positions are the record's: a range would push where the model's is narrower.
         spec.joint(name).limited = False
     return spec
-
-

@@ -142,7 +142,11 @@ def _tilt(draft: Draft, item: Found) -> None:
     first = Found(
         "base_tilt",
         draft.joints[0],
-        {"cosine": item.value("first_row_cosine"), "sine": item.value("first_row_sine"), "periods_per_rev": 1.0},
+        {
+            "cosine": item.value("first_row_cosine"),
+            "sine": item.value("first_row_sine"),
+            "periods_per_rev": 1.0,
+        },
     )
     draft.note(first, "cosine", "sine", "periods_per_rev")
 

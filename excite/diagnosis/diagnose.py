@@ -37,7 +37,7 @@ def diagnose(
     loaded = log if isinstance(log, Log) else load_log(log, robot)
     robot = robot or nominal_robot(loaded)
     if loaded.header.base == "fixed" and loaded.header.torque in {"motor_side", "link_side"}:
-        return diagnose_arm(robot, loaded, np.random.default_rng(seed))
+        return diagnose_arm(robot, loaded, np.random.default_rng(seed), None if out is None else Path(out))
     if loaded.header.base != "fixed" and loaded.header.sensors:
         return diagnose_floating(loaded, robot, np.random.default_rng(seed))
     raise InputError(

@@ -164,14 +164,16 @@ class Rollout:
         before: by channel, RMS error of the nominal simulator [rad or m].
         after: by channel, RMS error of the augmented simulator, same unit.
         horizon_s: length of a roll-out [s].
-        model: file name of the augmented simulator.
+        model: file name of the augmented simulator, None where none was written.
+        driven_by: what drives the roll-outs: ``logged torque`` (no feedback) or ``q_cmd`` (the servo).
         warnings: effects that the simulator cannot express or ignores.
     """
 
     before: dict[str, float]
     after: dict[str, float]
     horizon_s: float
-    model: str
+    model: str | None
+    driven_by: str = "logged torque"
     warnings: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
@@ -181,6 +183,7 @@ class Rollout:
             "after": dict(self.after),
             "horizon_s": self.horizon_s,
             "model": self.model,
+            "driven_by": self.driven_by,
             "warnings": list(self.warnings),
         }
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
+from excite.atomic import write_text
 from excite.diagnosis.attribute import Attribution, Scored
 from excite.diagnosis.augmented import augmented_model, baseline_model
 from excite.diagnosis.augmented_effects import Found
@@ -16,17 +18,33 @@ from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.result import Rollout
 from excite.diagnosis.rollout import Drive, LoggedTorque, Simulator, Window
 from excite.diagnosis.samples import ArmSamples, ArmTrial
+from excite.errors import InputError
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array
 
+MODEL = "augmented.xml"
 HORIZON_S = 0.5
 # Simulated time at most: roll-outs are spread evenly over longer records [s].
 _TOTAL_S = 16.0
 _STEP_S = 1.25e-3
 _START_HZ = 10.0
 _EDGE_S = 0.3
+
+
+def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) -> Rollout:
+    """Roll-outs before and after the accepted effects; the augmented model is written where there is a folder."""
+    try:
+        rollout, xml = compared(attribution, baseline)
+    except InputError as error:
+        # A joint that no simulator has, or a log that leaves joints out, is no reason to say nothing else.
+        return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
+    if out is None:
+        return rollout
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / MODEL, xml)
+    return replace(rollout, model=MODEL)
 
 
 def compared(attribution: Attribution, baseline: Baseline) -> tuple[Rollout, str]:
@@ -40,8 +58,14 @@ def compared(attribution: Attribution, baseline: Baseline) -> tuple[Rollout, str
         baseline: the baseline before it.
 
     Returns:
-        The comparison, its model's name empty, and the augmented model.
+        The comparison, its model not written, and the augmented model.
     """
+    if len(baseline.samples.joints) < baseline.samples.robot.n_joints:
+        raise InputError(
+            "some joints of the robot have no torque in the log",
+            field="joints",
+            remedy="log them all, or give a model without them",
+        )
     effects, final = found_effects(attribution), refitted(attribution, baseline)
     before = baseline_model(baseline)
     after = augmented_model(final, effects) if effects else before
@@ -54,7 +78,7 @@ def compared(attribution: Attribution, baseline: Baseline) -> tuple[Rollout, str
             before=_rms(plain, samples.joints),
             after=_rms(augmented, samples.joints),
             horizon_s=HORIZON_S,
-            model="",
+            model=None,
             warnings=warnings,
         ),
         after.xml,
@@ -93,9 +117,7 @@ def _found(item: Scored, beta: Array) -> Found:
     h = item.hypothesis
     context = Context(h.baseline)
     fit = replace(h.fit, extra=beta)
-    values = {
-        name: e.value for name, e in h.effect.estimates(context, h.location, h.theta, fit).items()
-    }
+    values = {name: e.value for name, e in h.effect.estimates(context, h.location, h.theta, fit).items()}
     values |= {p.name: float(b) for p, b in zip(h.effect.linear, beta, strict=True)}
     values |= {p.name: float(t) for p, t in zip(h.effect.searched, h.theta, strict=True)}
     if item.name == "joint_elasticity":
@@ -135,17 +157,11 @@ def pieces(samples: ArmSamples, rigid: Array, total_s: float = _TOTAL_S) -> list
     chosen = [k for k, t in enumerate(samples.trials) if not t.identification] or list(
         range(len(samples.trials))
     )
-    starts = [
-        (k, i)
-        for k in chosen
-        for i in _starts(len(samples.trials[k].time), samples.rate_hz)
-    ]
+    starts = [(k, i) for k in chosen for i in _starts(len(samples.trials[k].time), samples.rate_hz)]
     most = max(1, int(total_s / HORIZON_S))
     pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
     smooth = {k: _smooth(samples, samples.trials[k]) for k in chosen}
-    return [
-        _piece(samples, samples.trials[k], smooth[k], loads[k], i) for k, i in (starts[p] for p in pick)
-    ]
+    return [_piece(samples, samples.trials[k], smooth[k], loads[k], i) for k, i in (starts[p] for p in pick)]
 
 
 def _starts(n: int, rate_hz: float) -> range:
@@ -159,18 +175,14 @@ def _smooth(samples: ArmSamples, trial: ArmTrial) -> tuple[Array, Array]:
     return d.value, d.first
 
 
-def _piece(
-    samples: ArmSamples, trial: ArmTrial, smooth: tuple[Array, Array], load: Array, i: int
-) -> Piece:
+def _piece(samples: ArmSamples, trial: ArmTrial, smooth: tuple[Array, Array], load: Array, i: int) -> Piece:
     period = 1.0 / samples.rate_hz
     keep = max(1, int(np.ceil(period / _STEP_S - 1e-9)))
     n = round(HORIZON_S * samples.rate_hz)
     step = period / keep
     t0 = float(trial.time[i])
     v = np.array([np.interp(t0 - 0.5 * step, trial.time, c) for c in smooth[1].T])
-    window = Window(
-        smooth[0][i], v, load[i], t0 + step * np.arange(n * keep), float(trial.session_s[i])
-    )
+    window = Window(smooth[0][i], v, load[i], t0 + step * np.arange(n * keep), float(trial.session_s[i]))
     recorded = trial.q[i : i + n + 1][:, list(samples.index)]
     return Piece(window, LoggedTorque(trial.time, trial.tau), recorded, keep)
 
@@ -178,9 +190,7 @@ def _piece(
 def errors(xml: str, samples: ArmSamples, rigid: Array) -> Array:
     """Simulated less recorded positions, ``(n_windows, n_kept, n_joints)`` [rad]."""
     simulator = Simulator(xml, samples.joints)
-    return np.array(
-        [simulator.run(p.window, p.drive, p.keep) - p.recorded for p in pieces(samples, rigid)]
-    )
+    return np.array([simulator.run(p.window, p.drive, p.keep) - p.recorded for p in pieces(samples, rigid)])
 
 
 def unheard(baseline: Baseline, effects: Sequence[Found], xml: str) -> tuple[str, ...]:
