@@ -153,6 +153,13 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
         LogError: a trial has no torques or is too short for the filter.
     """
     bands = bands or Bands()
+    if log.header.no_torque:
+        raise LogError(
+            "names joints without torque",
+            source=log.folder,
+            field="no_torque",
+            remedy="a diagnosis needs the torque of every joint in the log",
+        )
     order = [log.header.joints.index(name) for name in robot.joint_names if name in log.header.joints]
     joints = tuple(log.header.joints[i] for i in order)
     index = tuple(robot.joint_index(name) for name in joints)

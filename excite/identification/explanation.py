@@ -52,8 +52,9 @@ def explain_signals(robot: Robot, log: Log, settings: ProblemSettings | None = N
     trial = trials[0]
     prepared = prepare_trial(trial, settings, filters)
     k = trial_kinematics(robot, log.header, prepared.trial, settings, filters)
-    column = int(np.argmax(np.std(trial.q, axis=0)))
-    name = log.header.joints[column]
+    moved = dict(zip(log.header.joints, np.std(trial.q, axis=0), strict=True))
+    name = max(log.header.torque_joints, key=lambda joint: float(moved[joint]))
+    column = log.header.joints.index(name)
     velocity = robot.n_base_v + robot.joint_index(name)
     shown = _Shown(trial, column, name, k, velocity, _window(k, velocity))
     steps = [_clock_step(shown), _outlier_step(shown, settings, prepared)]
@@ -64,9 +65,10 @@ def explain_signals(robot: Robot, log: Log, settings: ProblemSettings | None = N
     steps.append(_delay_step(lag, settings))
     if log.header.base != "floating":
         rows = JointRows(robot, log.header, settings, filters, drive_terms(log.header, settings))
-        torque = forces_on_grid(prepared.trial.time, rows.torque(prepared.trial), k.time)[:, column]
+        channel = rows.channel_names.index(name)
+        torque = forces_on_grid(prepared.trial.time, rows.torque(prepared.trial), k.time)[:, channel]
         if rows.motors is not None and trial.tau is not None:
-            steps.append(_coupling_step(shown, rows.torque(trial)[:, column]))
+            steps.append(_coupling_step(shown, rows.torque(trial)[:, channel]))
         steps += _torque_steps(shown, torque, filters, settings)
     return SignalTrace(trial.name, name, tuple(steps))
 

@@ -48,27 +48,27 @@ class JointRows:
 
     @property
     def channel_names(self) -> tuple[str, ...]:
-        """The log's joints."""
-        return self.header.joints
+        """The log's joints that have a torque."""
+        return self.header.torque_joints
 
     @property
     def channel_units(self) -> tuple[str, ...]:
         """``N`` for joints that slide, ``N·m`` for those that turn."""
         model = self.robot.model
-        slides = (_slides(model, model.getJointId(name)) for name in self.header.joints)
+        slides = (_slides(model, model.getJointId(name)) for name in self.channel_names)
         return tuple("N" if flag else "N·m" for flag in slides)
 
     @property
     def drive_names(self) -> tuple[str, ...]:
         """Names of the drive parameters, term by term."""
         return tuple(
-            name for term in self.terms for name in DRIVE_TERMS[term].parameter_names(self.header.joints)
+            name for term in self.terms for name in DRIVE_TERMS[term].parameter_names(self.channel_names)
         )
 
     @property
     def drive_prior(self) -> Array:
         """What the robot's description says of its drives, zero where it is silent, ``(n_drive,)``."""
-        drives, names = self.robot.description.drives, self.header.joints
+        drives, names = self.robot.description.drives, self.channel_names
         stated = {"viscous": drives.viscous, "coulomb": drives.coulomb, "armature": drives.armature}
         parts = [np.zeros(0)]
         for term in self.terms:
@@ -82,7 +82,7 @@ class JointRows:
         parts = [np.zeros(0)]
         for term in self.terms:
             spread = DRIVE_TERMS[term].spread
-            count = len(DRIVE_TERMS[term].parameter_names(self.header.joints))
+            count = len(DRIVE_TERMS[term].parameter_names(self.channel_names))
             parts.append(np.full(count, np.nan if spread is None else spread))
         return np.concatenate(parts)
 
@@ -90,7 +90,7 @@ class JointRows:
     def noise(self) -> Array:
         """Standard deviation of each joint's torque noise at full rate, 1 where it is not stated [N·m]."""
         return per_joint(
-            self.robot.description.sensors.noise_torque, self.header.joints, np.ones(len(self.header.joints))
+            self.robot.description.sensors.noise_torque, self.channel_names, np.ones(len(self.channel_names))
         )
 
     def rows(self, trial: Trial) -> TrialRows:
@@ -125,10 +125,10 @@ class JointRows:
         """Matrix from joint to motor velocities, None where each joint has its own motor."""
         if not self.settings.coupling:
             return None
-        return coupling_matrix(self.header.joints, self.settings.coupling)
+        return coupling_matrix(self.channel_names, self.settings.coupling)
 
     def _joints(self) -> list[int]:
-        return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.header.joints]
+        return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.channel_names]
 
     def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
         """Samples inside the motion at which the joint itself moves: where it stands, stiction rules."""
@@ -140,13 +140,18 @@ class JointRows:
         return use
 
     def torque(self, trial: Trial) -> Array:
-        """Joint torques ``(n, n_joints)`` [N·m]; raises LogError where there are none."""
+        """Torques of the joints that have one ``(n, n_channels)`` [N·m]; raises LogError where there are none."""
         motor = self._motor_torque(trial)
         return motor if self.motors is None else joint_torques(motor, self.motors)
 
+    @property
+    def _measured(self) -> list[int]:
+        """Columns of the joints that have a torque."""
+        return [self.header.joints.index(joint) for joint in self.channel_names]
+
     def _motor_torque(self, trial: Trial) -> Array:
         if self.header.torque in {"motor_side", "link_side"} and trial.tau is not None:
-            return trial.tau
+            return trial.tau[:, self._measured]
         if self.header.torque != "current" or trial.current is None:
             raise LogError(
                 "has no torques",
@@ -155,7 +160,7 @@ class JointRows:
                 remedy="log tau.* or i.* for identification",
             )
         gains = {**self.header.torque_constants, **self.settings.drive_gains}
-        missing = [joint for joint in self.header.joints if joint not in gains]
+        missing = [joint for joint in self.channel_names if joint not in gains]
         if missing:
             raise LogError(
                 f"no torque per ampere is known for joint {missing[0]!r}",
@@ -163,7 +168,7 @@ class JointRows:
                 field="torque",
                 remedy="state torque_constants in log.yaml, or drive_gains in the settings [N·m/A]",
             )
-        return trial.current * np.array([gains[joint] for joint in self.header.joints])
+        return trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
 
 
 def _slides(model: pin.Model, joint: int) -> bool:

@@ -102,7 +102,7 @@ def momentum_residual(
     if trial.tau is None:
         raise LogError("has no torques", source=trial.name, field="tau", remedy="log tau.* in N·m")
     robot = robot_in_log(robot, log.header, log.folder)
-    if log.header.joints != robot.joint_names:
+    if log.header.torque_joints != robot.joint_names:
         raise LogError(
             "does not hold every joint", source=trial.name, field="joints", remedy="log all of " + robot.name
         )

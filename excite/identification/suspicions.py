@@ -23,8 +23,10 @@ from excite.identification.torque_samples import (
     own_inertia,
     scaled_fit,
     share_left,
+    shares_left,
     torque_samples,
 )
+from excite.identification.weak_torques import weak_torques
 from excite.logs.finding import Finding, listed
 from excite.logs.log import Log
 from excite.robot.robot import Array, Robot
@@ -36,6 +38,8 @@ _LEAST_JOINT_GAIN = 0.5
 _SCALE_OFF = 1.6
 _DRIVE_SHARE = 0.15
 _ROTOR_SHARE = 0.3
+# More than this share of the power left is no explanation.
+_FITS = 0.5
 
 
 def suspicions(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> tuple[Finding, ...]:
@@ -52,10 +56,14 @@ def suspicions(robot: Robot, log: Log, settings: ProblemSettings | None = None) 
     samples = torque_samples(robot, log, settings)
     if samples is None:
         return ()
-    arrangement = _arrangement(samples, log.header.joints)
+    arrangement = _arrangement(samples, log.header.torque_joints)
     if arrangement is not None:
         return (arrangement,)
-    return (*_turned_torques(samples, log), *_motor_side(samples, log))
+    return (
+        *weak_torques(samples, log.header.torque_joints),
+        *_turned_torques(samples, log),
+        *_motor_side(samples, log),
+    )
 
 
 def _arrangement(samples: TorqueSamples, joints: tuple[str, ...]) -> Finding | None:
@@ -79,7 +87,13 @@ def _arrangement(samples: TorqueSamples, joints: tuple[str, ...]) -> Finding | N
     found += [_torque_order(samples, joints), _torque_signs(samples, joints), _torque_scale(samples, joints)]
     for what, with_torques in (("columns", True), ("positions", False)):
         score, order = _reordered(samples, start, with_torques=with_torques)
-        moved = tuple(joints[i] for i in np.flatnonzero(order != same))
+        places = np.flatnonzero(order != same)
+        # An exchange that leaves a joint unexplained is none: a dead channel fits anywhere as badly.
+        if (
+            shares_left(samples.arranged(order, straight, order if with_torques else same))[places] > _FITS
+        ).any():
+            continue
+        moved = tuple(joints[i] for i in places)
         real = ", ".join(joints[i] for i in order)
         text = f"joints look exchanged: the {what} explain the torques far better in the order {real}"
         found.append((score, "order", text, moved))
@@ -170,12 +184,14 @@ def _turned_torques(samples: TorqueSamples, log: Log) -> list[Finding]:
     model, gains = samples.predicted(), _sign_gains(samples)
     turned = tuple(
         name
-        for j, name in enumerate(log.header.joints)
+        for j, name in enumerate(log.header.torque_joints)
         if gains[j] > _LEAST_JOINT_GAIN or (gains[j] > 0.0 and _drives_itself(samples, model[:, j], j))
     )
     if not turned:
         return []
-    return [Finding("torque_sign", _sign_text(turned, log.header.joints), {"joints": len(turned)}, turned)]
+    return [
+        Finding("torque_sign", _sign_text(turned, log.header.torque_joints), {"joints": len(turned)}, turned)
+    ]
 
 
 def _drives_itself(samples: TorqueSamples, model: Array, joint: int) -> bool:
@@ -196,7 +212,11 @@ def _torque_scale(samples: TorqueSamples, joints: tuple[str, ...]) -> tuple[floa
     factor = float(np.median(gains[told])) if told.sum() > 1 else 1.0
     if factor <= 0.0 or 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
         return np.inf, "torque_scale", "", ()
-    cause = "currents, another unit, or torques before the gear" if factor < 1.0 else "another unit"
+    cause = (
+        "currents, another unit, or torques before the gear"
+        if factor < 1.0
+        else "another unit, or a load that the model does not have"
+    )
     text = (
         f"torques are {factor:.3g} times what the nominal masses need, and so will be every identified "
         f"parameter: {cause}"
@@ -212,7 +232,7 @@ def _motor_side(samples: TorqueSamples, log: Log) -> list[Finding]:
     if log.header.torque != "link_side":
         return []
     model, rotors, rubbing = samples.predicted(), [], []
-    joints = log.header.joints
+    joints = log.header.torque_joints
     own = own_inertia(samples)
     for j, name in enumerate(joints):
         columns = np.column_stack([model[:, j], samples.drive_columns(j)])

@@ -72,7 +72,7 @@ def torque_samples(robot: Robot, log: Log, settings: ProblemSettings) -> TorqueS
     robot = robot_in_log(robot, log.header, log.folder)
     filters = settings.filters(floating=False)
     filters = replace(filters, kinematics_cutoff_hz=filters.cutoff_hz)
-    places = np.array([robot.n_base_v + robot.joint_index(name) for name in log.header.joints])
+    places = np.array([robot.n_base_v + robot.joint_index(name) for name in log.header.torque_joints])
     source = JointRows(robot, log.header, settings, filters, ())
     parts = []
     for trial in log.role("identification"):
@@ -114,9 +114,13 @@ def share_left(samples: TorqueSamples, torque: Array, model: Array, joint: int) 
 
 def mean_left(samples: TorqueSamples) -> float:
     """Mean over the joints of half the logarithm of what is left, lower is better."""
-    model = samples.predicted()
-    left = [share_left(samples, samples.torque[:, j], model[:, j], j) for j in range(samples.torque.shape[1])]
-    return 0.5 * float(np.mean(np.log(np.maximum(left, FLOOR))))
+    return 0.5 * float(np.mean(np.log(np.maximum(shares_left(samples), FLOOR))))
+
+
+def shares_left(samples: TorqueSamples) -> Array:
+    """:func:`share_left` of each joint's own torque and model, ``(n_joints,)``."""
+    model, torque = samples.predicted(), samples.torque
+    return np.array([share_left(samples, torque[:, j], model[:, j], j) for j in range(torque.shape[1])])
 
 
 def modelled_gains(samples: TorqueSamples) -> tuple[Array, Array]:

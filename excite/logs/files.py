@@ -118,7 +118,8 @@ def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
     for prefix, attribute in _JOINT_CHANNELS.items():
         values = getattr(trial, attribute)
         if values is not None:
-            columns |= {f"{prefix}.{joint}": values[:, i] for i, joint in enumerate(header.joints)}
+            kept = _with_channel(prefix, header)
+            columns |= {f"{prefix}.{joint}": values[:, header.joints.index(joint)] for joint in kept}
     for sensor in header.sensors:
         if sensor.name in trial.wrenches:
             wrench = trial.wrenches[sensor.name]
@@ -193,9 +194,9 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     cleaned = clean_columns({name: _numeric(columns[name], name, file, n_rows) for name in wanted}, file)
     values = cleaned.columns
     joint_values = {
-        attribute: np.column_stack([values[f"{prefix}.{joint}"] for joint in header.joints])
+        attribute: _joint_columns(values, prefix, header)
         for prefix, attribute in _JOINT_CHANNELS.items()
-        if f"{prefix}.{header.joints[0]}" in values
+        if f"{prefix}.{_with_channel(prefix, header)[0]}" in values
     }
     base = None
     if BASE_POSE[0] in values:
@@ -220,13 +221,27 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     )
 
 
+def _with_channel(prefix: str, header: LogHeader) -> tuple[str, ...]:
+    """Joints that have a channel: all but, of torques and currents, those without."""
+    return header.torque_joints if prefix in {"tau", "i"} else header.joints
+
+
+def _joint_columns(values: dict[str, Array], prefix: str, header: LogHeader) -> Array:
+    """A channel of all joints, zero where there is none, ``(n, n_joints)``."""
+    nothing, kept = np.zeros_like(values["time"]), _with_channel(prefix, header)
+    parts = [values[f"{prefix}.{joint}"] if joint in kept else nothing for joint in header.joints]
+    return np.column_stack(parts)
+
+
 def _check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list[str]:
     """Names of the columns that the header promises or allows; all of a group or none.
 
     Raises LogError for a promised column that is missing and for one that names an unknown joint or sensor.
     """
     present = list(columns)
-    groups = {prefix: [f"{prefix}.{joint}" for joint in header.joints] for prefix in _JOINT_CHANNELS}
+    groups = {
+        prefix: [f"{prefix}.{joint}" for joint in _with_channel(prefix, header)] for prefix in _JOINT_CHANNELS
+    }
     groups["time"] = ["time"]
     groups["base"] = list(BASE_POSE)
     for sensor in header.sensors:
@@ -237,6 +252,7 @@ def _check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> lis
     required |= {"base"} if header.base != "fixed" else set()
     required |= {f"wrench.{sensor.name}" for sensor in header.sensors} if header.base == "floating" else set()
     allowed = {name for names in groups.values() for name in names}
+    allowed |= {f"{prefix}.{joint}" for prefix in ("tau", "i") for joint in header.no_torque}
     for name in present:
         if name not in allowed and name.split(".")[0] in {*_JOINT_CHANNELS, "base", "wrench"}:
             raise LogError(

@@ -75,6 +75,7 @@ def check_header(header: LogHeader, path: Path) -> None:
                 remedy="name one of " + ", ".join(files),
             )
     _check_base(header, path)
+    _check_no_torque(header, path)
     _check_controller(header, path)
 
 
@@ -99,6 +100,21 @@ def _check_base(header: LogHeader, path: Path) -> None:
     if header.base == "floating" and not header.sensors:
         raise LogError(
             "is empty", source=path, field="sensors", remedy="a floating base needs its contact sensors"
+        )
+
+
+def _check_no_torque(header: LogHeader, path: Path) -> None:
+    for joint in header.no_torque:
+        if joint not in header.joints:
+            raise LogError(
+                f"no joint {joint!r} in this log",
+                source=path,
+                field="no_torque",
+                remedy="the log has " + ", ".join(header.joints),
+            )
+    if not header.torque_joints:
+        raise LogError(
+            "names every joint", source=path, field="no_torque", remedy="write torque: none instead"
         )
 
 

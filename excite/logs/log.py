@@ -43,7 +43,11 @@ class TrialHeader(_Block):
 
 
 class LogHeader(_Block):
-    """The whole of ``log.yaml``; ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques."""
+    """The whole of ``log.yaml``.
+
+    ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move,
+    but their torque or current was not measured, or means nothing.
+    """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
     robot: str
@@ -53,12 +57,18 @@ class LogHeader(_Block):
     joints: tuple[str, ...] = Field(min_length=1)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
     torque_constants: dict[str, float] = {}
+    no_torque: tuple[str, ...] = ()
     controller: dict | None = None
     base_link: str | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None
     sensors: tuple[SensorHeader, ...] = ()
     modelled: tuple[str, ...] = ("rigid_body",)
     trials: tuple[TrialHeader, ...] = Field(min_length=1)
+
+    @property
+    def torque_joints(self) -> tuple[str, ...]:
+        """Joints whose torque or current was measured."""
+        return tuple(joint for joint in self.joints if joint not in self.no_torque)
 
 
 @dataclass(frozen=True)

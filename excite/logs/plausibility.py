@@ -117,7 +117,11 @@ def _constant(log: Log) -> list[Finding]:
         if any(value is None for value in values):
             continue
         still = np.all([np.ptp(value, axis=0) == 0.0 for value in values], axis=0)
-        dead += [f"{prefix}.{name}" for name, flag in zip(log.header.joints, still, strict=True) if flag]
+        dead += [
+            f"{prefix}.{name}"
+            for name, flag in zip(log.header.joints, still, strict=True)
+            if flag and not (name in log.header.no_torque and prefix != "q")
+        ]
     for sensor in log.header.sensors:
         readings = [trial.wrenches[sensor.name] for trial in log.trials if sensor.name in trial.wrenches]
         if readings and all(np.ptp(reading) == 0.0 for reading in readings):

@@ -88,3 +88,23 @@ def test_a_sound_log_raises_no_suspicion(panda, side, seed):
 
 def test_logs_without_torques_are_left_alone(panda, log):
     assert suspicions(panda, changed(log, lambda t: replace(t, tau=None), torque="none")) == ()
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.02])
+def test_dead_and_weak_channels_are_named_and_move_nothing(factor: float, panda, log) -> None:
+    """Two channels that read next to nothing are no exchange of joints."""
+    rng = np.random.default_rng(1)
+
+    def weaken(trial):
+        tau = np.array(trial.tau)
+        tau[:, [3, 5]] = factor * tau[:, [3, 5]] + 1e-3 * rng.standard_normal((len(tau), 2))
+        return replace(trial, tau=tau)
+
+    found = suspicions(panda, changed(log, weaken))
+    assert [(item.kind, item.places) for item in found] == [("weak_torque", (JOINTS[3], JOINTS[5]))]
+
+
+def test_joints_declared_without_torque_raise_no_suspicion(panda, log) -> None:
+    quiet = changed(log, lambda t: replace(t, tau=np.delete(t.tau, 3, 1).dot(np.delete(np.eye(7), 3, 0))))
+    header = quiet.header.model_copy(update={"no_torque": (JOINTS[3],)})
+    assert suspicions(panda, replace(quiet, header=header)) == ()

@@ -1,0 +1,59 @@
+"""PAL TIAGo, torso lift and arm of seven joints: motor currents of the arm's first four joints."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Log
+from excite.logs.readers.registry import reader_for
+from excite.logs.recordings import import_recordings
+from excite.robot.catalogue import example_robot_data
+
+FOLDER = "tiago_arm_figaroh"
+JOINTS = ("torso_lift_joint", *(f"arm_{i}_joint" for i in range(1, 8)))
+# The lift's current is in a unit nobody states, those of the wrist are the noise of a reading of zero.
+NO_TORQUE = ("torso_lift_joint", "arm_5_joint", "arm_6_joint", "arm_7_joint")
+# Gear ratio times torque constant, as the recordings' authors publish them [N·m/A].
+GAINS = {"arm_1_joint": 13.6, "arm_2_joint": 13.6, "arm_3_joint": -8.7, "arm_4_joint": -8.7}
+# The rows that the authors use; before and after them the robot stands or is brought there.
+ROWS = slice(921, 6791)
+_FILES = (("position", "q"), ("velocity", "v"), ("effort", "i"))
+
+
+def tiago_log(data_dir: Path, folder: Path, split: float = 2 / 3) -> Log:
+    """The authors' rows: a first part of this share trains, the rest judges; all train where it is 1."""
+    with tempfile.TemporaryDirectory() as name:
+        _join(data_dir / FOLDER, Path(name) / "tiago.parquet")
+        trials = [{"role": "identification", "name": "first", "part": [0.0, split]}]
+        if split < 1.0:
+            trials.append({"role": "validation", "name": "last", "part": [split, 1.0]})
+        mapping = {
+            "log": {
+                "robot": "tiago.urdf",
+                "base": "fixed",
+                "rate_hz": 100,
+                "joints": JOINTS,
+                "torque": "current",
+                "torque_constants": GAINS,
+                "no_torque": NO_TORQUE,
+            },
+            "columns": {"time": "time", **{f"{p}.{{joint}}": f"{p}.{{joint}}" for _, p in _FILES}},
+            "trials": [{"file": "tiago.parquet"} | trial for trial in trials],
+        }
+        urdf = example_robot_data() / "tiago_description" / "robots" / "tiago.urdf"
+        log = import_recordings(mapping, Path(name), robot_text=urdf.read_text())
+        return load_log(save_log(log, folder / "tiago"))
+
+
+def _join(source: Path, target: Path) -> None:
+    """Three tables of the same stamps as one."""
+    columns = {}
+    for kind, prefix in _FILES:
+        table = np.loadtxt(source / f"tiago_{kind}.csv", delimiter=",", skiprows=1)[ROWS]
+        columns["time"] = table[:, 0]
+        columns |= {f"{prefix}.{joint}": table[:, 1 + k] for k, joint in enumerate(JOINTS)}
+    reader_for(target).write(columns, target)
