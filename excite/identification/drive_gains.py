@@ -1,5 +1,7 @@
 """Torque per ampere of every joint from the same robot with and without a load of known mass.
 
+Logged torques whose scale is not trusted are treated alike: their gains have no unit and are near one.
+
 Motor currents alone give a robot's parameters up to the drives' gains. A load whose mass is known makes the
 gains of all joints that carry it known too (Gautier and Briot, 2014); its centre of mass and inertia are found
 on the way. Noise is in the currents, so these are what is predicted: dividing the equation by the gain keeps
@@ -9,22 +11,19 @@ the least-squares estimate free of the attenuation that currents in the regresso
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from excite.errors import InputError, LogError
-from excite.identification.problem import IdentificationProblem, build_problem
-from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
+from excite.identification.load_pair import Condensed, LoadPair, load_pair, together
+from excite.identification.regression import minimum_norm
 from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
-from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Array, Robot
 from excite.threads import one_blas_thread
 
-_BLOCKS = 8
 _ROUNDS = 3
 
 
@@ -34,12 +33,13 @@ class DriveGains:
 
     Attributes:
         joints: names of the joints.
-        gains: ``(n_joints,)`` torque per ampere [N·m/A or N/A].
+        gains: ``(n_joints,)`` torque per ampere [N·m/A or N/A], or true torque per logged torque [1].
         gains_std: ``(n_joints,)`` standard deviations, from leaving out one stretch of the logs at a time.
         load: ``(10,)`` the load's parameters about the last joint's frame, pinocchio's order [SI].
         load_std: ``(10,)`` standard deviations; zero where known.
-        residual: ``(n_joints,)`` root mean square of what is left of the currents [A].
-        signal: ``(n_joints,)`` standard deviation of the currents [A].
+        residual: ``(n_joints,)`` root mean square of what is left of the currents [A], or torques.
+        signal: ``(n_joints,)`` standard deviation of the currents [A], or torques.
+        unit: of the gains.
     """
 
     joints: tuple[str, ...]
@@ -49,6 +49,7 @@ class DriveGains:
     load_std: Array
     residual: Array
     signal: Array
+    unit: str = "N·m/A"
 
     @property
     def by_joint(self) -> dict[str, float]:
@@ -58,9 +59,10 @@ class DriveGains:
     def summary(self) -> str:
         """A line for each joint and one for the load."""
         rows = zip(self.joints, self.gains, self.gains_std, self.residual / self.signal, strict=True)
-        lines = [
-            f"{name}: {gain:.3f} ± {std:.3f} N·m/A, {100 * left:.1f} % left" for name, gain, std, left in rows
-        ]
+        lines = []
+        for name, gain, std, left in rows:
+            said = f"{gain:.3f} ± {std:.3f} {self.unit}" if std < gain else "not determined by this load"
+            lines.append(f"{name}: {said}, {100 * left:.1f} % left")
         return "\n".join([*lines, f"load: {self.load[0]:.3f} ± {self.load_std[0]:.3f} kg"])
 
 
@@ -72,18 +74,18 @@ def identify_drive_gains(
 
     Args:
         robot: the robot without load.
-        unloaded: log of currents; all its trials are used.
+        unloaded: log of currents or torques; all its trials are used.
         loaded: the like with the load, joints in the same order, best the same motions.
         load_mass: [kg].
         settings: filters and drive terms; its drive gains are not used.
 
     Raises:
         InputError: the mass is not positive.
-        LogError: a log holds no currents, the joints differ, or a joint does not feel the load.
+        LogError: the logs do not both hold currents, or torques, the joints differ, or a joint does not feel the load.
     """
     if not 0.0 < load_mass < np.inf:
         raise InputError(f"is {load_mass!r}", source="load", field="mass", remedy="weigh it [kg]")
-    pair = _pair(robot, unloaded, loaded, settings)
+    pair = load_pair(robot, unloaded, loaded, settings)
     return _with_spread(pair, lambda condensed: _solve(condensed, load_mass, None))
 
 
@@ -100,33 +102,12 @@ def identify_load(
     Raises:
         LogError: as of :func:`identify_drive_gains`, or a joint's gain is missing.
     """
-    pair = _pair(robot, unloaded, loaded, settings)
+    pair = load_pair(robot, unloaded, loaded, settings)
     missing = [name for name in pair.joints if name not in gains]
     if missing:
         raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
     known = np.array([gains[name] for name in pair.joints])
     return _with_spread(pair, lambda condensed: _solve(condensed, None, known))
-
-
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """Triangles of both logs by joint and stretch of time.
-
-    Columns: base parameters' own, ten of the load, the joint's drive, current.
-
-    Attributes:
-        joints: names.
-        factors: ``(n_blocks, n_joints, w, w)``.
-        counts: ``(n_blocks, n_joints)`` rows.
-        n_base: number of base columns.
-        signal: ``(n_joints,)`` standard deviation of the currents.
-    """
-
-    joints: tuple[str, ...]
-    factors: Array
-    counts: Array
-    n_base: int
-    signal: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,76 +117,11 @@ class _Solution:
     residual: Array
 
 
-@dataclass(frozen=True, eq=False)
-class _Condensed:
-    """All stretches together: ``(n_joints, w, w)`` triangles, rows ``(n_joints,)``, number of base columns."""
-
-    factors: Array
-    counts: Array
-    n_base: int
-
-
-def _pair(robot: Robot, unloaded: Log, loaded: Log, settings: ProblemSettings | None) -> _Pair:
-    settings = settings or ProblemSettings()
-    if unloaded.header.joints != loaded.header.joints:
-        raise LogError("differ between the two logs", source=loaded.folder, field="joints")
-    ones = dict.fromkeys(unloaded.header.joints, 1.0)
-    settings = replace(settings, drive_gains=ones)
-    for log in (unloaded, loaded):
-        if log.header.torque != "current":
-            raise LogError("holds no currents", source=log.folder, field="torque", remedy="log i.JOINT")
-    problems = [build_problem(robot, log, settings, role=None) for log in (unloaded, loaded)]
-    inertial = problems[0].n_inertial
-    rows = np.vstack([square_factor(problem.Y[:, :inertial]) for problem in problems])
-    names = problems[0].parameter_names[:inertial]
-    own = base_parameters(rows, names, RANK_TOLERANCE).independent
-    factors, counts = [], []
-    for problem, carries in zip(problems, (False, True), strict=True):
-        for block in _stretches(problem):
-            parts = [
-                _triangle(problem, block & (problem.channel == c), own, c, carries) for c in range(len(ones))
-            ]
-            factors.append(np.stack(parts))
-            counts.append([int((block & (problem.channel == c)).sum()) for c in range(len(ones))])
-    currents = np.concatenate([problem.y for problem in problems])
-    channel = np.concatenate([problem.channel for problem in problems])
-    signal = np.array([currents[channel == c].std() for c in range(len(ones))])
-    return _Pair(tuple(ones), np.stack(factors), np.array(counts), len(own), signal)
-
-
-def _stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:
-    """Rows cut into stretches of time, trial by trial."""
-    n = max(1, _BLOCKS // len(problem.trial_names))
-    masks = []
-    for trial in range(len(problem.trial_names)):
-        inside = problem.trial == trial
-        time = problem.time[inside]
-        edges = np.linspace(time.min(), time.max(), n + 1)[1:-1]
-        part = np.searchsorted(edges, problem.time, side="right")
-        masks += [inside & (part == k) for k in range(n)]
-    return masks
-
-
-def _triangle(
-    problem: IdentificationProblem, rows: NDArray[np.bool_], own: NDArray[np.int64], joint: int, carries: bool
-) -> Array:
-    """Triangle of one joint's rows; drives of other joints have nothing there."""
-    inertial = problem.n_inertial
-    drives = [
-        inertial + i
-        for i, name in enumerate(problem.parameter_names[inertial:])
-        if name.split(".")[1] == problem.channel_names[joint]
-    ]
-    body = problem.Y[rows, :inertial]
-    last = body[:, inertial - 10 :] if carries else np.zeros((len(body), 10))
-    return square_factor(np.column_stack([body[:, own], last, problem.Y[rows][:, drives], problem.y[rows]]))
-
-
-def _with_spread(pair: _Pair, solve) -> DriveGains:
+def _with_spread(pair: LoadPair, solve) -> DriveGains:
     """The solution, with standard deviations by leaving out one stretch at a time (the jackknife)."""
-    whole = solve(_together(pair, range(len(pair.factors))))
+    whole = solve(together(pair, range(len(pair.factors))))
     n = len(pair.factors)
-    rest = [solve(_together(pair, [k for k in range(n) if k != left])) for left in range(n)]
+    rest = [solve(together(pair, [k for k in range(n) if k != left])) for left in range(n)]
 
     def spread(values: Array) -> Array:
         return np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
@@ -218,17 +134,11 @@ def _with_spread(pair: _Pair, solve) -> DriveGains:
         load_std=spread(np.array([item.load for item in rest])),
         residual=whole.residual,
         signal=pair.signal,
+        unit=pair.unit,
     )
 
 
-def _together(pair: _Pair, blocks) -> _Condensed:
-    chosen = list(blocks)
-    n_joints = len(pair.joints)
-    factors = [square_factor(np.vstack(list(pair.factors[chosen, c]))) for c in range(n_joints)]
-    return _Condensed(np.stack(factors), pair.counts[chosen].sum(axis=0), pair.n_base)
-
-
-def _solve(condensed: _Condensed, load_mass: float | None, gains: Array | None) -> _Solution:
+def _solve(condensed: Condensed, load_mass: float | None, gains: Array | None) -> _Solution:
     """Least squares on the currents; gains are searched, all else is linear given them (variable projection)."""
     n = len(condensed.factors)
     std = np.ones(n)
@@ -253,7 +163,7 @@ class _Linear:
     load: Array
 
 
-def _linear(condensed: _Condensed, inverse: Array, std: Array, load_mass: float | None) -> _Linear:
+def _linear(condensed: Condensed, inverse: Array, std: Array, load_mass: float | None) -> _Linear:
     """Base parameters, load and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
     factors, base = condensed.factors, condensed.n_base
     n, width, _ = factors.shape

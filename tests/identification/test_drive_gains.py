@@ -66,7 +66,22 @@ def test_what_is_missing_is_named(robot, pair):
     with pytest.raises(LogError, match="no gain"):
         identify_load(robot, *pair, {}, SETTINGS)
     torques = changed(pair[0], lambda t: replace(t, tau=t.current, current=None), torque="motor_side")
-    with pytest.raises(LogError, match="no currents"):
+    with pytest.raises(LogError, match="others than the first log"):
         identify_drive_gains(robot, torques, pair[1], MASS, SETTINGS)
+    nothing = changed(pair[0], lambda t: t, torque="none")
+    with pytest.raises(LogError, match="no currents"):
+        identify_drive_gains(robot, nothing, pair[1], MASS, SETTINGS)
     with pytest.raises(ExciteError, match="mass"):
         identify_drive_gains(robot, *pair, -1.0, SETTINGS)
+
+
+def test_the_scale_of_logged_torques_is_found_likewise(robot, pair):
+    """Logged torques are the true ones over a factor of each joint."""
+    logs = [
+        changed(log, lambda t: replace(t, tau=t.current, current=None), torque="motor_side") for log in pair
+    ]
+    found = identify_drive_gains(robot, *logs, MASS, SETTINGS)
+    by_currents = identify_drive_gains(robot, *pair, MASS, SETTINGS)
+    np.testing.assert_allclose(found.gains, by_currents.gains, rtol=1e-9)
+    assert "N·m/A" not in found.summary()
+    assert "N·m/A" in by_currents.summary()
