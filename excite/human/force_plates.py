@@ -1,0 +1,290 @@
+"""Force plates: readings at the markers' times, which foot stands where, and whether they can be true."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+
+from excite.errors import LogError
+from excite.human.body import Body
+from excite.human.recording import PlateRecording, Recording
+from excite.human.segments import NAMES, SIDES
+from excite.human.skeleton import Placement
+from excite.logs.finding import Finding
+from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.robot.robot import Array
+
+GRAVITY = 9.81
+_UNLOADED_N = 20.0
+_LOADED_N = 50.0
+# A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres.
+_NEAR, _FAR = 0.15, 0.25
+_MASS_TOLERANCE = 0.05
+_FREE_MOMENT_NM = 200.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlateReading:
+    """A plate at the markers' times.
+
+    Attributes:
+        name: of the plate.
+        center: of its surface (or of the centres of pressure, where the file does not say), world ``(3,)`` [m].
+        force: on the person, world ``(n, 3)`` [N].
+        moment: on the person about ``center``, world ``(n, 3)`` [N·m].
+        foot: segment that stands on it most.
+        distance: RMS distance of the centre of pressure from that foot [m], NaN where it is never loaded.
+    """
+
+    name: str
+    center: Array
+    force: Array
+    moment: Array
+    foot: str
+    distance: float
+
+    @property
+    def wrench(self) -> Array:
+        """Force and moment, ``(n, 6)``."""
+        return np.hstack([self.force, self.moment])
+
+
+def plate_readings(
+    recording: Recording, placement: Placement, body: Body, cutoff_hz: float | None
+) -> tuple[tuple[PlateReading, ...], tuple[Finding, ...]]:
+    """Readings of all loaded plates at the markers' times, and what is odd about them.
+
+    A wrong sign, points of application in millimetres, feet or plates that are exchanged are put right where
+    another reading fits the feet and the weight; everything is named.
+
+    Args:
+        recording: plates in a world with z up.
+        placement: the segments at the markers' times.
+        body: the person.
+        cutoff_hz: of the same low-pass that the markers went through (third order, forwards and backwards).
+
+    Raises:
+        LogError: no plate carries load, or the centres of pressure lie at neither foot.
+    """
+    source, findings = recording.source, []
+    plates = []
+    for plate in recording.plates:
+        largest = float(np.linalg.norm(plate.force, axis=1).max())
+        if largest < _UNLOADED_N:
+            text = f"{source.name}: {plate.name} carries no load (at most {largest:.1f} N); left out"
+            findings.append(Finding("no_load", text, {"largest_n": largest}, (plate.name,)))
+            continue
+        plates.append(plate)
+    if not plates:
+        raise LogError(
+            "no force plate carries load",
+            source=source,
+            field=", ".join(plate.name for plate in recording.plates) or "plates",
+            remedy="check that the amplifiers were on, and that the right channels were exported",
+        )
+    plates, signs = _upward(plates, source)
+    ground = _ground_height(plates)
+    read = [_at_times(plate, recording.time, cutoff_hz, source) for plate in plates]
+    feet = {side: _foot_line(placement, side, body) for side in SIDES}
+    read, units = _in_metres(read, feet, ground, source)
+    read, swaps = _unswapped_plates(read, feet, ground, source)
+    readings, sides = _assigned(read, feet, ground, source)
+    return readings, (*findings, *signs, *units, *swaps, *sides)
+
+
+def _upward(plates: list[PlateRecording], source: Path) -> tuple[list[PlateRecording], list[Finding]]:
+    total = sum(float(plate.force[:, 2].mean()) for plate in plates)
+    if total >= 0.0:
+        return plates, []
+    text = f"{source.name}: vertical forces point down: they are those on the plates; turned round"
+    turned = [replace(plate, force=-plate.force, moment=-plate.moment) for plate in plates]
+    return turned, [Finding("reaction_sign", text, {"mean_n": total}, tuple(p.name for p in plates))]
+
+
+def _ground_height(plates: Sequence[PlateRecording]) -> float:
+    heights = [float(plate.corners[:, 2].mean()) for plate in plates if plate.corners is not None]
+    return float(np.mean(heights)) if heights else 0.0
+
+
+def _at_times(plate: PlateRecording, time: Array, cutoff_hz: float | None, source: Path) -> PlateRecording:
+    """The plate's reading at other times, filtered against aliasing at least."""
+    rate = (len(plate.time) - 1) / float(plate.time[-1] - plate.time[0])
+    own = (len(time) - 1) / float(time[-1] - time[0])
+    slack = 1.5 / min(rate, own)
+    if plate.time[0] > time[0] + slack or plate.time[-1] < time[-1] - slack:
+        raise LogError(
+            f"forces run from {plate.time[0]:.3f} to {plate.time[-1]:.3f} s, markers from {time[0]:.3f} "
+            f"to {time[-1]:.3f} s",
+            source=source,
+            field=plate.name,
+            remedy="cut both to the same time",
+        )
+    cutoff = 0.4 * own if cutoff_hz is None else cutoff_hz
+    values = np.hstack([plate.force, plate.moment])
+    if len(values) > settling_samples(rate, cutoff):
+        values = lowpass(values, rate, cutoff, 3)
+    at = np.column_stack([np.interp(time, plate.time, values[:, i]) for i in range(6)])
+    return replace(plate, time=time, force=at[:, :3], moment=at[:, 3:])
+
+
+def pressure_center(force: Array, moment: Array, height: float) -> Array:
+    """Where a force acts on the plane ``z = height``, ``(n, 3)``; NaN where it is not loaded.
+
+    Args:
+        force: ``(n, 3)`` [N].
+        moment: about the world's origin ``(n, 3)`` [N·m].
+        height: of the plane [m].
+    """
+    vertical = np.where(force[:, 2] > _LOADED_N, force[:, 2], np.nan)
+    x = (-moment[:, 1] + height * force[:, 0]) / vertical
+    y = (moment[:, 0] + height * force[:, 1]) / vertical
+    return np.column_stack([x, y, np.full(len(force), height)])
+
+
+def _foot_line(placement: Placement, side: str, body: Body) -> Array:
+    """Heel and toe of a foot over time, ``(n, 2, 3)``."""
+    k = NAMES.index(f"{side}_foot")
+    d = body.dimensions
+    front = d.foot_length - d.heel
+    ends = np.array([[-d.heel, 0.0, -d.ankle_height], [front, 0.0, -d.ankle_height]])
+    return placement.origin[:, k, None] + np.einsum("nij,ej->nei", placement.rotation[:, k], ends)
+
+
+def _distances(plate: PlateRecording, feet: dict[str, Array], height: float) -> dict[str, Array]:
+    """Horizontal distance of the centre of pressure from each foot's line, ``(n,)``, NaN where not loaded."""
+    point = pressure_center(plate.force, plate.moment, height)[:, :2]
+    found = {}
+    for side, line in feet.items():
+        heel, toe = line[:, 0, :2], line[:, 1, :2]
+        along = toe - heel
+        share = np.einsum("ni,ni->n", point - heel, along) / np.maximum((along**2).sum(axis=1), 1e-6)
+        nearest = heel + np.clip(share, 0.0, 1.0)[:, None] * along
+        found[side] = np.linalg.norm(point - nearest, axis=1)
+    return found
+
+
+def _miss(plate: PlateRecording, feet: dict[str, Array], height: float) -> float:
+    """Typical distance of the centre of pressure from the nearer foot [m]."""
+    nearest = np.minimum(*_distances(plate, feet, height).values())
+    return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0
+
+
+def _in_metres(
+    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
+) -> tuple[list[PlateRecording], list[Finding]]:
+    """Points of application that are a thousand times too far out."""
+    if max(_miss(plate, feet, height) for plate in plates) < 5.0:
+        return plates, []
+    scaled = []
+    for plate in plates:
+        point = np.nan_to_num(pressure_center(plate.force, plate.moment, height))
+        free = plate.moment - np.cross(point, plate.force)
+        factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
+        scaled.append(replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free))
+    if max(_miss(plate, feet, height) for plate in scaled) > _FAR:
+        return plates, []
+    text = (
+        f"{source.name}: points of application lie kilometres from the feet: they are millimetres; converted"
+    )
+    return scaled, [Finding("units", text, {"factor": 1e-3}, tuple(plate.name for plate in plates))]
+
+
+def _unswapped_plates(
+    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
+) -> tuple[list[PlateRecording], list[Finding]]:
+    """Plates whose channels and poses do not belong together."""
+    worst = max(_miss(plate, feet, height) for plate in plates)
+    placed = [plate for plate in plates if plate.corners is not None]
+    if worst < _NEAR or len(placed) < len(plates) or not 2 <= len(plates) <= 4:
+        return plates, []
+    best, best_miss, order = plates, worst, tuple(range(len(plates)))
+    for chosen in permutations(range(len(plates))):
+        moved = [_moved(plates[i], plates[j]) for i, j in enumerate(chosen)]
+        miss = max(_miss(plate, feet, height) for plate in moved)
+        if miss < best_miss:
+            best, best_miss, order = moved, miss, chosen
+    if best_miss > 0.5 * worst or best_miss > _FAR:
+        return plates, []
+    names = tuple(plates[i].name for i, j in enumerate(order) if i != j)
+    text = (
+        f"{source.name}: {' and '.join(names)} are swapped: their forces act {100 * worst:.0f} cm from any "
+        f"foot, and {100 * best_miss:.0f} cm with each other's place; put back"
+    )
+    return best, [Finding("swapped_plates", text, {"miss_m": worst, "mended_m": best_miss}, names)]
+
+
+def _moved(plate: PlateRecording, other: PlateRecording) -> PlateRecording:
+    """A plate's reading at another plate's pose."""
+    if plate.corners is None or other.corners is None:
+        return plate
+    here, there = _pose(plate.corners), _pose(other.corners)
+    turn = there[0] @ here[0].T
+    local = plate.moment - np.cross(here[1], plate.force)
+    force, moment = plate.force @ turn.T, local @ turn.T
+    return replace(plate, force=force, moment=moment + np.cross(there[1], force), corners=other.corners)
+
+
+def _pose(corners: Array) -> tuple[Array, Array]:
+    """Rotation and centre of a plate; x and y along its edges, as C3D counts its corners."""
+    x = corners[0] + corners[3] - corners[1] - corners[2]
+    y = corners[0] + corners[1] - corners[2] - corners[3]
+    z = np.cross(x, y)
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    return np.column_stack([x, np.cross(z, x), z]), corners.mean(axis=0)
+
+
+def _assigned(
+    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
+) -> tuple[tuple[PlateReading, ...], list[Finding]]:
+    """Each plate with the foot that stands on it."""
+    readings, swapped, findings = [], [], []
+    for plate in plates:
+        distances = _distances(plate, feet, height)
+        right, left = distances["right"], distances["left"]
+        loaded = np.isfinite(right)
+        on_right = bool(np.nansum(right[loaded] < left[loaded]) >= 0.5 * loaded.sum())
+        foot = "right" if on_right else "left"
+        miss = float(np.sqrt(np.nanmean(distances[foot] ** 2))) if loaded.any() else float("nan")
+        typical = float(np.nanmedian(distances[foot])) if loaded.any() else 0.0
+        if typical > _FAR:
+            raise LogError(
+                f"its centre of pressure lies {100 * typical:.0f} cm from the nearer foot",
+                source=source,
+                field=plate.name,
+                remedy="check the plate's place, its unit of length, and that markers and forces belong together",
+            )
+        both = float((np.minimum(right, left)[loaded] < _NEAR).mean()) if loaded.any() else 1.0
+        share = float((right[loaded] < left[loaded]).mean()) if loaded.any() else 1.0
+        if 0.1 < share < 0.9 and both > 0.5:
+            text = f"{source.name}: both feet step on {plate.name} ({100 * share:.0f} % of its load is the right's)"
+            findings.append(Finding("shared_plate", text, {"right_share": share}, (plate.name,)))
+        if plate.foot is not None and plate.foot != foot:
+            swapped.append((plate.name, foot))
+        center = _center(plate, height)
+        readings.append(
+            PlateReading(
+                name=plate.name,
+                center=center,
+                force=plate.force,
+                moment=plate.moment - np.cross(center, plate.force),
+                foot=f"{foot}_foot",
+                distance=miss,
+            )
+        )
+    if swapped:
+        names = tuple(name for name, _ in swapped)
+        listing = ", ".join(f"{name} lies under the {foot} foot" for name, foot in swapped)
+        text = f"{source.name}: left and right plates are swapped: {listing}; assigned by the markers"
+        findings.append(Finding("swapped_plates", text, {}, names))
+    return tuple(readings), findings
+
+
+def _center(plate: PlateRecording, height: float) -> Array:
+    if plate.corners is not None:
+        return plate.corners.mean(axis=0)
+    point = pressure_center(plate.force, plate.moment, height)
+    return np.nanmedian(point, axis=0) if np.isfinite(point).any() else np.array([0.0, 0.0, height])

@@ -1,0 +1,135 @@
+"""From a laboratory's axes and units to a world with z up, in metres; and what is wrong with a file named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from excite.errors import LogError
+from excite.human.markers.marker_set import MarkerSet, bare_label
+from excite.human.recording import Recording
+from excite.human.subject import Subject
+from excite.logs.finding import Finding, listed
+from excite.robot.robot import Array
+
+_UP = {
+    "z": np.eye(3),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+}
+_HIGH = ("torso", "head", "pelvis")
+_UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 1e3: "metres", 1e2: "metres"}
+_SEEN_TOO_SELDOM = 0.1
+
+
+def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
+    """The recording with the set's labels only, and findings on those that are missing or unknown.
+
+    Raises:
+        LogError: no marker of the set is in the file.
+    """
+    by_bare = {bare_label(label): values for label, values in recording.markers.items()}
+    known = {label: values for label, values in by_bare.items() if label in markers.sites}
+    if not known:
+        raise LogError(
+            f"has none of the markers of set {markers.name!r}",
+            source=recording.source,
+            remedy="give the right set or a mapping file with --markers",
+        )
+    findings = []
+    unknown = sorted(by_bare.keys() - known.keys())
+    if unknown:
+        text = f"{recording.source.name}: {len(unknown)} labels are not in marker set {markers.name!r}: {listed(unknown)}"
+        findings.append(Finding("unknown_markers", text, {"markers": float(len(unknown))}, tuple(unknown)))
+    return replace(recording, markers=known).noting(*findings)
+
+
+def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Finding, ...]:
+    """Findings on markers that are not in a file, or hardly ever seen."""
+    found = []
+    absent = tuple(label for label in wanted if label not in recording.markers)
+    if absent:
+        text = f"{recording.source.name}: markers missing from the file: {listed(absent, 12)}"
+        found.append(Finding("missing_markers", text, {"markers": float(len(absent))}, absent))
+    share = {
+        label: float(np.isfinite(values).all(axis=1).mean()) for label, values in recording.markers.items()
+    }
+    rare = tuple(label for label in recording.markers if share[label] < _SEEN_TOO_SELDOM)
+    if rare:
+        text = f"{recording.source.name}: markers seen in fewer than a tenth of the frames: {listed(rare, 12)}"
+        found.append(Finding("missing_markers", text, {"markers": float(len(rare))}, rare))
+    gaps = tuple(label for label in recording.markers if _SEEN_TOO_SELDOM <= share[label] < 1.0)
+    if gaps:
+        worst = min(gaps, key=lambda label: share[label])
+        text = (
+            f"{recording.source.name}: {len(gaps)} markers have gaps, most of all {worst} "
+            f"({100 * (1 - share[worst]):.1f} % of frames)"
+        )
+        found.append(Finding("gaps", text, {"worst_share": 1.0 - share[worst]}, gaps))
+    return tuple(found)
+
+
+def in_metres(recording: Recording, subject: Subject) -> Recording:
+    """The recording in metres, judged by the body's size; a wrong unit is put right and named.
+
+    The largest distance between two markers in a frame is some 0.4 to 1.4 of the stature.
+
+    Raises:
+        LogError: the size fits no unit of length.
+    """
+    points = np.stack(list(recording.markers.values()), axis=1)
+    extent = np.nanmedian(np.nanmax(points, axis=1) - np.nanmin(points, axis=1), axis=0).max()
+    share = float(extent) / subject.height
+    if 0.3 < share < 1.6:
+        return recording
+    for factor, unit in _UNITS.items():
+        if 0.3 < share * factor < 1.6:
+            text = (
+                f"{recording.source.name}: markers span {extent:.4g} m on a person of {subject.height:.2f} m: "
+                f"they are {unit} while the file says otherwise; converted"
+            )
+            markers = {label: values * factor for label, values in recording.markers.items()}
+            found = Finding("units", text, {"span": float(extent), "factor": factor}, ("markers",))
+            return replace(recording, markers=markers).noting(found)
+    raise LogError(
+        f"markers span {extent:.4g} m on a person of {subject.height:.2f} m",
+        source=recording.source,
+        field="units",
+        remedy="state the unit that the file is in, or the right height",
+    )
+
+
+def up_axis(recording: Recording, markers: MarkerSet) -> str:
+    """Which axis points up: ``x``, ``y`` or ``z``, from feet to trunk.
+
+    Raises:
+        LogError: the person does not stand along an axis, or upside down.
+    """
+    high = _middle(recording, markers, lambda segment: segment in _HIGH)
+    low = _middle(recording, markers, lambda segment: segment.endswith(("foot", "shank")))
+    direction = high - low
+    axis = int(np.argmax(np.abs(direction)))
+    if not np.isfinite(direction).all() or direction[axis] < 0.7 * float(np.linalg.norm(direction)):
+        raise LogError(
+            f"trunk lies {np.round(direction, 2).tolist()} m from the feet",
+            source=recording.source,
+            field="axes",
+            remedy="say which axis points up with --up, and check the marker set",
+        )
+    return "xyz"[axis]
+
+
+def _middle(recording: Recording, markers: MarkerSet, chosen: Callable[[str], bool]) -> Array:
+    values = [v for label, v in recording.markers.items() if chosen(markers.sites[label].segment)]
+    if not values:
+        return np.full(3, np.nan)
+    return np.median([np.nanmedian(v, axis=0) for v in values], axis=0)
+
+
+def upright(recording: Recording, axis: str) -> Recording:
+    """The recording turned so that ``axis`` becomes z."""
+    return recording.turned(_UP[axis])
+
+

@@ -1,0 +1,1 @@
+"""Skin markers: where they sit, what they are called, and the joint angles that they say."""

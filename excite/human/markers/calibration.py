@@ -1,0 +1,278 @@
+"""A subject's own joint centres and marker places, from all that markers do together.
+
+Postures of some frames, the sixteen dimensions and all marker places are found at once: the sum of squares of
+marker distances over these frames plus how far dimensions and bony landmarks lie from first guesses. Postures
+drop out frame by frame (Schur complement), so that the work grows with the number of frames only linearly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.errors import InputError
+from excite.human.dimensions import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
+from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
+from excite.human.markers.landmarks import landmark_place
+from excite.human.markers.marker_set import MarkerSite
+from excite.human.segments import NAMES, PARENTS
+from excite.human.skeleton import (
+    COLUMNS,
+    N_SEGMENTS,
+    N_VELOCITY,
+    Pose,
+    neutral,
+    place,
+    point_jacobian,
+)
+from excite.human.subject import Subject
+from excite.robot.robot import Array
+
+_MARKER_SIGMA = 0.01
+# Skin slides with the posture, not at random: however many frames there are, they say as much as these.
+_INDEPENDENT_FRAMES = 8.0
+_LANDMARK_SIGMA = 0.02
+_FREE_SIGMA = 0.5
+_POSTURE_SIGMA = 2.0
+_ROUNDS = 12
+_CONVERGED = 1e-4
+_FRAMES = 60
+_FEWEST_MARKERS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What calibration found.
+
+    Attributes:
+        model: markers on the subject's body.
+        dimensions: with standard deviations.
+        rms: of marker distances in the frames used [m].
+        frames: how many frames were used.
+    """
+
+    model: MarkerModel
+    dimensions: Dimensions
+    rms: float
+    frames: int
+
+
+def calibrate(
+    subject: Subject, sites: Mapping[str, MarkerSite], recordings: Sequence[Mapping[str, Array]]
+) -> Calibration:
+    """Calibrate a body from recordings of its markers.
+
+    Args:
+        subject: mass, height and sex.
+        sites: where markers sit, by label.
+        recordings: positions by label ``(n, 3)`` [m], world with z up, NaN where missing. The first should begin
+            (or stand) upright; not all markers need be in all of them.
+
+    Raises:
+        InputError: too few markers with landmarks, or no frame that shows pelvis and torso.
+    """
+    labels = tuple(label for label in sites if any(label in recording for recording in recordings))
+    marked = [label for label in labels if sites[label].landmark is not None]
+    for trunk in ("pelvis", "torso"):
+        if sum(sites[label].segment == trunk for label in marked) < _FEWEST_MARKERS:
+            raise InputError(
+                f"fewer than {_FEWEST_MARKERS} markers on landmarks of the {trunk}",
+                field="markers",
+                remedy="map labels to landmarks with --markers",
+            )
+    dimensions = stature_dimensions(subject)
+    segment = np.array([NAMES.index(sites[label].segment) for label in labels])
+    guess = np.array(
+        [
+            np.full(3, np.nan)
+            if sites[label].landmark is None
+            else landmark_place(sites[label].landmark or "", subject, dimensions)
+            for label in labels
+        ]
+    )
+    points = np.concatenate([_chosen(recording, labels) for recording in recordings])
+    usable = _trunk_seen(points, segment, guess)
+    points = points[usable]
+    if not len(points):
+        raise InputError(
+            "no frame shows three markers each of pelvis and torso",
+            field="markers",
+            remedy="record a standing trial, or fill the gaps",
+        )
+    offsets = joint_offsets() @ dimensions.values
+    model = MarkerModel(labels, segment, guess, offsets)
+    solution = first_poses(model, points)
+    model = _with_free_markers(model, points, solution)
+    # Landmarks alone can leave a limb folded the wrong way; with all markers postures are found afresh.
+    solution = first_poses(model, points)
+    model = _with_free_markers(replace(model, local=np.where(np.isfinite(guess), guess, np.nan)), points, solution)
+    sigma = np.where(np.isfinite(guess).all(axis=1), _LANDMARK_SIGMA, _FREE_SIGMA)
+    return _adjust(model, dimensions, points, solution.pose, sigma)
+
+
+def _chosen(recording: Mapping[str, Array], labels: tuple[str, ...]) -> Array:
+    """Some frames spread over a recording, ``(k, m, 3)``."""
+    n = len(next(iter(recording.values())))
+    frames = np.unique(np.linspace(0, n - 1, min(n, _FRAMES)).astype(int))
+    nothing = np.full((len(frames), 3), np.nan)
+    return np.stack([recording[label][frames] if label in recording else nothing for label in labels], axis=1)
+
+
+def _trunk_seen(points: Array, segment: Array, guess: Array) -> Array:
+    seen = np.isfinite(points).all(axis=2) & np.isfinite(guess).all(axis=1)
+    return np.all(
+        [
+            seen[:, segment == NAMES.index(trunk)].sum(axis=1) >= _FEWEST_MARKERS
+            for trunk in ("pelvis", "torso")
+        ],
+        axis=0,
+    )
+
+
+def first_poses(model: MarkerModel, points: Array) -> Solution:
+    """Postures without a first guess: the pelvis by its own markers, then outwards, then all together.
+
+    Args:
+        model: the markers; those without a known place (NaN) are left out.
+        points: ``(n, m, 3)`` [m].
+    """
+    known = np.isfinite(model.local).all(axis=1)
+    part = replace(
+        model,
+        labels=tuple(np.array(model.labels)[known]),
+        segment=model.segment[known],
+        local=model.local[known],
+    )
+    shown = points[:, known]
+    start = neutral(len(points))
+    rotation, origin = aligned(part, shown, "pelvis")
+    start.rotation[:, 0], start.position[:] = rotation, origin
+    for name in NAMES[1:]:
+        k = NAMES.index(name)
+        if len(COLUMNS_OF_SPHERICAL) and k in COLUMNS_OF_SPHERICAL and (part.segment == k).sum() >= _FEWEST_MARKERS:
+            world, _ = aligned(part, shown, name)
+            carrier = place(start, model.offsets).rotation[:, PARENTS[k]]
+            start.rotation[:, k] = carrier.transpose(0, 2, 1) @ world
+    rough = solve_poses(part, shown, start, steps=40, robust=False)
+    return solve_poses(part, shown, rough.pose, steps=10)
+
+
+COLUMNS_OF_SPHERICAL = tuple(k for k in range(1, N_SEGMENTS) if COLUMNS[k].stop - COLUMNS[k].start == 3)
+
+
+def aligned(model: MarkerModel, points: Array, segment: str) -> tuple[Array, Array]:
+    """Rotation ``(n, 3, 3)`` and origin ``(n, 3)`` of a segment by its own markers alone (Kabsch 1976).
+
+    Frames that show fewer than three of them get an upright segment at the mean of what is seen.
+    """
+    own = np.flatnonzero(model.segment == NAMES.index(segment))
+    target, local = points[:, own], model.local[own]
+    seen = np.isfinite(target).all(axis=2)
+    count = np.maximum(seen.sum(axis=1), 1)
+    target = np.where(seen[:, :, None], target, 0.0)
+    middle = target.sum(axis=1) / count[:, None]
+    own_middle = (seen[:, :, None] * local).sum(axis=1) / count[:, None]
+    a = (local[None] - own_middle[:, None]) * seen[:, :, None]
+    b = (target - middle[:, None]) * seen[:, :, None]
+    u, _, vt = np.linalg.svd(a.transpose(0, 2, 1) @ b)
+    sign = np.sign(np.linalg.det(u @ vt))
+    flip = np.tile(np.eye(3), (len(points), 1, 1))
+    flip[:, 2, 2] = np.where(sign == 0.0, 1.0, sign)
+    rotation = vt.transpose(0, 2, 1) @ flip @ u.transpose(0, 2, 1)
+    rotation[seen.sum(axis=1) < _FEWEST_MARKERS] = np.eye(3)
+    origin = middle - np.einsum("nij,nj->ni", rotation, own_middle)
+    return rotation, origin
+
+
+def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) -> MarkerModel:
+    """Places of markers without landmark: their median in their segments' frames."""
+    placed = place(solution.pose, model.offsets)
+    local = model.local.copy()
+    for m in np.flatnonzero(~np.isfinite(local).all(axis=1)):
+        k = model.segment[m]
+        inside = np.einsum("nji,nj->ni", placed.rotation[:, k], points[:, m] - placed.origin[:, k])
+        shown = np.isfinite(inside).all(axis=1)
+        local[m] = np.median(inside[shown], axis=0) if shown.any() else 0.0
+    return replace(model, local=local)
+
+
+def _adjust(
+    model: MarkerModel, dimensions: Dimensions, points: Array, pose: Pose, sigma: Array
+) -> Calibration:
+    """Gauss-Newton on postures, dimensions and places together."""
+    basis = joint_offsets()
+    first_values, first_local = dimensions.values, model.local
+    values, local = first_values.copy(), first_local.copy()
+    n_shared = len(DIMENSIONS) + 3 * len(model.labels)
+    precision = np.concatenate([dimensions.spread**-2.0, np.repeat(sigma**-2.0, 3)])
+    covariance = np.diag(1.0 / precision)
+    last = np.inf
+    share = min(1.0, _INDEPENDENT_FRAMES / len(points))
+    for _ in range(_ROUNDS):
+        model = replace(model, local=local, offsets=basis @ values)
+        pose = solve_poses(model, points, pose, steps=6).pose
+        normal = np.diag(precision)
+        right = precision * np.concatenate([first_values - values, (first_local - local).ravel()])
+        total = float(right @ (right / precision))
+        for start in range(0, len(points), 64):
+            block = slice(start, start + 64)
+            h, g, cost = _shared_equations(model, points[block], pose[block], basis)
+            normal, right, total = normal + share * h, right + share * g, total + share * cost
+        covariance = np.linalg.inv(normal)
+        step = covariance @ right
+        values = values + step[: len(values)]
+        local = local + step[len(values) :].reshape(-1, 3)
+        if abs(last - total) < _CONVERGED * total:
+            break
+        last = total
+    model = replace(model, local=local, offsets=basis @ values)
+    solution = solve_poses(model, points, pose, steps=10)
+    spread = np.sqrt(np.diag(covariance))[: len(values)]
+    changed = replace(dimensions, values=values, spread=spread)
+    rms = float(np.sqrt(np.nanmean(solution.residual**2)))
+    if n_shared > np.isfinite(points).sum():
+        raise InputError("has too few markers and frames to calibrate a body", field="markers")
+    return Calibration(model, changed, rms, len(points))
+
+
+def _shared_equations(
+    model: MarkerModel, points: Array, pose: Pose, basis: Array
+) -> tuple[Array, Array, float]:
+    """Normal equations of dimensions and places with the postures eliminated."""
+    placed = place(pose, model.offsets)
+    predicted = placed.points(model.segment, model.local)
+    seen = np.isfinite(points).all(axis=2)
+    error = np.where(seen[:, :, None], points - predicted, 0.0)
+    distance = np.linalg.norm(error, axis=2)
+    scale = seen / (1.0 + (distance / 0.03) ** 2) / _MARKER_SIGMA
+    n, m = seen.shape
+    own = point_jacobian(placed, predicted, model.segment) * scale[:, :, None, None]
+    shared = np.zeros((n, m, 3, basis.shape[2] + 3 * m))
+    for k in range(1, N_SEGMENTS):
+        moved = placed.rotation[:, PARENTS[k]] @ basis[k]
+        carried = [i for i in range(m) if _carries(k, int(model.segment[i]))]
+        shared[..., : basis.shape[2]][:, carried] += moved[:, None]
+    for i in range(m):
+        start = basis.shape[2] + 3 * i
+        shared[:, i, :, start : start + 3] = placed.rotation[:, model.segment[i]]
+    shared *= scale[:, :, None, None]
+    own, shared = own.reshape(n, 3 * m, -1), shared.reshape(n, 3 * m, -1)
+    right = (error * scale[:, :, None]).reshape(n, 3 * m)
+    normal = own.transpose(0, 2, 1) @ own
+    normal[:, np.arange(N_VELOCITY), np.arange(N_VELOCITY)] += _POSTURE_SIGMA**-2.0
+    mixed = own.transpose(0, 2, 1) @ shared
+    eliminated = np.linalg.solve(normal, mixed)
+    flat = shared.reshape(-1, shared.shape[2])
+    h = flat.T @ flat - np.tensordot(mixed, eliminated, ((0, 1), (0, 1)))
+    g = flat.T @ right.ravel() - np.einsum("nji,nj->i", eliminated, np.einsum("nij,ni->nj", own, right))
+    return h, g, float((right**2).sum())
+
+
+def _carries(joint: int, segment: int) -> bool:
+    while segment > 0:
+        if segment == joint:
+            return True
+        segment = PARENTS[segment]
+    return False

@@ -1,0 +1,28 @@
+"""Which reader answers to which ending."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.errors import LogError
+from excite.human.readers.c3d import C3dReader
+from excite.human.readers.csv import CsvReader
+from excite.human.readers.reader import RecordingReader
+from excite.human.readers.storage import StorageReader
+from excite.human.readers.trc import TrcReader
+from excite.human.recording import Recording
+
+READERS: tuple[RecordingReader, ...] = (C3dReader(), TrcReader(), StorageReader(), CsvReader())
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a file by its ending.
+
+    Raises:
+        LogError: no reader for it, or it is malformed.
+    """
+    for reader in READERS:
+        if path.suffix.lower() in reader.suffixes:
+            return reader.read(path)
+    known = ", ".join(suffix for reader in READERS for suffix in reader.suffixes)
+    raise LogError(f"no reader for {path.suffix!r}", source=path, remedy=f"use one of {known}")

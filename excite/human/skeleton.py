@@ -1,0 +1,155 @@
+"""Kinematics of the fifteen segments, many frames at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from excite.human.segments import NAMES, PARENTS, SEGMENTS, ancestors
+from excite.robot.robot import Array
+
+N_SEGMENTS = len(NAMES)
+
+
+def _columns() -> tuple[slice, ...]:
+    """Columns of each joint in the 40 velocity coordinates: six of the pelvis, then three or one a joint."""
+    columns, start = [slice(0, 6)], 6
+    for segment in SEGMENTS[1:]:
+        columns.append(slice(start, start + len(segment.axes)))
+        start += len(segment.axes)
+    return tuple(columns)
+
+
+COLUMNS = _columns()
+N_VELOCITY = COLUMNS[-1].stop
+DESCENDANTS: tuple[tuple[int, ...], ...] = tuple(
+    tuple(k for k in range(N_SEGMENTS) if joint in ancestors(k)) for joint in range(N_SEGMENTS)
+)
+REVOLUTE_AXIS = {
+    k: np.eye(3)[segment.axes[0].index] * segment.axes[0].sign
+    for k, segment in enumerate(SEGMENTS)
+    if len(segment.axes) == 1
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Postures of the body, free of singular ones.
+
+    Attributes:
+        position: of the pelvis' origin in the world, ``(n, 3)`` [m].
+        rotation: of each segment against its parent (of the pelvis in the world), ``(n, 15, 3, 3)``.
+    """
+
+    position: Array
+    rotation: Array
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __getitem__(self, index: object) -> Pose:
+        return Pose(self.position[index], self.rotation[index])
+
+    def copy(self) -> Pose:
+        """Postures of their own."""
+        return Pose(self.position.copy(), self.rotation.copy())
+
+    def moved(self, step: Array) -> Pose:
+        """Postures after a step ``(n, 40)``: pelvis in the world [m], turns about each segment's own axes [rad]."""
+        rotation = self.rotation.copy()
+        for k in range(N_SEGMENTS):
+            turn = step[:, 3:6] if k == 0 else step[:, COLUMNS[k]]
+            if k in REVOLUTE_AXIS:
+                turn = turn * REVOLUTE_AXIS[k]
+            rotation[:, k] = rotation[:, k] @ exponential(turn)
+        return replace(self, position=self.position + step[:, :3], rotation=rotation)
+
+
+def neutral(n: int = 1) -> Pose:
+    """Standing upright at the world's origin."""
+    return Pose(np.zeros((n, 3)), np.tile(np.eye(3), (n, N_SEGMENTS, 1, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Segments in the world.
+
+    Attributes:
+        rotation: ``(n, 15, 3, 3)``.
+        origin: ``(n, 15, 3)`` [m].
+    """
+
+    rotation: Array
+    origin: Array
+
+    def points(self, segment: Array, local: Array) -> Array:
+        """World positions of points ``local`` ``(m, 3)`` fixed to segments ``segment`` ``(m,)``: ``(n, m, 3)``."""
+        turned = np.einsum("nmij,mj->nmi", self.rotation[:, segment], local)
+        return self.origin[:, segment] + turned
+
+
+def place(pose: Pose, offsets: Array) -> Placement:
+    """Forward kinematics.
+
+    Args:
+        pose: postures.
+        offsets: each segment's joint in its parent's frame, ``(15, 3)`` [m].
+    """
+    rotation = np.empty_like(pose.rotation)
+    origin = np.empty((len(pose), N_SEGMENTS, 3))
+    rotation[:, 0], origin[:, 0] = pose.rotation[:, 0], pose.position
+    for k in range(1, N_SEGMENTS):
+        parent = PARENTS[k]
+        rotation[:, k] = rotation[:, parent] @ pose.rotation[:, k]
+        origin[:, k] = origin[:, parent] + rotation[:, parent] @ offsets[k]
+    return Placement(rotation, origin)
+
+
+def point_jacobian(placement: Placement, points: Array, segment: Array) -> Array:
+    """Derivative of points on segments with respect to :meth:`Pose.moved`'s step, ``(n, m, 3, 40)``.
+
+    Args:
+        placement: the segments.
+        points: world positions ``(n, m, 3)``.
+        segment: which segment carries each, ``(m,)``.
+    """
+    n, m, _ = points.shape
+    jacobian = np.zeros((n, m, 3, N_VELOCITY))
+    jacobian[:, :, [0, 1, 2], [0, 1, 2]] = 1.0
+    for k in range(N_SEGMENTS):
+        carried = np.flatnonzero(np.isin(segment, DESCENDANTS[k]))
+        if not len(carried):
+            continue
+        lever = points[:, carried] - placement.origin[:, k, None]
+        if k in REVOLUTE_AXIS:
+            axis = placement.rotation[:, k] @ REVOLUTE_AXIS[k]
+            jacobian[..., COLUMNS[k].start][:, carried] = np.cross(axis[:, None], lever)
+            continue
+        start = 3 if k == 0 else COLUMNS[k].start
+        for i in range(3):
+            axis = placement.rotation[:, k, :, i]
+            jacobian[..., start + i][:, carried] = np.cross(axis[:, None], lever)
+    return jacobian
+
+
+def exponential(turn: Array) -> Array:
+    """Rotation matrices ``(n, 3, 3)`` of rotation vectors ``(n, 3)`` (Rodrigues)."""
+    angle = np.linalg.norm(turn, axis=-1)
+    square = angle**2
+    small = angle < 1e-6
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
+    b = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    skew = np.zeros((*turn.shape[:-1], 3, 3))
+    x, y, z = np.moveaxis(turn, -1, 0)
+    skew[..., 0, 1], skew[..., 0, 2], skew[..., 1, 2] = -z, y, -x
+    skew[..., 1, 0], skew[..., 2, 0], skew[..., 2, 1] = z, -y, x
+    return np.eye(3) + a[..., None, None] * skew + b[..., None, None] * (skew @ skew)
+
+
+def logarithm(rotation: Array) -> Array:
+    """Rotation vectors ``(…, 3)`` of rotation matrices ``(…, 3, 3)``, angles up to π."""
+    flat = rotation.reshape(-1, 3, 3)
+    return Rotation.from_matrix(flat).as_rotvec().reshape(*rotation.shape[:-2], 3)

@@ -1,0 +1,237 @@
+"""Postures of a whole trial: gaps bridged, exchanged labels put back, filtered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from excite.errors import LogError
+from excite.human.markers.calibration import Calibration, first_poses
+from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
+from excite.human.recording import Recording
+from excite.human.segments import NAMES
+from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, Pose
+from excite.logs.finding import Finding, listed
+from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.robot.robot import Array
+
+# A pair of labels is exchanged when both lie this far [m] from where they belong and the exchange mends it.
+_FAR, _MENDED = 0.05, 0.4
+_LONGEST_FILL_S = 0.2
+_STRIDE = 4
+_BAD_FACTOR = 4.0
+_HELD = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class TrialPoses:
+    """Postures of a trial and how well they fit.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        pose: postures.
+        residual: distance of each marker from its predicted place ``(n, m)`` [m], NaN where it is missing.
+        labels: the ``m`` labels.
+        findings: what was odd.
+    """
+
+    time: Array
+    pose: Pose
+    residual: Array
+    labels: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def marker_rms(self) -> Mapping[str, float]:
+        """RMS distance by marker [m]; markers that were never seen are left out."""
+        seen = np.isfinite(self.residual).any(axis=0)
+        return {
+            label: float(np.sqrt(np.nanmean(self.residual[:, i] ** 2)))
+            for i, label in enumerate(self.labels)
+            if seen[i]
+        }
+
+
+def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float | None = 6.0) -> TrialPoses:
+    """Postures of every frame.
+
+    Marker positions are low-pass filtered (third order, forwards and backwards) as in Jovic et al., T-RO 2016,
+    section VI, after short gaps have been bridged and exchanged labels put back.
+
+    Args:
+        calibration: the subject's body.
+        recording: markers in a world with z up.
+        cutoff_hz: None leaves the markers as they are.
+
+    Raises:
+        LogError: pelvis or torso are never seen, or the trial is too short to filter.
+    """
+    model = calibration.model
+    points = _matrix(recording, model.labels)
+    if not np.isfinite(points).all(axis=2).any():
+        raise LogError("shows no marker of the body", source=recording.source)
+    rough = _coarse(model, points)
+    predicted = model.predicted(rough.pose)
+    points, findings = _unswapped(points, predicted, model.labels, recording)
+    if cutoff_hz is not None:
+        points = _filtered(points, predicted, recording, cutoff_hz)
+    prior, weight, lost = _prior(model, points, rough.pose, recording.time)
+    solution = solve_poses(model, points, rough.pose, steps=10, prior=prior, prior_weight=weight)
+    return TrialPoses(recording.time, solution.pose, solution.residual, model.labels, (*findings, *lost))
+
+
+def _matrix(recording: Recording, labels: tuple[str, ...]) -> Array:
+    nothing = np.full((len(recording.time), 3), np.nan)
+    return np.stack([recording.markers.get(label, nothing) for label in labels], axis=1)
+
+
+def _coarse(model: MarkerModel, points: Array) -> Solution:
+    """Postures of every few frames from scratch, bad ones again from good neighbours, then all from these."""
+    frames = np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1))
+    solution = first_poses(model, points[frames])
+    pose, cost = solution.pose, solution.cost
+    bad = cost > _BAD_FACTOR * np.median(cost)
+    for direction in (1, -1):
+        for i in range(len(frames))[::direction]:
+            before = i - direction
+            if not bad[i] or not 0 <= before < len(frames) or bad[before]:
+                continue
+            again = solve_poses(
+                model, points[frames[i : i + 1]], pose[before : before + 1], steps=30, robust=True
+            )
+            if again.cost[0] < cost[i]:
+                pose.position[i], pose.rotation[i], cost[i] = (
+                    again.pose.position[0],
+                    again.pose.rotation[0],
+                    again.cost[0],
+                )
+            bad[i] = cost[i] > _BAD_FACTOR * np.median(cost)
+    return solve_poses(model, points, interpolated(frames, pose, np.arange(len(points))), steps=6)
+
+
+def interpolated(at: Array, pose: Pose, wanted: Array) -> Pose:
+    """Postures between postures: positions linearly, rotations on the shortest arc.
+
+    Args:
+        at: ``(k,)`` rising places of ``pose``.
+        pose: ``k`` postures.
+        wanted: ``(n,)`` places; outside ``at`` the outermost posture holds.
+    """
+    wanted = np.clip(wanted, at[0], at[-1])
+    if len(at) == 1:
+        index = np.zeros(len(wanted), dtype=int)
+        return Pose(pose.position[index], pose.rotation[index])
+    position = np.column_stack([np.interp(wanted, at, pose.position[:, i]) for i in range(3)])
+    rotation = np.stack(
+        [
+            Slerp(at, Rotation.from_matrix(pose.rotation[:, k]))(wanted).as_matrix()
+            for k in range(N_SEGMENTS)
+        ],
+        axis=1,
+    )
+    return Pose(position, rotation)
+
+
+def _unswapped(
+    points: Array, predicted: Array, labels: tuple[str, ...], recording: Recording
+) -> tuple[Array, list[Finding]]:
+    """Exchange labels back in frames in which each of two markers lies where the other belongs."""
+    points = points.copy()
+    swapped: dict[tuple[str, str], int] = {}
+    distance = np.linalg.norm(points - predicted, axis=2)
+    suspects = np.flatnonzero((np.nan_to_num(distance) > _FAR).any(axis=0))
+    for place, a in enumerate(suspects):
+        for b in suspects[place + 1 :]:
+            own = distance[:, a] + distance[:, b]
+            other = np.linalg.norm(points[:, a] - predicted[:, b], axis=1) + np.linalg.norm(
+                points[:, b] - predicted[:, a], axis=1
+            )
+            frames = (distance[:, a] > _FAR) & (distance[:, b] > _FAR) & (other < _MENDED * own)
+            if frames.any():
+                points[np.ix_(frames, [a, b])] = points[np.ix_(frames, [b, a])]
+                distance = np.linalg.norm(points - predicted, axis=2)
+                swapped[labels[a], labels[b]] = int(frames.sum())
+    findings = [
+        Finding(
+            "swapped_markers",
+            f"{recording.source.name}: {a} and {b} carry each other's label in {count} frames; put back",
+            {"frames": float(count)},
+            (a, b),
+        )
+        for (a, b), count in swapped.items()
+    ]
+    stray = tuple(labels[i] for i in range(len(labels)) if (np.nan_to_num(distance[:, i]) > 2 * _FAR).any())
+    if stray:
+        share = float((np.nan_to_num(distance) > 2 * _FAR).any(axis=1).mean())
+        text = f"{recording.source.name}: {listed(stray)} lie more than 10 cm off in some frames; they count less there"
+        findings.append(Finding("stray_markers", text, {"share_of_frames": share}, stray))
+    return points, findings
+
+
+def _filtered(points: Array, predicted: Array, recording: Recording, cutoff_hz: float) -> Array:
+    """Low-pass each marker; gaps are bridged by the body's motion while it is filtered, and stay if long."""
+    rate = recording.rate_hz
+    if len(points) <= settling_samples(rate, cutoff_hz):
+        raise LogError(
+            f"{len(points)} frames are too few for a {cutoff_hz:g} Hz filter at {rate:g} Hz",
+            source=recording.source,
+            remedy="record longer, or give a higher --cutoff",
+        )
+    filled = points.copy()
+    shown = np.isfinite(points).all(axis=2)
+    frames = np.arange(len(points))
+    for m in np.flatnonzero(shown.any(axis=0) & ~shown.all(axis=0)):
+        missing = ~shown[:, m]
+        offset = points[shown[:, m], m] - predicted[shown[:, m], m]
+        bridge = np.column_stack([np.interp(frames, frames[shown[:, m]], offset[:, i]) for i in range(3)])
+        filled[missing, m] = predicted[missing, m] + bridge[missing]
+    some = shown.any(axis=0)
+    filled[:, some] = lowpass(filled[:, some], rate, cutoff_hz, 3)
+    for m in np.flatnonzero(some):
+        filled[_in_long_gap(shown[:, m], round(_LONGEST_FILL_S * rate)), m] = np.nan
+    filled[:, ~some] = np.nan
+    return filled
+
+
+def _in_long_gap(shown: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
+    """Frames that lie in a run of missing ones longer than ``longest``."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~shown, [False]]).astype(int)))
+    long = np.zeros(len(shown), dtype=bool)
+    for start, stop in edges.reshape(-1, 2):
+        if stop - start > longest:
+            long[start:stop] = True
+    return long
+
+
+def _prior(
+    model: MarkerModel, points: Array, pose: Pose, time: Array
+) -> tuple[Pose | None, Array | None, list[Finding]]:
+    """Where markers of a joint's whole outer limb are lost for a while, its posture is interpolated and held."""
+    shown = np.isfinite(points).all(axis=2)
+    usual = shown.any(axis=0)
+    weight = np.full((len(points), N_SEGMENTS), 0.5)
+    rotation = pose.rotation.copy()
+    standing = np.tile(np.eye(3), (len(points), N_SEGMENTS, 1, 1))
+    lost: list[Finding] = []
+    for k in range(1, N_SEGMENTS):
+        outer = np.isin(model.segment, DESCENDANTS[k]) & usual
+        own = (model.segment == k) & usual
+        if not outer.any():
+            continue
+        enough = shown[:, own].sum(axis=1) >= min(2, own.sum()) if own.any() else shown[:, outer].any(axis=1)
+        if enough.all() or not enough.any():
+            continue
+        good = np.flatnonzero(enough)
+        if len(good) > 1:
+            slerp = Slerp(good.astype(float), Rotation.from_matrix(rotation[good, k]))
+            places = np.clip(np.flatnonzero(~enough), good[0], good[-1]).astype(float)
+            standing[~enough, k] = slerp(places).as_matrix()
+            weight[~enough, k] = _HELD
+        seconds = float((~enough).sum() * np.median(np.diff(time)))
+        text = f"{NAMES[k]}: too few of its markers for {seconds:.2f} s; its posture is interpolated there"
+        lost.append(Finding("lost_segment", text, {"seconds": seconds}, (NAMES[k],)))
+    return Pose(pose.position, standing), weight, lost

@@ -1,0 +1,183 @@
+"""A person as a URDF and a ``robot.yaml``: spherical joints are three axes with massless links between."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import yaml
+
+from excite.human.body import Body, segment_box
+from excite.human.inertials import BodyInertia
+from excite.human.joint_angles import frame_turn
+from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS
+from excite.robot.robot import Array
+
+URDF_FILE, ROBOT_FILE = "human.urdf", "robot.yaml"
+_SPEED, _TORQUE = 40.0, 400.0
+_MIDDLE_RANGE, _OUTER_RANGE = 1.57, 3.1
+_HINGE = (-0.5, 2.9)
+
+
+def virtual_links() -> tuple[str, ...]:
+    """Massless links between the axes of the spherical joints."""
+    return tuple(
+        f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes)) if len(s.axes) > 1
+    )
+
+
+def urdf_text(body: Body) -> str:
+    """The URDF: one link a segment, angles named as in :data:`~excite.human.segments.JOINT_NAMES`."""
+    robot = ElementTree.Element("robot", name="human")
+    offsets = body.offsets
+    for k, segment in enumerate(SEGMENTS):
+        _link(robot, segment.name, body.inertias[k], segment_box(body, k), frame_turn(k))
+        if k == 0:
+            continue
+        carrier, turn = NAMES[PARENTS[k]], frame_turn(PARENTS[k])
+        for i, axis in enumerate(segment.axes):
+            last = i == len(segment.axes) - 1
+            child = segment.name if last else f"{segment.name}_axis_{i + 1}"
+            if not last:
+                ElementTree.SubElement(robot, "link", name=child)
+            name = segment.joint if len(segment.axes) == 1 else f"{segment.joint}_{axis.name}"
+            joint = ElementTree.SubElement(robot, "joint", name=str(name), type="revolute")
+            ElementTree.SubElement(joint, "parent", link=carrier)
+            ElementTree.SubElement(joint, "child", link=child)
+            place, rotation = (turn @ offsets[k], turn) if i == 0 else (np.zeros(3), np.eye(3))
+            _origin(joint, place, rotation)
+            direction = np.eye(3)[axis.index] * axis.sign
+            ElementTree.SubElement(joint, "axis", xyz=_text(direction))
+            low, high = _range(len(segment.axes), i)
+            ElementTree.SubElement(
+                joint, "limit", lower=f"{low}", upper=f"{high}", velocity=f"{_SPEED}", effort=f"{_TORQUE}"
+            )
+            carrier, turn = child, np.eye(3)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _range(n_axes: int, place: int) -> tuple[float, float]:
+    if n_axes == 1:
+        return _HINGE
+    bound = _MIDDLE_RANGE if place == 1 else _OUTER_RANGE
+    return -bound, bound
+
+
+def _link(
+    robot: ElementTree.Element, name: str, inertia: BodyInertia, box: Array, turn: Array
+) -> None:
+    link = ElementTree.SubElement(robot, "link", name=name)
+    inertial = ElementTree.SubElement(link, "inertial")
+    _origin(inertial, turn @ inertia.center, np.eye(3))
+    ElementTree.SubElement(inertial, "mass", value=f"{inertia.mass:.12g}")
+    moments = turn @ inertia.inertia @ turn.T
+    values = {
+        key: f"{moments[i, j]:.12g}"
+        for key, (i, j) in {
+            "ixx": (0, 0),
+            "ixy": (0, 1),
+            "ixz": (0, 2),
+            "iyy": (1, 1),
+            "iyz": (1, 2),
+            "izz": (2, 2),
+        }.items()
+    }
+    ElementTree.SubElement(inertial, "inertia", values)
+    for kind in ("visual", "collision"):
+        shown = ElementTree.SubElement(link, kind)
+        _origin(shown, turn @ box.mean(axis=0), turn)
+        geometry = ElementTree.SubElement(shown, "geometry")
+        ElementTree.SubElement(geometry, "box", size=_text(box[1] - box[0]))
+
+
+def _origin(parent: ElementTree.Element, place: Array, rotation: Array) -> None:
+    pitch = np.arcsin(np.clip(-rotation[2, 0], -1.0, 1.0))
+    roll, yaw = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(rotation[1, 0], rotation[0, 0])
+    ElementTree.SubElement(parent, "origin", xyz=_text(place), rpy=_text(np.array([roll, pitch, yaw])))
+
+
+def _text(values: Array) -> str:
+    return " ".join(f"{value + 0.0:.12g}" for value in values)
+
+
+def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
+    """The ``robot.yaml`` beside the URDF: pairs, boxes of the centres of mass, soles, joint ranges.
+
+    Args:
+        body: the person.
+        rate_hz: rate of the recordings.
+        plates: names of the force plates; two below the feet where there are none.
+    """
+    subject, d = body.subject, body.dimensions
+    front = d.foot_length - d.heel
+    height = d.ankle_height
+    sole = [[-d.heel, -0.04, -height], [-d.heel, 0.04, -height], [front, 0.04, -height], [front, -0.04, -height]]
+    middle = "chosen here"
+    boxes = {}
+    for k, name in enumerate(NAMES):
+        turned = np.array([frame_turn(k) @ corner for corner in _corners(segment_box(body, k))])
+        boxes[name] = [turned.min(axis=0).round(4).tolist(), turned.max(axis=0).round(4).tolist()]
+    feet = ["right_foot", "left_foot"]
+    names = plates or tuple(f"plate_{side}" for side in ("right", "left"))
+    content: dict[str, Any] = {
+        "schema": "excite.robot/1",
+        "name": "human",
+        "title": f"Person of {subject.height:g} m, {subject.mass:g} kg, {subject.sex}, 34 DoF",
+        "model": {
+            "path": URDF_FILE,
+            "acknowledged": {link: "massless, an axis of a spherical joint" for link in virtual_links()},
+            "source": f"segments by table {body.table}, joints from stature or markers",
+        },
+        "base": "floating",
+        "posture": {"joints": {}, "source": "standing"},
+        "limits": {
+            "position": {"source": "wider than people's ranges"},
+            "acceleration": {"default": 500.0, "source": middle},
+            "jerk": {"default": 2e4, "source": middle},
+        },
+        "feet": [
+            {
+                "name": foot,
+                "link": foot,
+                "sole": [[round(float(v), 4) for v in corner] for corner in sole],
+                "friction": 0.8,
+                "source": "size of the foot from stature",
+            }
+            for foot in feet
+        ],
+        "sensors": {
+            "rate_hz": float(rate_hz),
+            "noise_position": 5e-3,
+            "noise_base_position": 1e-3,
+            "noise_base_orientation": 5e-3,
+            "wrench": [
+                {
+                    "name": name,
+                    "kind": "force_plate",
+                    "link": "world",
+                    "foot": feet[i % 2],
+                    "noise_force": 1.0,
+                    "noise_moment": 0.3,
+                }
+                for i, name in enumerate(names)
+            ],
+            "source": "usual figures of a motion laboratory",
+        },
+        "drives": {"armature": {"default": 0.02, "source": middle}},
+        "controller": {
+            "kp": {"default": 2000.0, "source": middle},
+            "kd": {"default": 40.0, "source": middle},
+        },
+        "segments": {"pairs": [list(pair) for pair in PAIRS], "com_box": boxes},
+        "collision": {"geometry": "collision", "margin": 0.0, "source": "boxes about the segments"},
+    }
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
+
+
+def _corners(box: Array) -> Array:
+    grid = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, -1).T
+    return np.take_along_axis(box, grid, axis=0)
+
+
