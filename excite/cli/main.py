@@ -14,6 +14,7 @@ import typer  # noqa: E402
 
 import excite  # noqa: E402
 from excite.cli import (  # noqa: E402
+    blind,
     campaign,
     check,
     demo,
@@ -53,6 +54,9 @@ for _module in (
     demo,
 ):
     app.command(name=_module.NAME)(_module.command)
+
+
+app.add_typer(blind.app, name=blind.NAME)
 
 
 def _version(value: bool) -> None:

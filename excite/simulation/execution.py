@@ -12,7 +12,8 @@ from excite.errors import MotionError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Array, Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
-from excite.simulation.mjcf import build_model
+from excite.simulation.mjcf import build_spec
+from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
 from excite.simulation.wrenches import sensor_wrenches
@@ -43,7 +44,13 @@ class _Clock:
 
 
 def execute(
-    virtual: VirtualRobot, motion: Motion, *, settle_s: float = SETTLE_S, stop: Stop | None = None
+    virtual: VirtualRobot,
+    motion: Motion,
+    *,
+    settle_s: float = SETTLE_S,
+    stop: Stop | None = None,
+    session_s: float = 0.0,
+    memory: dict | None = None,
 ) -> Recording:
     """Run one motion from rest.
 
@@ -58,6 +65,8 @@ def execute(
         motion: the motion, of the same joints.
         settle_s: how long the first posture is held before the recording starts [s].
         stop: asked at every sample with its number and ``qpos`` in MuJoCo's layout; True ends the run there.
+        session_s: when the run starts within its session [s].
+        memory: what injected physics keeps from run to run of a session, filled here.
 
     Returns:
         The recording, shorter than the motion if it was stopped.
@@ -74,22 +83,29 @@ def execute(
         )
     clock = _clock(virtual, motion, settle_s)
     world = replace(virtual.world, timestep=clock.step)
-    model = build_model(robot, virtual.truth.phi, virtual.drives, world)
+    spec = build_spec(robot, virtual.truth.phi, virtual.drives, world)
+    for change in virtual.changes:
+        change(spec)
+    model = spec.compile()
     data = mujoco.MjData(model)
-    data.qpos[:] = _start(robot, motion)
+    plant = Plant(
+        model, data, robot, virtual.drives, session_s, {} if memory is None else memory, settle_s=settle_s
+    )
+    data.qpos[plant.qpos] = _start(robot, motion)
     positions, velocities = _commands(robot, motion, clock)
     controls = positions + velocities * (virtual.drives.kd / virtual.drives.kp)
-    track = _Track(model, robot, clock)
+    track = _Track(plant, clock)
     data.ctrl[:] = controls[0]
+    plant.run(virtual.laws)
     for _ in range(clock.settle):
-        mujoco.mj_step(model, data)
+        plant.advance()
     for step in range((clock.samples - 1) * clock.per_sample + 1):
         data.ctrl[:] = controls[step]
         if step % clock.per_sample:
-            mujoco.mj_step(model, data)
+            plant.advance()
             continue
-        track.sample(data)
-        if stop is not None and stop(track.count - 1, data.qpos):
+        track.sample()
+        if stop is not None and stop(track.count - 1, data.qpos[plant.qpos]):
             break
     if not np.isfinite(track.qacc[: track.count]).all():
         raise MotionError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
@@ -121,14 +137,16 @@ def _commands(robot: Robot, motion: Motion, clock: _Clock) -> tuple[Array, Array
 class _Track:
     """Collects the samples of a run."""
 
-    def __init__(self, model: mujoco.MjModel, robot: Robot, clock: _Clock):
-        self.model, self.robot, self.count = model, robot, 0
+    def __init__(self, plant: Plant, clock: _Clock):
+        self.plant, self.model, self.robot, self.count = plant, plant.model, plant.robot, 0
+        robot, model = self.robot, self.model
         n, joints = clock.samples, robot.n_joints
         self.qpos, self.qvel, self.qacc = (
-            np.zeros((n, model.nq)),
-            np.zeros((n, model.nv)),
-            np.zeros((n, model.nv)),
+            np.zeros((n, len(plant.qpos))),
+            np.zeros((n, len(plant.dof))),
+            np.zeros((n, len(plant.dof))),
         )
+        self.damped = np.ones(n, dtype=bool)
         self.actuator, self.coulomb = np.zeros((n, joints)), np.zeros((n, joints))
         self.contacts = np.zeros((n, len(robot.feet), 6))
         self.touches = np.zeros(n)
@@ -136,17 +154,19 @@ class _Track:
         for number, foot in enumerate(robot.feet):
             self.foot_of_body[foot.joint] = number
 
-    def sample(self, data: mujoco.MjData) -> None:
+    def sample(self) -> None:
         """Take one step and record the state before it and the forces during it."""
         import mujoco
 
-        row = self.count
-        self.qpos[row], self.qvel[row] = data.qpos, data.qvel
-        mujoco.mj_step(self.model, data)
-        self.qacc[row] = (data.qvel - self.qvel[row]) / self.model.opt.timestep
-        self.actuator[row] = data.actuator_force
+        row, plant, data = self.count, self.plant, self.plant.data
+        self.qpos[row], self.qvel[row] = data.qpos[plant.qpos], data.qvel[plant.dof]
+        plant.advance()
+        self.qacc[row] = (data.qvel[plant.dof] - self.qvel[row]) / self.model.opt.timestep
+        self.actuator[row] = data.actuator_force if plant.command is None else plant.command
+        self.damped[row] = plant.command is None
         friction = data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
-        self.coulomb[row, data.efc_id[friction] - self.robot.n_base_v] = data.efc_force[friction]
+        joint = np.searchsorted(plant.joint_dof, data.efc_id[friction])
+        self.coulomb[row, joint] = data.efc_force[friction]
         self._contact(data, row)
         self.count += 1
 
@@ -174,6 +194,7 @@ class _Track:
         v_joint, a_joint = v[:, robot.n_base_v :], a[:, robot.n_base_v :]
         # The implicit step applies velocity-dependent forces with the velocity at its end.
         clipped = np.abs(self.actuator[:n]) >= drives.torque_limit * (1.0 - 1e-12)
+        clipped |= ~self.damped[:n, None]
         motor = self.actuator[:n] - np.where(clipped, 0.0, drives.kd * h * a_joint)
         total = drives.total_coulomb
         share = np.divide(drives.coulomb, total, out=np.zeros_like(total), where=total > 0.0)

@@ -110,12 +110,12 @@ class WatchedRun:
     replay: Replay
 
 
-def watched_run(virtual: VirtualRobot, motion: Motion) -> WatchedRun:
+def watched_run(virtual: VirtualRobot, motion: Motion, session_s: float = 0.0) -> WatchedRun:
     """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay`."""
     robot = virtual.robot
     planned = _planned(robot, motion)
     watched = replace(virtual, world=replace(virtual.world, watch_touches=True))
-    run = execute(watched, motion, stop=_Fall(planned) if robot.floating else None)
+    run = execute(watched, motion, stop=_Fall(planned) if robot.floating else None, session_s=session_s)
     return WatchedRun(run, _judge(virtual, planned, run))
 
 

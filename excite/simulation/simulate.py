@@ -100,9 +100,16 @@ def run_experiment(
             raise InputError(
                 f"a role is given to {name!r}, which is not run", remedy="motions are " + ", ".join(names)
             )
+    starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     tasks = (
-        delayed(_trial)(virtual, motion, roles.get(motion.name, "identification"), _child(root, index))
+        delayed(_trial)(
+            virtual,
+            motion,
+            roles.get(motion.name, "identification"),
+            _child(root, index),
+            float(starts[index]),
+        )
         for index, motion in enumerate(motions)
     )
     trials: list[Trial] = []
@@ -111,7 +118,6 @@ def run_experiment(
         trials.append(trial)
         replays.append(judgement)
         progress("simulate", len(trials), len(names))
-    starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
     headers = tuple(
         TrialHeader(
             file=f"{trial.name}.parquet",
@@ -136,7 +142,7 @@ def _child(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
 
 
 def _trial(
-    virtual: VirtualRobot, motion: Motion, role: Role, seed: np.random.SeedSequence
+    virtual: VirtualRobot, motion: Motion, role: Role, seed: np.random.SeedSequence, session_s: float
 ) -> tuple[Trial, Replay]:
-    run = watched_run(virtual, motion)
+    run = watched_run(virtual, motion, session_s)
     return sense(virtual, run.recording, role, np.random.default_rng(seed)), run.replay

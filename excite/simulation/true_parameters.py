@@ -81,6 +81,14 @@ def with_part(truth: TrueParameters, part: AddedPart) -> TrueParameters:
     return TrueParameters(phi, (*truth.parts, part), truth.scatter)
 
 
+def moved_inertia(robot: Robot, joint: str) -> float:
+    """Inertia about a joint's axis of all that moves with it, nominal, at rest [kg·m²]."""
+    data = robot.model.createData()
+    mass = pin.crba(robot.model, data, robot.rest)
+    index = robot.model.idx_vs[robot.model.getJointId(joint)]
+    return float(mass[index, index])
+
+
 def hrp2_like_changes(
     robot: Robot, rng: np.random.Generator, *, added_mass: float = 5.0, scatter: float = 0.0
 ) -> TrueParameters:

@@ -10,6 +10,7 @@ import numpy as np
 from excite.robot.robot import Robot
 from excite.simulation.drives import Drives, nominal_drives, scattered_drives
 from excite.simulation.mjcf import World
+from excite.simulation.plant import Change, Law
 from excite.simulation.recording import Recording
 from excite.simulation.true_parameters import (
     TrueParameters,
@@ -33,6 +34,8 @@ class VirtualRobot:
         readings: what sits between the physics and the log, applied in order before noise is added; each has
             to survive pickling.
         noise: factor on the noise of every sensor; 0 for a log without noise.
+        laws: injected physics that acts at every step.
+        changes: injected changes of the machine itself, made before it is compiled, in order.
     """
 
     robot: Robot
@@ -41,6 +44,16 @@ class VirtualRobot:
     world: World = field(default_factory=World)
     readings: tuple[Reading, ...] = ()
     noise: float = 1.0
+    laws: tuple[Law, ...] = ()
+    changes: tuple[Change, ...] = ()
+
+    def with_law(self, law: Law) -> VirtualRobot:
+        """The same robot under one more law."""
+        return replace(self, laws=(*self.laws, law))
+
+    def with_change(self, change: Change) -> VirtualRobot:
+        """The same robot with one more change of the machine."""
+        return replace(self, changes=(*self.changes, change))
 
     def with_reading(self, reading: Reading) -> VirtualRobot:
         """The same robot with one more effect on what its sensors say."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, UnknownNameError
@@ -38,6 +39,11 @@ def _torque(virtual: VirtualRobot) -> np.ndarray:
     return simulate(virtual, [_motion(virtual)], seed=0).trials[0].tau
 
 
+def _channels(virtual: VirtualRobot) -> np.ndarray:
+    trial = simulate(virtual, [_motion(virtual)], seed=0).trials[0]
+    return np.hstack([trial.q, trial.tau])
+
+
 @pytest.mark.parametrize("name", NAMES)
 class TestEveryEffect:
     def test_it_is_a_word_of_the_contract(self, name: str) -> None:
@@ -45,10 +51,10 @@ class TestEveryEffect:
         assert INJECTED_EFFECTS[name].name == name
 
     def test_its_default_changes_the_log_and_not_the_robot(self, name: str, plain: VirtualRobot) -> None:
-        before = _torque(plain)
-        changed = _torque(inject(plain, [name]))
+        before = _channels(plain)
+        changed = _channels(inject(plain, [name]))
         assert np.abs(changed - before).max() > 1e-3
-        np.testing.assert_array_equal(_torque(plain), before)
+        np.testing.assert_array_equal(_channels(plain), before)
 
     def test_every_location_is_accepted(self, name: str, plain: VirtualRobot, g1: Robot) -> None:
         for virtual in (plain, nominal_robot(g1)):
@@ -116,3 +122,57 @@ def test_a_payload_weighs(g1: Robot) -> None:
     loaded = inject(nominal_robot(g1), ["payload:torso_link:2.0"])
     assert loaded.truth.phi[::10].sum() == pytest.approx(g1.mass + 2.0)
     assert loaded.truth.changed_links == ("torso_link",)
+
+
+def _run(virtual: VirtualRobot, *texts: str) -> Recording:
+    return execute(inject(virtual, texts), _motion(virtual))
+
+
+def test_a_spring_pulls_towards_its_zero(plain: VirtualRobot, plain_run: Recording) -> None:
+    run = _run(plain, "joint_spring:panda_joint4:20")
+    held = run.tau_motor[:, 3] - plain_run.tau_motor[:, 3]
+    np.testing.assert_allclose(held, 20.0 * run.q[:, 3], rtol=0.02)
+
+
+def test_friction_of_the_gear_is_in_the_motors_torque(plain: VirtualRobot, plain_run: Recording) -> None:
+    for text, law in (
+        ("stribeck:panda_joint1:2", lambda v, tau: 2.0 * np.sign(v) * np.exp(-((v / 0.1) ** 2))),
+        ("coulomb_asymmetry:panda_joint1:0.2", lambda v, tau: 0.2 * np.ones_like(v)),
+        ("load_dependent_friction:panda_joint2:0.1", lambda v, tau: 0.1 * np.abs(tau) * np.sign(v)),
+    ):
+        joint = int(text.split(":")[1][-1]) - 1
+        run = _run(plain, text)
+        v, tau = run.v[:, joint], plain_run.tau_link[:, joint]
+        moving = np.abs(v) > 0.05
+        added = run.tau_motor[:, joint] - plain_run.tau_motor[:, joint]
+        expected = law(v, tau)
+        assert np.abs(added - expected)[moving].mean() < 0.15 * np.abs(expected).mean()
+
+
+def test_play_and_a_soft_gear_keep_the_encoder_on_the_motor(plain: VirtualRobot) -> None:
+    """The motor follows its command; what it has to give is what a link behind a spring needs."""
+    run = _run(plain, "joint_elasticity:panda_joint2")
+    assert np.abs(run.q[:, 1] - run.q_cmd[:, 1]).max() < 0.05
+    assert run.q.shape[1] == plain.robot.n_joints
+
+
+def test_a_lag_delays_the_delivered_torque(plain: VirtualRobot) -> None:
+    """Logged is the command: the torque that the motion needs, and its rate times the lag."""
+    run = _run(plain, "actuator_lag:torque:0.01")
+    data = plain.robot.model.createData()
+    needed = np.array(
+        [pin.rnea(plain.robot.model, data, *row) for row in zip(run.q, run.v, run.a, strict=True)]
+    )
+    rate = np.gradient(needed, run.time, axis=0)
+    v, drives = run.v, plain.drives
+    fast = np.abs(v[:, 1]) > 0.1
+    late = run.tau_motor - needed - drives.total_viscous * v - drives.total_coulomb * np.sign(v)
+    np.testing.assert_allclose(late[fast, 1], 0.01 * rate[fast, 1], atol=0.6)
+
+
+def test_a_tilt_is_the_gravity_of_a_turned_base(plain: VirtualRobot, plain_run: Recording) -> None:
+    run = _run(plain, "base_tilt:base:0.1")
+    model = plain.robot.model.copy()
+    model.gravity.linear = pin.exp3(np.array([0.1, 0.0, 0.0])) @ model.gravity.linear
+    expected = pin.rnea(model, model.createData(), run.q[0], run.v[0], run.a[0])
+    np.testing.assert_allclose(run.tau_link[0], expected, atol=0.3)

@@ -5,18 +5,55 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from excite.errors import InputError, UnknownNameError
+from excite.simulation.effects.actuator_lag import ActuatorLag
+from excite.simulation.effects.armature import Armature
+from excite.simulation.effects.backlash import Backlash
+from excite.simulation.effects.base_tilt import BaseTilt
+from excite.simulation.effects.coulomb_asymmetry import CoulombAsymmetry
 from excite.simulation.effects.coulomb_friction import CoulombFriction
 from excite.simulation.effects.effect import InjectedEffect
+from excite.simulation.effects.encoder_offset import EncoderOffset
+from excite.simulation.effects.external_force import ExternalForce
+from excite.simulation.effects.friction_drift import FrictionDrift
+from excite.simulation.effects.joint_elasticity import JointElasticity
+from excite.simulation.effects.joint_spring import JointSpring
+from excite.simulation.effects.link_inertia import LinkInertia
+from excite.simulation.effects.link_length_error import LinkLengthError
+from excite.simulation.effects.load_dependent_friction import LoadDependentFriction
 from excite.simulation.effects.payload import Payload
+from excite.simulation.effects.stribeck import Stribeck
 from excite.simulation.effects.time_delay import TimeDelay
 from excite.simulation.effects.torque_bias import TorqueBias
 from excite.simulation.effects.torque_gain import TorqueGain
+from excite.simulation.effects.torque_ripple import TorqueRipple
 from excite.simulation.effects.viscous_friction import ViscousFriction
 from excite.simulation.virtual_robot import VirtualRobot
 
 INJECTED_EFFECTS: dict[str, InjectedEffect] = {
     effect.name: effect
-    for effect in (CoulombFriction(), Payload(), TimeDelay(), TorqueBias(), TorqueGain(), ViscousFriction())
+    for effect in (
+        ActuatorLag(),
+        Armature(),
+        Backlash(),
+        BaseTilt(),
+        CoulombAsymmetry(),
+        CoulombFriction(),
+        EncoderOffset(),
+        ExternalForce(),
+        FrictionDrift(),
+        JointElasticity(),
+        JointSpring(),
+        LinkInertia(),
+        LinkLengthError(),
+        LoadDependentFriction(),
+        Payload(),
+        Stribeck(),
+        TimeDelay(),
+        TorqueBias(),
+        TorqueGain(),
+        TorqueRipple(),
+        ViscousFriction(),
+    )
 }
 
 

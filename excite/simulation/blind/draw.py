@@ -1,0 +1,79 @@
+"""Which effects, forms, noise and faults the cases of a battery have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.simulation.blind.faults import FAULTS
+from excite.simulation.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
+
+ROBOTS = ("panda", "ur10", "iiwa14", "jaco2")
+# Pairs that one set of trials tells apart when their sizes are alike: not two of timing, nor two in a joint.
+_DOUBLES = ("stribeck", "backlash", "torque_gain", "torque_bias", "joint_spring", "torque_ripple")
+_WEAK = tuple(
+    name for name in FORMS if name not in {*NEEDS_GIVEN_INERTIA, *OWN_TERMS, "unknown", "coulomb_asymmetry"}
+)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A case before it is simulated.
+
+    Attributes:
+        robot: name of the robot.
+        kind: ``single``, ``weak``, ``double``, ``none`` or ``unknown``.
+        effects: effects and their forms.
+        fixed: whether inertial parameters are given.
+        noise: factor on the usual noise.
+        faults: kinds of faults of the record.
+        bristles: whether all joints' dry friction has bristles, as the nominal model's has not.
+    """
+
+    robot: str
+    kind: str
+    effects: tuple[tuple[str, str], ...]
+    fixed: bool
+    noise: float
+    faults: tuple[str, ...]
+    bristles: bool
+
+
+def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Draft:
+    """The case of a number: of ten, five have one effect, and one each two, a weak one, none (two), unknown.
+
+    Effects go round in order and forms are drawn, so that even a small battery has most of the names.
+
+    Args:
+        number: number of the case.
+        rng: source of what is drawn.
+        robots: to choose from.
+
+    Returns:
+        The draft.
+    """
+    robot = robots[int(rng.integers(len(robots)))]
+    turn, tens = number % 10, number // 10
+    kind = ("single", "none", "single", "weak", "single", "unknown", "single", "double", "single", "none")[
+        turn
+    ]
+    if kind == "unknown" and tens % 2:
+        kind = "weak"
+    names = [name for name in FORMS if name != "unknown"]
+    effects: list[str] = []
+    if kind == "single":
+        effects = [names[(5 * tens + turn // 2) % len(names)]]
+    elif kind == "weak":
+        effects = [str(rng.choice(_WEAK))]
+    elif kind == "double":
+        effects = [str(name) for name in rng.choice(_DOUBLES, 2, replace=False)]
+    elif kind == "unknown":
+        effects = ["unknown"]
+    given = bool({*effects} & NEEDS_GIVEN_INERTIA)
+    fixed = given or (kind == "single" and rng.random() < 0.25)
+    noise = 2.0 if kind == "none" and turn == 9 else float(rng.choice([1.0, 1.0, 1.5]))
+    faulty = rng.random() < 0.4
+    faults = (str(rng.choice(sorted(FAULTS))),) if faulty else ()
+    forms = tuple((name, str(rng.choice(FORMS[name]))) for name in effects)
+    return Draft(robot, kind, forms, fixed, noise, faults, bool(rng.random() < 0.15))

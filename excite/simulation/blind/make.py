@@ -1,0 +1,183 @@
+"""Simulate cases, write their logs in one folder and what is hidden in another."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from excite.errors import InputError
+from excite.json_document import write_json
+from excite.logs.files import save_log
+from excite.logs.log import Log, Trial, TrialHeader
+from excite.progress import Progress, silent
+from excite.robot.loading import load_robot
+from excite.simulation.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
+from excite.simulation.blind.draw import ROBOTS, Draft, draft
+from excite.simulation.blind.faults import FAULTS
+from excite.simulation.blind.forms import OWN_TERMS, background, hide
+from excite.simulation.blind.hidden import Answer, HiddenEffect
+from excite.simulation.effects.bristles import BristleLaw
+from excite.simulation.execution import execute
+from excite.simulation.recording import Recording
+from excite.simulation.sensing import log_header
+from excite.simulation.virtual_robot import VirtualRobot
+
+_NOISE_Q = 2e-5
+_NOISE_TAU = 0.01
+
+
+def answers_file(folder: Path) -> Path:
+    """Where the answers of a folder of cases are: beside it, not in it."""
+    return folder.parent / f"{folder.name}-answers.json"
+
+
+def make_cases(
+    folder: str | Path,
+    *,
+    seed: int,
+    cases: int = 20,
+    robots: tuple[str, ...] = ROBOTS,
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Path:
+    """Write cases ``case_000`` … into a folder and what is hidden in them into a file beside it.
+
+    Args:
+        folder: of the cases; must not hold any yet.
+        seed: of everything.
+        cases: how many.
+        robots: to choose from.
+        jobs: number of processes; the cases do not depend on it.
+        progress: told after each case.
+
+    Returns:
+        The file of answers.
+
+    Raises:
+        InputError: the folder holds cases already, or no cases are asked for.
+    """
+    folder = Path(folder)
+    if cases < 1:
+        raise InputError(f"{cases} cases cannot be made", remedy="ask for at least one")
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError(f"{folder} is not empty", remedy="name another folder")
+    children = np.random.SeedSequence(seed).spawn(cases)
+    tasks = (delayed(_case)(folder, k, child, robots) for k, child in enumerate(children))
+    answers: dict[str, dict] = {}
+    for k, answer in enumerate(Parallel(n_jobs=jobs, return_as="generator")(tasks)):
+        answers[f"case_{k:03d}"] = answer.to_json()
+        progress("blind cases", k + 1, cases)
+    target = answers_file(folder)
+    write_json({"schema": "excite.blind/1", "seed": seed, "cases": answers}, target)
+    return target
+
+
+def load_answers(folder: str | Path) -> dict[str, Answer]:
+    """What is hidden in the cases of a folder.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    path = answers_file(Path(folder))
+    if not path.is_file():
+        raise InputError(f"{path} is missing", remedy="make the cases with `excite blind make`")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    return {name: Answer.from_json(item) for name, item in document["cases"].items()}
+
+
+def _case(folder: Path, number: int, child: np.random.SeedSequence, robots: tuple[str, ...]) -> Answer:
+    rng = np.random.default_rng(child)
+    log, answer = build_case(draft(number, rng, robots), rng)
+    save_log(log, folder / f"case_{number:03d}")
+    return answer
+
+
+def build_case(plan: Draft, rng: np.random.Generator) -> tuple[Log, Answer]:
+    """Simulate one case.
+
+    Args:
+        plan: what it is to have.
+        rng: source of everything else.
+
+    Returns:
+        Its log and what is hidden in it.
+    """
+    arm = arm_of(load_robot(plan.robot), plan.fixed, rng)
+    virtual, hidden, modelled = _prepare(arm, plan, rng)
+    trials, headers = _session(virtual, arm, plan, rng)
+    header = log_header(virtual.robot, headers).model_copy(update={"modelled": modelled})
+    log = Log(header=header, trials=trials, robot_text=virtual.robot.urdf)
+    kind = plan.kind
+    answer = Answer(kind, plan.robot, modelled, hidden, plan.noise, plan.faults, kind == "weak")
+    return log, answer
+
+
+def _prepare(
+    arm: Arm, plan: Draft, rng: np.random.Generator
+) -> tuple[VirtualRobot, tuple[HiddenEffect, ...], tuple[str, ...]]:
+    """The robot with everything hidden in it."""
+    virtual, n = arm.virtual, arm.virtual.robot.n_joints
+    hidden: list[HiddenEffect] = []
+    modelled = ["rigid_body_fixed" if plan.fixed else "rigid_body", *OWN_TERMS]
+    joints = rng.permutation(np.arange(1, n - 1) if plan.fixed else np.arange(n))
+    size = 0.6 if plan.kind == "weak" else 1.0
+    for (effect, form), joint in zip(plan.effects, joints, strict=False):
+        if effect in modelled:
+            modelled.remove(effect)
+        virtual, what = hide(virtual, arm, effect, form, _fit(arm, effect, int(joint)), size, rng)
+        hidden.append(what)
+    if plan.kind == "weak":
+        virtual = background(virtual, arm, rng)
+    if plan.bristles and "coulomb_friction" in modelled:
+        taken = {law.joint for law in virtual.laws if isinstance(law, BristleLaw)}
+        for j in set(range(n)) - taken:
+            virtual = virtual.with_law(BristleLaw(j, float(virtual.drives.coulomb[j]), breakaway=1.5e-3))
+    return virtual, tuple(hidden), tuple(modelled)
+
+
+def _fit(arm: Arm, effect: str, joint: int) -> int:
+    """A joint at which the effect can show: load-dependent friction needs a load, a payload an end."""
+    n = len(arm.load)
+    if effect == "load_dependent_friction" and arm.load[joint] < 0.1 * arm.load.max():
+        return int(np.argmax(arm.load))
+    return n - 1 if effect == "payload" and joint % 2 else joint
+
+
+def _session(
+    virtual: VirtualRobot, arm: Arm, plan: Draft, rng: np.random.Generator
+) -> tuple[tuple[Trial, ...], tuple[TrialHeader, ...]]:
+    """Identification trials, validation trials, then the first command again."""
+    runs = [*arm.motions, replace(arm.motions[0], name=f"trial_{N_TRIALS + N_VALIDATION:02d}")]
+    memory: dict = {}
+    recordings: list[Recording] = []
+    for k, motion in enumerate(runs):
+        recording = execute(virtual, motion, session_s=k * (TRIAL_S + PAUSE_S), memory=memory)
+        for reading in virtual.readings:
+            recording = reading(recording)
+        recordings.append(recording)
+    spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
+    sigma = plan.noise * (_NOISE_TAU * spread + 2e-4 * spread.max())
+    trials, headers = [], []
+    for k, recording in enumerate(recordings):
+        role = "validation" if N_TRIALS <= k < N_TRIALS + N_VALIDATION else "identification"
+        repeats = f"{arm.motions[0].name}.parquet" if k == len(runs) - 1 else None
+        file = f"{recording.name}.parquet"
+        headers.append(TrialHeader(file=file, role=role, start_s=k * (TRIAL_S + PAUSE_S), repeats=repeats))
+        shape = recording.q.shape
+        trial = Trial(
+            name=recording.name,
+            role=role,
+            time=recording.time,
+            q=recording.q + plan.noise * _NOISE_Q * rng.standard_normal(shape),
+            tau=recording.tau_motor + sigma * rng.standard_normal(shape),
+            q_cmd=recording.q_cmd,
+            start_s=headers[-1].start_s,
+        )
+        for fault in plan.faults:
+            trial = FAULTS[fault](trial, rng)
+        trials.append(trial)
+    return tuple(trials), tuple(headers)
