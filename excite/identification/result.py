@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from excite.identification.changes import ChangedSegment, Changes
 from excite.identification.consistency import Consistency
 from excite.identification.inertia import FILE_ORDER
+from excite.identification.physical.certificate import Certificate
+from excite.identification.physical.known_bounds import BoundsReport
 from excite.identification.uncertainty import ParameterUncertainty
 from excite.identification.validation import ChannelFit
 from excite.logs.finding import Finding
@@ -87,6 +89,10 @@ class Identification:
         total_mass: the total mass from all sides.
         findings: what a careful reader should know, with figures.
         uncertainty: of all parameters from data and nominal model together; None where it was not computed.
+        solved: whether the estimator's answer passed its recomputation; what did not is no result.
+        violations: largest violation of each kind of constraint, recomputed; in the estimator's units.
+        certificate: what is proven of the method's objective, None where it is convex.
+        bounds: stated bounds against the parameters, None where none were stated.
     """
 
     robot: str
@@ -110,6 +116,10 @@ class Identification:
     total_mass: TotalMassReport
     findings: tuple[Finding, ...]
     uncertainty: ParameterUncertainty | None = None
+    solved: bool = True
+    violations: dict[str, float] = field(default_factory=dict)
+    certificate: Certificate | None = None
+    bounds: BoundsReport | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -134,6 +144,10 @@ class Identification:
                 "robot": self.robot,
                 "method": self.method,
                 "status": self.status,
+                "solved": self.solved,
+                "violations": self.violations,
+                "certificate": None if self.certificate is None else self.certificate.to_json(),
+                "bounds": None if self.bounds is None else self.bounds.to_json(),
                 "n_samples": self.n_samples,
                 "standard_parameters": self._standard_parameters(),
                 "drive_parameters": dict(zip(self.drive_names, self.drives.tolist(), strict=True)),
@@ -182,12 +196,20 @@ class Identification:
             + f" from {self.n_samples} samples",
             f"total mass {self.total_mass.identified:.3f} kg (nominal {self.total_mass.nominal:.3f} kg)",
         ]
+        if not self.solved:
+            lines.insert(0, f"NO SOLUTION, the best found follows: {self.status}")
+        lines += self._promises()
         for title, fits in (("identification trials", self.fit), ("validation trials", self.validation)):
             if fits:
                 lines += ["", *_fit_table(title, fits)]
         lines += ["", *self._change_lines()]
         lines += [f"note: {text}" for text in self.warnings]
         return "\n".join(lines)
+
+    def _promises(self) -> list[str]:
+        """What is proven of the objective, and what became of stated bounds."""
+        proven = [] if self.certificate is None else [f"certificate: {self.certificate.summary()}"]
+        return proven + ([] if self.bounds is None else [self.bounds.summary()])
 
     def _change_lines(self) -> list[str]:
         if not self.changes.segments:

@@ -64,6 +64,14 @@ def _of_solution(result: Identification) -> list[Finding]:
             "exist"
         )
         found.append(Finding("inconsistent", text, {"segments": float(len(bad))}, bad))
+    broken = () if result.bounds is None else result.bounds.broken
+    if broken:
+        names = tuple(item.name for item in broken)
+        text = (
+            f"outside the stated bounds: {listed(names, _MOST_NAMED)}; method physical keeps all of them, except "
+            "of links that the sensors do not see"
+        )
+        found.append(Finding("outside_bounds", text, {"parameters": float(len(names))}, names))
     dispersion = result.changes.dispersion
     if result.changes.segments and dispersion > _LARGE_DISPERSION:
         text = (

@@ -12,7 +12,7 @@ from excite.identification.estimators.base import Estimate, Estimator, SolveStat
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.bounds import PhysicalBounds
-from excite.identification.physical.coordinates import physical_parameters
+from excite.identification.physical.coordinates import NAMES, physical_parameters
 from excite.identification.physical.default_bounds import default_bounds, weighed, with_drives
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import base_objective, essential_objective
@@ -30,6 +30,8 @@ from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Array
 
 _ROUNDING = 1e-9
+# A parameter is at its bound within this share of the interval.
+_AT_BOUND = 1e-6
 _UNITS = {
     "mass": "kg",
     "com": "m",
@@ -122,6 +124,7 @@ class PhysicalRetrieval(Estimator):
             residual=float(np.sqrt(np.mean(problem.residual(parameters) ** 2))),
             distance=missing / noise if noise > 0.0 else 0.0,
             violations=violations,
+            active=_active(allowed, parameters[:n]),
             total_mass=settings.total_mass,
             certificate=certificate,
             essential=tuple(base.labels[k] for k in objective.kept),
@@ -177,6 +180,19 @@ def _violations(problem: IdentificationProblem, allowed: FeasibleSet, parameters
     n = problem.n_inertial
     drives = dict(zip(problem.parameter_names[n:], parameters[n:].tolist(), strict=True))
     return allowed.bounds.violations(physical_parameters(parameters[:n]), drives, allowed.free)
+
+
+def _active(allowed: FeasibleSet, inertial: Array) -> tuple[str, ...]:
+    """Parameters of free segments that lie at a bound."""
+    lower, upper = allowed.bounds.lower, allowed.bounds.upper
+    physical = physical_parameters(inertial)
+    near = np.minimum(physical - lower, upper - physical) <= _AT_BOUND * (upper - lower)
+    return tuple(
+        f"bounds:{allowed.bounds.links[k]}.{name}"
+        for k in allowed.free
+        for name, reached in zip(NAMES, near[k], strict=True)
+        if reached
+    )
 
 
 def feasible_set(
