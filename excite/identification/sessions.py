@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ class Sessions:
         std: ``(n_sessions, n_base)`` standard deviations within the sessions.
         pooled: over the sessions.
         ranges: for domain randomisation: parameters of links and drives in a session yet to come.
+        left_out: sessions whose motions do not determine all of them, with the number that they do.
     """
 
     names: tuple[str, ...]
@@ -42,9 +43,10 @@ class Sessions:
     std: Array
     pooled: Pooled
     ranges: tuple[ParameterRange, ...]
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """``{"names", "level", "parameters": […], "ranges": […]}``."""
+        """``{"names", "left_out", "level", "parameters": […], "ranges": […]}``."""
         pooled = self.pooled
         parameters = [
             {
@@ -67,6 +69,7 @@ class Sessions:
         ]
         return {
             "names": list(self.names),
+            "left_out": dict(self.left_out),
             "level": pooled.level,
             "parameters": parameters,
             "ranges": [item.to_json() for item in self.ranges],
@@ -80,6 +83,10 @@ class Sessions:
         lines = [
             f"{len(self.names)} sessions ({', '.join(self.names)}): {differing} of {len(between)} base "
             "parameters differ between them by more than noise"
+        ]
+        lines += [
+            f"  left out: {name}, whose motions determine {own} of the {len(between)}"
+            for name, own in self.left_out.items()
         ]
         for i in np.argsort(-ratio, kind="stable")[:5]:
             low, high = self.pooled.next_interval[:, i]
@@ -148,7 +155,8 @@ def identify_sessions(
 ) -> Sessions:
     """Identify every session by itself and pool the base parameters by random effects.
 
-    All trials of a session are used, whatever their role.
+    All trials of a session are used, whatever their role. A session that leaves parameters undetermined which the
+    others show is left out, as long as two remain.
 
     Args:
         robot: the robot.
@@ -158,7 +166,7 @@ def identify_sessions(
         level: of the intervals and ranges.
 
     Raises:
-        LogError: robot and logs do not fit, or a session leaves parameters undetermined that others show.
+        LogError: robot and logs do not fit, or fewer than two sessions determine all that they show together.
         InputError: fewer than two sessions.
     """
     rows = {
@@ -166,6 +174,16 @@ def identify_sessions(
         for name, log in sessions.items()
     }
     base = _common_base(rows)
+    left_out = _poorer(rows, base)
+    if len(rows) - len(left_out) < 2:
+        name, own = next(iter(left_out.items()))
+        raise LogError(
+            f"determines {own} of the {base.rank} base parameters that the sessions show together",
+            source=f"session {name!r}",
+            field="trials",
+            remedy="record richer motions in every session, or leave this one out",
+        )
+    rows = {name: item for name, item in rows.items() if name not in left_out}
     found = [base_statistics(item, base) for item in rows.values()]
     values = np.array([item.estimate for item in found])
     pooled = pool(values, np.array([item.covariance for item in found]), level)
@@ -178,22 +196,22 @@ def identify_sessions(
         std=np.array([item.std for item in found]),
         pooled=pooled,
         ranges=parameter_ranges(problem, base, pooled, spreads),
+        left_out=left_out,
     )
 
 
 def _common_base(rows: Mapping[str, Regression]) -> BaseParameters:
-    """Base parameters of all sessions together; every session has to determine them."""
+    """Base parameters of all sessions together."""
     problem = next(iter(rows.values())).problem
     n, labels = problem.n_params, parameter_labels(problem)
     stacked = np.vstack([item.factor[:, :n] for item in rows.values()])
-    base = base_parameters(stacked, labels, RANK_TOLERANCE)
-    for name, item in rows.items():
-        own = base_parameters(item.factor[:, base.independent], base.labels, RANK_TOLERANCE).rank
-        if own < base.rank:
-            raise LogError(
-                f"determines {own} of the {base.rank} base parameters that the sessions show together",
-                source=f"session {name!r}",
-                field="trials",
-                remedy="record richer motions in every session, or leave this one out",
-            )
-    return base
+    return base_parameters(stacked, labels, RANK_TOLERANCE)
+
+
+def _poorer(rows: Mapping[str, Regression], base: BaseParameters) -> dict[str, int]:
+    """Sessions that do not determine all of the base parameters, with the number that they do."""
+    ranks = {
+        name: base_parameters(item.factor[:, base.independent], base.labels, RANK_TOLERANCE).rank
+        for name, item in rows.items()
+    }
+    return {name: rank for name, rank in ranks.items() if rank < base.rank}

@@ -12,6 +12,7 @@ import yaml
 from excite.errors import LogError
 from excite.identification.sessions import identify_sessions, split_sessions, write_ranges
 from excite.identification.settings import ProblemSettings
+from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log
 
@@ -95,12 +96,33 @@ def test_each_log_is_a_session_unless_it_names_some(ur10):
         split_sessions(logs[:1])
 
 
-def test_a_session_that_shows_too_little_is_named(ur10):
-    log = arm_log(ur10, 1, trials=4, sessions=("rich", "poor"))
-    still = np.zeros(ur10.n_joints)
-    still[0] = 1.0
+def still(log: Log, *names: str) -> Log:
+    """In these sessions only the first joint moves."""
+    moving = np.eye(log.trials[0].q.shape[1])[0]
     trials = tuple(
-        replace(t, q=t.q[:1] + (t.q - t.q[:1]) * still) if t.session == "poor" else t for t in log.trials
+        replace(t, q=t.q[:1] + (t.q - t.q[:1]) * moving) if t.session in names else t for t in log.trials
     )
+    return replace(log, trials=trials)
+
+
+def test_a_session_that_shows_too_little_is_named(ur10):
+    log = still(arm_log(ur10, 1, trials=4, sessions=("rich", "poor")), "poor")
     with pytest.raises(LogError, match="poor"):
-        identify_sessions(ur10, split_sessions([replace(log, trials=trials)]), problem_settings=SETTINGS)
+        identify_sessions(ur10, split_sessions([log]), problem_settings=SETTINGS)
+
+
+def test_a_session_that_shows_too_little_is_left_out_where_others_remain(ur10):
+    """The answer is that of the others alone, and the summary says who is missing."""
+    log = still(arm_log(ur10, 1, trials=6, sessions=DAYS), "tuesday")
+    sessions = split_sessions([log])
+    found = identify_sessions(ur10, sessions, problem_settings=SETTINGS)
+    assert found.names == ("monday", "wednesday")
+    assert list(found.left_out) == ["tuesday"]
+    assert 0 < found.left_out["tuesday"] < found.base.rank
+    assert "left out: tuesday" in found.summary()
+    rest = {name: item for name, item in sessions.items() if name != "tuesday"}
+    alone = identify_sessions(ur10, rest, problem_settings=SETTINGS)
+    np.testing.assert_allclose(
+        found.base.matrix @ found.base.matrix.T, alone.base.matrix @ alone.base.matrix.T
+    )
+    np.testing.assert_allclose(found.pooled.mean, alone.pooled.mean, rtol=1e-6, atol=1e-9)
