@@ -19,6 +19,7 @@ __version__ = "0.1.0"
 
 _PUBLIC = {
     "ExciteError": "excite.errors",
+    "NoSolutionError": "excite.errors",
     "Robot": "excite.robot.robot",
     "load_robot": "excite.robot.loading",
     "bundled_robots": "excite.robot.catalogue",
@@ -41,6 +42,7 @@ _PUBLIC = {
     "robot_for_log": "excite.logs.robot",
     "join_logs": "excite.logs.joined",
     "identify": "excite.identification.identify",
+    "Identification": "excite.identification.result",
     "save_findings": "excite.campaign.findings",
     "identify_sessions": "excite.identification.sessions",
     "split_sessions": "excite.identification.sessions",

@@ -67,13 +67,12 @@ def command(
     lag = excite.estimate_torque_delay(loaded, log, settings) if align else None
     if lag is not None:
         settings = replace(settings, torque_delay_s=lag.lag_s)
-    result = excite.identify(
-        loaded,
-        log,
-        method,
-        settings=excite.EstimatorSettings(total_mass=total_mass),
-        problem_settings=settings,
-    )
+    estimator = excite.EstimatorSettings(total_mass=total_mass)
+    try:
+        result = excite.identify(loaded, log, method, settings=estimator, problem_settings=settings)
+    except excite.NoSolutionError as error:
+        _show_best(error, out, as_json=as_json)
+        raise
     document, summary = result.to_json(), result.summary()
     if lag is not None:
         document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
@@ -98,3 +97,13 @@ def command(
         summary = f"{summary}\n\n{models.summary()}"
         write_json(document, out / "identification.json")
     emit(summary, document, as_json=as_json)
+
+
+def _show_best(error: excite.NoSolutionError, out: Path | None, *, as_json: bool) -> None:
+    """Show and write the best that is known, which says of itself what it is; no model is made of it."""
+    if not isinstance(error.best, excite.Identification):
+        return
+    document = error.best.to_json()
+    if out is not None:
+        write_json(document, out / "identification.json")
+    emit(error.best.summary(), document, as_json=as_json)

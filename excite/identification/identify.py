@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.errors import RobotError
+from excite.errors import NoSolutionError, RobotError
+from excite.identification.attempt import attempt, failure_finding
 from excite.identification.changes import Changes, find_changes
 from excite.identification.consistency import check_consistency
 from excite.identification.constraints.com_box import equivalent_boxes
@@ -61,15 +62,22 @@ def identify(
     Raises:
         UnknownNameError: no such method.
         LogError: the log and the robot do not fit, or leave no rows.
-        NoSolutionError: the estimator found no parameters that pass its checks.
+        NoSolutionError: the estimator found no parameters that pass its checks; ``best`` is an Identification
+            with the best point known, marked by its status and its first finding.
     """
     estimator = find_estimator(method)
     problem = build_problem(robot, log, problem_settings, role="identification")
     validation = None
     if log.role("validation"):
         validation = build_problem(robot, log, problem_settings, role="validation")
-    result = identify_problem(problem, validation, estimator, settings or EstimatorSettings())
     odd = (*nominal_faults(robot), *implausible(log, robot), *suspicions(robot, log, problem_settings))
+    try:
+        result = identify_problem(problem, validation, estimator, settings or EstimatorSettings())
+    except NoSolutionError as error:
+        if isinstance(error.best, Identification):
+            # A mistake in the log is the likeliest reason.
+            error.best = replace(error.best, findings=(*odd, *error.best.findings))
+        raise
     return replace(result, findings=(*odd, *result.findings))
 
 
@@ -88,7 +96,7 @@ def identify_problem(
     weighted_statistics = base_statistics(weighted)
     changes = find_changes(weighted, weighted_statistics.noise)
     settings = _informed_settings(problem, settings, changes)
-    estimate = estimator.estimate(problem, settings)
+    estimate, failure = attempt(estimator, problem, settings, weighted)
     same_weights = np.array_equal(estimate.regression.std, weighted.std)
     statistics = weighted_statistics if same_weights else base_statistics(estimate.regression)
     result = _assemble(problem, validation, estimate, statistics, changes)
@@ -96,7 +104,11 @@ def identify_problem(
     uncertainty = parameter_uncertainty(problem, statistics, settings.spreads(problem.robot))
     result = replace(result, total_mass=mass, uncertainty=uncertainty)
     doubts = find_doubts(estimate, statistics, settings.spreads(problem.robot))
-    return replace(result, findings=(*notes, *find_warnings(result), *doubts))
+    result = replace(result, findings=(*notes, *find_warnings(result), *doubts))
+    if failure is not None:
+        result = replace(result, findings=(failure_finding(failure), *result.findings))
+        raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure
+    return result
 
 
 def _boxes(robot: Robot, notes: list[Finding]) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 from excite.errors import NoSolutionError
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
+from excite.identification.estimators.fallback import estimate_at
 from excite.identification.estimators.ridge import Ridge
 from excite.identification.regression import Regression
 from excite.robot.robot import Array
@@ -62,6 +63,14 @@ def checked_estimate(
         violations=worst,
         active=tuple(dict.fromkeys(active)),
     )
+
+
+def finite_or_raised(best: Estimate) -> Estimate:
+    """The estimate if it is finite; raises NoSolutionError with the nominal model otherwise."""
+    if np.isfinite(best.parameters).all():
+        return best
+    status, rows = SolveStatus.NOT_FINITE, best.regression
+    raise no_solution(status, estimate_at(best.method, rows, rows.problem.prior.copy(), status))
 
 
 def no_solution(status: SolveStatus, best: Estimate) -> NoSolutionError:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+from scipy.linalg import LinAlgError
 
 from excite.identification.constraints.body import ParameterCones
-from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import VIOLATION_TOLERANCE, checked_estimate, no_solution
 from excite.identification.estimators.conic import (
@@ -19,6 +21,7 @@ from excite.identification.estimators.conic import (
     refined,
     stacked,
 )
+from excite.identification.estimators.fallback import best_known
 from excite.identification.estimators.ridge import Ridge
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.regression import Regression
@@ -47,21 +50,24 @@ def conic_estimate(
         solver: finds the optimum; not trusted.
 
     Raises:
-        NoSolutionError: no point, or an answer that its recomputation refuses; ``best`` is the answer, or the
-            unconstrained optimum where there is no point.
+        NoSolutionError: no point, or an answer that its recomputation refuses; ``best`` is the best point known
+            that meets the constraints, the unconstrained optimum where there is none.
     """
     problem = ConicProblem(
         objective.target, objective.constraints(linear), tuple(objective.cones(part) for part in cones)
     )
     answer = solver(problem)
     if answer.infeasible:
-        nothing = stack([], len(objective.target))
-        best = checked_estimate(method, rows, objective, objective.target, 0.0, nothing)
         proven = _is_ray(problem, answer)
         status = SolveStatus.INFEASIBLE if proven else SolveStatus.NOT_OPTIMAL
-        raise no_solution(status, replace(best, status=status))
+        known = best_known(method, rows, objective, linear, [], partial(conic_violations, problem))
+        raise no_solution(status, replace(known, status=status))
     if np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all():
-        answer = refined(problem, answer)
+        try:
+            answer = refined(problem, answer)
+        except LinAlgError:
+            # The answer stands as it is; its distance decides.
+            pass
     distance = conic_distance(problem, answer)
     best = checked_estimate(method, rows, objective, answer.z, distance, problem.linear)
     best = replace(best, violations=conic_violations(problem, answer.z) if np.isfinite(distance) else {})
@@ -70,13 +76,10 @@ def conic_estimate(
         and max((best.violations or {}).values(), default=0.0) > VIOLATION_TOLERANCE
     ):
         best = replace(best, status=SolveStatus.VIOLATED)
-    return solved_or_raised(best)
-
-
-def solved_or_raised(best: Estimate) -> Estimate:
-    """The estimate if it is solved; raises NoSolutionError otherwise."""
     if best.status is not SolveStatus.SOLVED:
-        raise no_solution(best.status, best)
+        violations = partial(conic_violations, problem)
+        known = best_known(method, rows, objective, linear, [answer.z], violations)
+        raise no_solution(best.status, replace(known, status=best.status))
     return best
 
 

@@ -7,7 +7,7 @@ divergence adds to its own second order, so the first Newton step is the pullbac
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve
@@ -18,7 +18,7 @@ from excite.identification.constraints.cones import triangle_of
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
-from excite.identification.estimators.conic_estimate import solved_or_raised
+from excite.identification.estimators.fallback import best_known
 from excite.identification.estimators.geometric import relative_map
 from excite.identification.estimators.ridge import Ridge
 from excite.identification.estimators.settings import EstimatorSettings
@@ -51,6 +51,16 @@ class EntropicProblem:
     def relative(self, z: Array) -> Array:
         """``X`` of each segment, ``(n_segments, 4, 4)``."""
         return np.eye(4) + triangle_of(4).matrices(self.maps @ z)
+
+    def violations(self, z: Array) -> dict[str, float]:
+        """Largest violation of each kind of constraint."""
+        worst = {
+            "pseudo_inertia": max(-float(np.linalg.eigvalsh(self.relative(z))[:, 0].min(initial=1.0)), 0.0)
+        }
+        for label, value in zip(self.linear.labels, self.linear.violations(z), strict=True):
+            kind = label.split(":")[0]
+            worst[kind] = max(worst.get(kind, 0.0), float(value))
+        return worst
 
     def gradient(self, z: Array) -> Array:
         """``(n,)``; ``X`` must be positive definite."""
@@ -279,10 +289,13 @@ def entropic_estimate(
     problem = EntropicProblem(objective.target, turned, weights, objective.constraints(linear))
     answer = solver(problem)
     if answer is None:
-        nothing = LinearConstraints(np.zeros((0, len(objective.target))), np.zeros(0), ())
-        best = checked_estimate(method, rows, objective, objective.target, 0.0, nothing)
-        raise no_solution(SolveStatus.INFEASIBLE, best)
+        best = best_known(method, rows, objective, linear, [], problem.violations)
+        raise no_solution(best.status, best)
     usable = np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all()
     inside = usable and np.linalg.eigvalsh(problem.relative(answer.z))[:, 0].min(initial=1.0) > 0.0
     distance = entropic_distance(problem, answer) if inside else np.inf
-    return solved_or_raised(checked_estimate(method, rows, objective, answer.z, distance, problem.linear))
+    best = checked_estimate(method, rows, objective, answer.z, distance, problem.linear)
+    if best.status is not SolveStatus.SOLVED:
+        known = best_known(method, rows, objective, linear, [answer.z], problem.violations)
+        raise no_solution(best.status, replace(known, status=best.status))
+    return best

@@ -16,6 +16,7 @@ from excite.identification.constraints.sphere import SphereRows
 from excite.identification.estimators.active_set import ActiveSetProjector
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
+from excite.identification.estimators.fallback import best_feasible, plain_models
 from excite.identification.estimators.hierarchy import (
     HierarchyAnswer,
     Level,
@@ -25,7 +26,7 @@ from excite.identification.estimators.projection import Projector
 from excite.identification.estimators.scaled import Scaled, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import Regression, iterate_weights, regression
+from excite.identification.regression import Regression, iterate_weights, least_squares, regression
 from excite.robot.robot import Array
 
 # Largest violation of a vector's row that is let pass, as a share of ε.
@@ -85,7 +86,13 @@ class HierarchicalProgram(Estimator):
         answer = solve_hierarchy(levels, matrix, measured, self._projector or ActiveSetProjector(), start)
         best = self._estimate(rows, settings, scaled, levels, answer)
         if best.status is not SolveStatus.SOLVED:
-            raise no_solution(best.status, best)
+            x = _best_known(rows, settings, scaled, levels, answer.x)
+            status = best.status
+            if x is not None:
+                best = self._estimate(rows, settings, scaled, levels, replace(answer, x=x))
+                # A point that meets level one refutes that there is none.
+                status = SolveStatus.NOT_OPTIMAL if status is SolveStatus.INFEASIBLE else status
+            raise no_solution(status, replace(best, status=status))
         return best
 
     def _estimate(
@@ -126,6 +133,33 @@ class HierarchicalProgram(Estimator):
             active=tuple(dict.fromkeys(active)),
             total_mass=settings.total_mass,
         )
+
+
+def _best_known(
+    rows: Regression, settings: EstimatorSettings, scaled: Scaled, levels: tuple[Level, ...], x: Array
+) -> Array | None:
+    """Of points that meet the first level the one that misses the second least, then fits best."""
+    problem, family = rows.problem, levels[0].family if levels else None
+    models = plain_models(problem, model_constraints(rows, replace(settings, symmetry=None)).linear)
+    if isinstance(family, ScaledSphere):
+        models = [family.sphere.lifted(model) for model in models]
+
+    def violation(point: Array) -> float:
+        worst = max(
+            (float(level.constraints.violations(point).max(initial=0.0)) for level in levels[:1]), default=0
+        )
+        missed = family is not None and len(family.violated(point).bound)
+        return np.inf if missed else worst
+
+    def cost(point: Array) -> tuple[float, ...]:
+        lower = [float(np.linalg.norm(level.constraints.violations(point))) for level in levels[1:]]
+        residual = problem.residual(scaled.parameters(point)) / rows.std[problem.channel]
+        return (*lower, float(np.linalg.norm(residual)))
+
+    free = least_squares(rows.factor, center=scaled.center, scales=scaled.scales)
+    return best_feasible(
+        [scaled.coordinates(model) for model in models], [x, scaled.coordinates(free)], violation, cost
+    )
 
 
 def _recomputed_status(

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
+from excite.identification.estimators.checked import finite_or_raised
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import least_squares, prior_std, regression
@@ -36,4 +37,4 @@ class LeastSquares(Estimator):
             columns = problem.robot.parameter_columns(segment)
             parameters[columns] = problem.prior[columns]
         residual = float(np.sqrt(np.mean(problem.residual(parameters) ** 2)))
-        return Estimate(self.name, parameters, SolveStatus.SOLVED, rows, residual)
+        return finite_or_raised(Estimate(self.name, parameters, SolveStatus.SOLVED, rows, residual))

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from excite.identification.constraints.linear import stack
 from excite.identification.estimators.base import Estimate, Estimator
-from excite.identification.estimators.checked import checked_estimate
+from excite.identification.estimators.checked import checked_estimate, finite_or_raised
 from excite.identification.estimators.ridge import ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
@@ -31,4 +31,4 @@ class MaximumAPosteriori(Estimator):
         rows = iterate_weights(regression(problem))
         objective = ridge(rows, settings)
         nothing = stack([], len(objective.free))
-        return checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing)
+        return finite_or_raised(checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing))

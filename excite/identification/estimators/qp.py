@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
-import numpy as np
-
+from excite.errors import NoSolutionError
 from excite.identification.constraints.assemble import model_constraints
-from excite.identification.constraints.inertia_cone import inertia_cone
+from excite.identification.constraints.inertia_cone import InertiaCone, inertia_cone
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
+from excite.identification.estimators.fallback import best_known
 from excite.identification.estimators.projection import Projector, distance_to_optimum, project
-from excite.identification.estimators.ridge import ridge
+from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
-from excite.identification.regression import iterate_weights, regression
+from excite.identification.regression import Regression, iterate_weights, regression
+from excite.robot.robot import Array
 
 _MAX_ROUNDS = 60
 _CONE_TOLERANCE = 1e-3
@@ -47,20 +48,45 @@ class QuadraticProgram(Estimator):
         model = model_constraints(rows, settings)
         cone = inertia_cone(problem, settings.inertia_floor, settings.sphere_subdivisions)
         rotated = objective.constraints(model.linear)
-        nothing = LinearConstraints(np.zeros((0, len(objective.target))), np.zeros(0), ())
-        # What would be best without constraints, should none be found with them.
-        best = checked_estimate(self.name, rows, objective, objective.target, 0.0, nothing)
         for _ in range(_MAX_ROUNDS):
             answer = self._projector(objective.target, rotated)
             if answer is None:
-                raise no_solution(SolveStatus.INFEASIBLE, best)
+                raise _failure(rows, objective, model.linear, cone, SolveStatus.INFEASIBLE, None)
             distance = distance_to_optimum(objective.target, rotated, answer)
             best = checked_estimate(self.name, rows, objective, answer.z, distance, rotated)
             best = replace(best, total_mass=model.total_mass)
             if best.status is not SolveStatus.SOLVED:
-                raise no_solution(best.status, best)
+                raise _failure(rows, objective, model.linear, cone, best.status, answer.z)
             cuts = cone.cuts(best.parameters, _CONE_TOLERANCE)
             if not len(cuts.bound):
                 return best
             rotated = stack([rotated, objective.constraints(cuts)], len(objective.target))
-        raise no_solution(SolveStatus.CUT_LIMIT, best)
+        raise _failure(rows, objective, model.linear, cone, SolveStatus.CUT_LIMIT, answer.z)
+
+
+def _failure(
+    rows: Regression,
+    objective: Ridge,
+    linear: LinearConstraints,
+    cone: InertiaCone,
+    status: SolveStatus,
+    answer: Array | None,
+) -> NoSolutionError:
+    """The error with the best point known."""
+    rotated = objective.constraints(linear)
+
+    def violations(z: Array) -> dict[str, float]:
+        cuts = cone.cuts(objective.parameters(z), _CONE_TOLERANCE)
+        both = stack([rotated, objective.constraints(cuts)], len(z))
+        worst: dict[str, float] = {}
+        for label, value in zip(both.labels, both.violations(z), strict=True):
+            kind = label.split(":")[0]
+            worst[kind] = max(worst.get(kind, 0.0), float(value))
+        return worst
+
+    goals = [] if answer is None else [answer]
+    best = best_known(QuadraticProgram.name, rows, objective, linear, goals, violations)
+    # Nothing but a point that meets everything refutes a solver that finds none.
+    if status is not SolveStatus.INFEASIBLE:
+        best = replace(best, status=status)
+    return no_solution(best.status, best)

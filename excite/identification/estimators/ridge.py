@@ -45,6 +45,10 @@ class Ridge:
         theta[self.free] += self.scales[self.free] * solve_triangular(self.factor, z, check_finite=False)
         return theta
 
+    def coordinates(self, parameters: Array) -> Array:
+        """``z`` of ``θ``, ``(n_free,)``."""
+        return self.factor @ ((parameters - self.center) / self.scales)[self.free]
+
     def rotate(self, rows: Array) -> Array:
         """Rows that act on ``θ`` made to act on ``z``, ``(n_rows, n_free)``."""
         scaled = (rows[:, self.free] * self.scales[self.free]).T

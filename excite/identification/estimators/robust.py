@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
-from excite.identification.estimators.checked import no_solution
+from excite.identification.estimators.checked import finite_or_raised, no_solution
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.noise import estimate_noise
@@ -73,6 +73,7 @@ class Huber(Estimator):
         best = Estimate(
             self.name, parameters, status, rows, float(np.sqrt(np.mean(weighted**2))), float(distance)
         )
+        best = finite_or_raised(best)
         if status is not SolveStatus.SOLVED:
             raise no_solution(status, best)
         return best

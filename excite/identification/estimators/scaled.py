@@ -33,6 +33,10 @@ class Scaled:
         theta[self.free] += self.scales[self.free] * x
         return theta
 
+    def coordinates(self, parameters: Array) -> Array:
+        """``x`` of ``θ``, ``(n_free,)``."""
+        return np.asarray(((parameters - self.center) / self.scales)[self.free])
+
     def columns(self, matrix: Array) -> Array:
         """Columns that act on ``θ`` made to act on ``x``, ``(…, n_free)``."""
         return matrix[..., self.free] * self.scales[self.free]

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
+from excite.identification.estimators.checked import finite_or_raised
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, least_squares, prior_std, regression
@@ -34,4 +35,4 @@ class WeightedLeastSquares(Estimator):
         parameters = least_squares(rows.factor, center=problem.prior, scales=scales)
         weighted = problem.residual(parameters) / rows.std[problem.channel]
         residual = float(np.sqrt(np.mean(weighted**2)))
-        return Estimate(self.name, parameters, SolveStatus.SOLVED, rows, residual)
+        return finite_or_raised(Estimate(self.name, parameters, SolveStatus.SOLVED, rows, residual))
