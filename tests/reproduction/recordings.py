@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from excite.identification.problem import IdentificationProblem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.robot.catalogue import example_robot_data
+from excite.robot.robot import Array
 
 UR10E_JOINTS = (
     "shoulder_pan_joint",
@@ -73,3 +77,10 @@ def panda_log(data_dir: Path, folder: Path) -> Log:
     urdf = example_robot_data() / "panda_description" / "urdf" / "panda.urdf"
     log = import_recordings(mapping, data_dir / "franka_panda_gaz2019", robot_text=urdf.read_text())
     return load_log(save_log(log, folder / "panda"))
+
+
+def percent_left(judge: IdentificationProblem, parameters: Array) -> Array:
+    """RMS of measured minus predicted in percent of measured standard deviation, by channel, ``(n_channels,)``."""
+    residual = judge.residual(parameters)
+    masks = [judge.rows_of(channel) for channel in judge.channel_names]
+    return np.array([100.0 * np.sqrt(np.mean(residual[rows] ** 2)) / judge.y[rows].std() for rows in masks])
