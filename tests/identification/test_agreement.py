@@ -16,14 +16,16 @@ from excite.identification.estimators.hqp import HierarchicalProgram
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.ls import LeastSquares
 from excite.identification.estimators.map import MaximumAPosteriori
+from excite.identification.estimators.physical import PhysicalRetrieval
 from excite.identification.estimators.qp import QuadraticProgram
 from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.estimators.wls import WeightedLeastSquares
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
+from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot
-from tests.identification.synthetic import arm_problem
+from tests.identification.synthetic import arm_problem, wrench_problem
 
 AGREE = 1e-8
 
@@ -73,7 +75,49 @@ class TestLeastSquares:
         settings = EstimatorSettings(huber=100.0, ls_reference="nominal")
         a = Huber().estimate(single, settings).parameters
         b = LeastSquares().estimate(single, settings).parameters
-        assert in_spreads(problem, settings, a - b) < 1e-6
+        assert in_spreads(problem, settings, a - b) < AGREE
+
+    def test_robust_without_outliers_is_wls_with_its_deviations(self, problem):
+        settings = EstimatorSettings(huber=100.0, weight_iterations=0)
+        found = Huber().estimate(problem, settings)
+        stated = replace(problem, weights=1.0 / found.regression.std[problem.channel])
+        expected = WeightedLeastSquares().estimate(stated, settings).parameters
+        assert in_spreads(problem, settings, found.parameters - expected) < AGREE
+
+    def test_wls_with_stated_weights_is_ls_on_rows_multiplied_by_them(self, problem):
+        settings = EstimatorSettings(ls_reference="nominal", weight_iterations=0)
+        weight = problem.weights
+        scaled = replace(
+            problem, Y=problem.Y * weight[:, None], y=problem.y * weight, weights=np.ones(problem.n_rows)
+        )
+        a = LeastSquares().estimate(scaled, settings).parameters
+        b = WeightedLeastSquares().estimate(problem, settings).parameters
+        assert in_spreads(problem, settings, a - b) < AGREE
+
+    def test_base_parameters_of_wls_are_the_least_squares_base_parameters(self, problem):
+        found = WeightedLeastSquares().estimate(problem, EstimatorSettings())
+        statistics = base_statistics(found.regression)
+        difference = statistics.base.values(found.parameters) - statistics.estimate
+        assert np.abs(difference / statistics.std).max() < AGREE
+
+    def test_hqp_whose_levels_do_not_bind_is_wls(self):
+        problem = arm_problem(load_robot("panda"), seed=0, error=0.02, noise=1e-3)
+        wide = equivalent_boxes(problem.robot, growth=40.0)
+        settings = EstimatorSettings(sphere_epsilon=0.0, mirror=None, mass_range=1e6, com_boxes=wide)
+        found = HierarchicalProgram().estimate(problem, settings)
+        expected = WeightedLeastSquares().estimate(problem, settings).parameters
+        assert not found.active
+        assert in_spreads(problem, settings, found.parameters - expected) < AGREE
+
+    def test_physical_whose_bounds_do_not_bind_leaves_what_ls_leaves(self):
+        """Eq. (15) of Xu et al. 2020 over all base parameters: its least value is that of least squares."""
+        problem = arm_problem(load_robot("panda"), seed=0, error=0.02)
+        settings = EstimatorSettings(ls_reference="nominal")
+        physical = PhysicalRetrieval(essential=False).estimate(problem, settings)
+        plain = LeastSquares().estimate(problem, settings)
+        assert physical.residual == pytest.approx(plain.residual, rel=AGREE)
+        difference = problem.Y @ (physical.parameters - plain.parameters)
+        assert np.linalg.norm(difference) < AGREE * np.linalg.norm(problem.y)
 
     def test_hqp_without_constraint_levels_is_the_least_squares_solution_nearest_to_nominal(self, problem):
         settings = EstimatorSettings()
@@ -108,6 +152,16 @@ class TestConstrained:
         ):
             found = estimator.estimate(problem, settings)
             assert in_spreads(problem, settings, found.parameters - expected) < AGREE, found.method
+
+    def test_all_that_know_the_total_mass_agree_where_it_alone_binds(self, g1):
+        problem = wrench_problem(g1, g1.nominal_parameters, seed=4, trials=1, duration=6.0, noise=0.05)
+        wide = equivalent_boxes(g1, growth=40.0)
+        settings = EstimatorSettings(com_boxes=wide, inertia_floor=0.0, prior_spread=0.01)
+        expected = QuadraticProgram().estimate(problem, settings)
+        for estimator in (PhysicallyConsistent(), DensityRealisable()):
+            found = estimator.estimate(problem, settings)
+            assert found.active == expected.active == ("total_mass:robot",)
+            assert in_spreads(problem, settings, found.parameters - expected.parameters) < AGREE
 
     def test_cls3_is_lmi_when_ellipsoids_and_boxes_do_not_bind(self, problem):
         n = len(problem.robot.segments)
