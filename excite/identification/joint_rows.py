@@ -123,9 +123,8 @@ class JointRows:
     @cached_property
     def motors(self) -> Array | None:
         """Matrix from joint to motor velocities, None where each joint has its own motor."""
-        if not self.settings.coupling:
-            return None
-        return coupling_matrix(self.channel_names, self.settings.coupling)
+        coupling = self.settings.coupling or self.header.coupling
+        return coupling_matrix(self.channel_names, coupling) if coupling else None
 
     def _joints(self) -> list[int]:
         return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.channel_names]
@@ -190,4 +189,4 @@ def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]
     usual: tuple[str, ...] = ("viscous", "coulomb", "offset")
     if header.torque != "link_side":
         usual = (*usual, "armature")
-    return (*usual, *SHARED_GEAR_TERMS) if settings.coupling else usual
+    return (*usual, *SHARED_GEAR_TERMS) if settings.coupling or header.coupling else usual

@@ -56,7 +56,7 @@ class ProblemSettings:
         drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
         coupling: how much a motor, named after its joint, turns per turn of other joints, as
             :func:`~excite.logs.signals.coupling.coupling_matrix` takes it; torques and currents of the log are
-            then the motors', reflected through their own gears.
+            then the motors', reflected through their own gears. Empty takes what the log says.
         clock: ``stamps`` takes them as they are, ``positions`` the regular clock behind them where positions
             say that it fits better.
         outlier_sigma: samples further from their neighbours are replaced; None leaves all.

@@ -7,8 +7,9 @@ from pathlib import Path
 import yaml
 from pydantic import ValidationError
 
-from excite.errors import LogError
+from excite.errors import InputError, LogError
 from excite.logs.log import LogHeader
+from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
 
 
@@ -76,6 +77,7 @@ def check_header(header: LogHeader, path: Path) -> None:
             )
     _check_base(header, path)
     _check_no_torque(header, path)
+    _check_coupling(header, path)
     _check_controller(header, path)
 
 
@@ -116,6 +118,13 @@ def _check_no_torque(header: LogHeader, path: Path) -> None:
         raise LogError(
             "names every joint", source=path, field="no_torque", remedy="write torque: none instead"
         )
+
+
+def _check_coupling(header: LogHeader, path: Path) -> None:
+    try:
+        coupling_matrix(header.torque_joints, header.coupling)
+    except InputError as error:
+        raise LogError(error.what, source=path, field="coupling", remedy=error.remedy) from error
 
 
 def _check_controller(header: LogHeader, path: Path) -> None:

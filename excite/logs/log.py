@@ -46,7 +46,9 @@ class LogHeader(_Block):
     """The whole of ``log.yaml``.
 
     ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move,
-    but their torque or current was not measured, or means nothing.
+    but their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their
+    joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
+    then the motors', reflected through their own gears.
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
@@ -58,6 +60,7 @@ class LogHeader(_Block):
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
     torque_constants: dict[str, float] = {}
     no_torque: tuple[str, ...] = ()
+    coupling: dict[str, dict[str, float]] = {}
     controller: dict | None = None
     base_link: str | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None

@@ -182,6 +182,9 @@ def test_a_coupled_wrist_is_explained_with_its_matrix_alone(robot: Robot) -> Non
     coupled = build_problem(robot, log, ProblemSettings(coupling=COUPLING))
     assert misfit(coupled) < 2e-3
     assert misfit(build_problem(robot, log)) > 0.02
+    # The log may say it itself.
+    stated = replace(log, header=log.header.model_copy(update={"coupling": COUPLING}))
+    np.testing.assert_array_equal(build_problem(robot, stated).Y, coupled.Y)
     free = ProblemSettings(coupling=COUPLING, drive_terms=("viscous", *SHARED_GEAR_TERMS))
     names = build_problem(robot, log, free).parameter_names
     columns = build_problem(robot, log, free).Y[:, [k for k, n in enumerate(names) if n.startswith("joint_")]]

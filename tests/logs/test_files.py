@@ -168,6 +168,11 @@ HEADER_FAULTS: dict[str, tuple[dict, str]] = {
         "no trial of this log",
     ),
     "gains": ({"controller": {"kp": {"wrist": 3.0}}}, "controller.kp"),
+    "coupled joint": ({"coupling": {"elbow": {"wrist": 1.0}}}, "coupling: unknown joint 'wrist'"),
+    "coupled both": (
+        {"coupling": {"elbow": {"shoulder": 1.0}, "shoulder": {"elbow": 1.0}}},
+        "coupling: has no inverse",
+    ),
     "floating": ({"base": "floating"}, "base_link: is missing"),
 }
 

@@ -36,11 +36,11 @@ def test_published_values_are_met_and_lie_in_the_intervals(data_dir: Path, tmp_p
 
 
 def test_the_command_line_takes_a_sliding_joint(data_dir: Path, tmp_path: Path) -> None:
-    log = emps_log(data_dir, tmp_path)
+    emps_log(data_dir, tmp_path)
     arguments = [
         "identify",
-        str(log.folder / "emps.urdf"),
-        str(log.folder),
+        str(tmp_path / "emps" / "emps.urdf"),
+        str(tmp_path / "emps"),
         "--method",
         "wls",
         "--cutoff",
