@@ -1,0 +1,72 @@
+"""UR10e: currents of a run that was not used, and a load weighed with gains found from the pair of logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.identification.drive_gains import identify_drive_gains, identify_load
+from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.problem import build_problem
+from excite.logs.robot import nominal_robot
+from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS, percent_left, ur10e_log
+from tests.reproduction.recordings_data import from_recordings
+from tests.reproduction.table import Line, Table
+from tests.reproduction.test_ur10e import LARGEST_PERCENT, SETTINGS
+from tests.reproduction.test_ur10e_load import MASS, part_of_log
+from tests.reproduction.test_ur10e_load import SETTINGS as LOAD_SETTINGS
+
+_TITLE = "Mamedov and Mikhel 2020: UR10e"
+
+
+def tables() -> list[Table]:
+    """Validation and load."""
+    return from_recordings(_TITLE, _tables)
+
+
+def _tables(data: Path, folder: Path) -> list[Table]:
+    return [_validation(data, folder), _load(data, folder)]
+
+
+def _validation(data: Path, folder: Path) -> Table:
+    log = ur10e_log(data, folder)
+    robot = nominal_robot(log)
+    problem = build_problem(robot, log, SETTINGS)
+    judge = build_problem(robot, log, SETTINGS, role="validation")
+    lines = []
+    for method in ("wls", "map"):
+        found = find_estimator(method).estimate(problem, EstimatorSettings()).parameters
+        for joint, ours in zip(UR10E_JOINTS, percent_left(judge, found), strict=True):
+            met = bool(ours <= LARGEST_PERCENT)
+            bar = f"≤ {LARGEST_PERCENT:g}"
+            lines.append(Line(f"{method}, {joint}", bar, float(ours), met, bar))
+    note = (
+        "Identified from the runs of 20 to 50 s, judged on the run of 14 harmonics: RMS of measured minus predicted"
+        " in percent of the torque's standard deviation, 5 Hz on both sides."
+    )
+    return Table(f"{_TITLE}, a run not used", tuple(lines), note, digits=3)
+
+
+def _load(data: Path, folder: Path) -> Table:
+    bare = part_of_log(data, folder, "bare", (0.0, 1.0))
+    halves = [
+        part_of_log(data, folder, name, part, "Load")
+        for name, part in (("first", (0.0, 0.5)), ("second", (0.5, 1.0)))
+    ]
+    robot = nominal_robot(bare)
+    lines, found = [], []
+    for known, judged, name in ((halves[1], halves[0], "first"), (halves[0], halves[1], "second")):
+        gains = identify_drive_gains(robot, bare, known, MASS, LOAD_SETTINGS)
+        mass = float(identify_load(robot, bare, judged, gains.by_joint, LOAD_SETTINGS).load[0])
+        what = f"load [kg], {name} half, gains from the other half"
+        lines.append(Line(what, MASS, mass, abs(mass / MASS - 1.0) < 0.03, "within 3 %"))
+        found.append(gains)
+    published = float(identify_load(robot, bare, halves[1], UR10E_GAINS, LOAD_SETTINGS).load[0])
+    lines.append(Line("load [kg], second half, published gains", MASS, published))
+    lines += [
+        Line(f"gain of {joint} [N·m/A]", UR10E_GAINS[joint], found[0].by_joint[joint])
+        for joint in UR10E_JOINTS
+    ]
+    return Table(
+        f"{_TITLE}, a load of known mass", tuple(lines), "The run of 14 harmonics, bare and loaded.", digits=4
+    )
