@@ -13,9 +13,12 @@ from excite.excitation.conditioning import MotionFactor, motion_factor, stack_fa
 from excite.identification.consistency import check_consistency
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.identify import identify
 from excite.identification.problem import IdentificationProblem, build_problem
+from excite.identification.result import Identification
 from excite.identification.settings import ProblemSettings
 from excite.identification.validation import ChannelFit, channel_fits
+from excite.logs.log import Log
 from excite.motion.motion import Motion
 from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
@@ -37,6 +40,7 @@ class Humanoid:
         robot: the nominal robot.
         twin: the virtual one.
         motions: what it ran for identification.
+        log: of all motions in which it stood.
         direct: rows of these motions.
         cross: rows of others.
     """
@@ -44,6 +48,7 @@ class Humanoid:
     robot: Robot
     twin: VirtualRobot
     motions: tuple[Motion, ...]
+    log: Log
     direct: IdentificationProblem
     cross: IdentificationProblem
 
@@ -73,6 +78,19 @@ class Humanoid:
     def estimate(self, method: str, subdivisions: int = 5) -> Array:
         """Inertial parameters ``(310,)`` by an estimator."""
         return find_estimator(method).estimate(self.direct, self.settings(subdivisions)).parameters
+
+    @cached_property
+    def own(self) -> Identification:
+        """What ``excite identify --method cls3`` says, its own filter and spreads in place of the papers'."""
+        return identify(self.robot, self.log, "cls3")
+
+    def left_by_truth(self, settings: ProblemSettings) -> dict[str, float]:
+        """RMS that the true parameters leave on each axis [N, N·m]: noise of the sensors and of derivatives."""
+        problem = build_problem(self.robot, self.log, settings)
+        rest = problem.residual(self.twin.truth.phi)
+        return {
+            name: float(np.sqrt(np.mean(rest[problem.rows_of(name)] ** 2))) for name in problem.channel_names
+        }
 
     def fits(self, parameters: Array) -> dict[tuple[str, str], ChannelFit]:
         """Fit of every axis by validation (direct, cross) and channel, CAD as reference."""
@@ -118,4 +136,4 @@ def run(motions: tuple[Motion, ...], validation: tuple[Motion, ...], *, seed: in
     direct, cross = (
         build_problem(robot, log, SETTINGS, role=role) for role in ("identification", "validation")
     )
-    return Humanoid(robot, twin, kept, direct, cross)
+    return Humanoid(robot, twin, kept, log, direct, cross)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.campaign.plan import plan
+from excite.identification.settings import ProblemSettings
 from excite.robot.loading import load_robot
 from excite.robot.robot import Array
 from tests.reproduction.hrp2 import (
@@ -16,7 +17,7 @@ from tests.reproduction.hrp2 import (
     PARTS,
     TRO_TABLE_1,
 )
-from tests.reproduction.hrp2_experiment import Humanoid, run
+from tests.reproduction.hrp2_experiment import SETTINGS, Humanoid, run
 from tests.reproduction.table import Line, Table
 
 _IROS, _TRO = "Jovic et al. 2015 (IROS), HRP-2", "Jovic et al. 2016 (IEEE T-RO), HRP-2"
@@ -25,6 +26,9 @@ _AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 # Parts of the body that something was added to; their masses have to be right to this share.
 CHANGED = ("trunk", "head", "right hand", "left hand")
 _PART_SHARE = 0.1
+# The others have to stay where they are.
+_UNCHANGED_SHARE = 0.05
+_OWN = "excite identify --method cls3"
 
 
 def tables() -> list[Table]:
@@ -43,6 +47,8 @@ def tables() -> list[Table]:
             {("direct", axis): values for axis, values in TRO_TABLE_1.items()},
         ),
         _masses(humanoid, estimates["hqp"]),
+        _own_fits(humanoid),
+        _noise(humanoid),
         _cone(humanoid, estimates),
         _parts(humanoid, estimates),
     ]
@@ -110,6 +116,36 @@ def _masses(humanoid: Humanoid, phi: Array) -> Table:
     return Table(f"{_TRO}, Table II", tuple(lines), note)
 
 
+def _own_fits(humanoid: Humanoid) -> Table:
+    lines = []
+    for kind, fits in (("direct", humanoid.own.fit), ("cross", humanoid.own.validation)):
+        for axis in _AXES:
+            fit, paper = fits[axis], IROS_TABLE_2[kind, axis]
+            what, better = f"{kind} validation, {axis}", fit.rmse < fit.reference_rmse
+            lines += [
+                Line(f"{what}: RMSE, identified [{fit.unit}]", paper[0], fit.rmse, better, "below CAD"),
+                Line(f"{what}: RMSE, CAD [{fit.unit}]", paper[2], fit.reference_rmse),
+            ]
+    note = f"`{_OWN}` on the same log with its own defaults: 5 Hz, and no word of what was changed."
+    return Table(f"{_IROS}, Table II, by {_OWN}", tuple(lines), note, digits=3)
+
+
+def _noise(humanoid: Humanoid) -> Table:
+    wide, narrow = (humanoid.left_by_truth(settings) for settings in (SETTINGS, ProblemSettings()))
+    lines = []
+    for axis, unit in zip(_AXES, ["N"] * 3 + ["N·m"] * 3, strict=True):
+        lines += [
+            Line(f"{axis}, 20 Hz and third order, as stated [{unit}]", TRO_TABLE_1[axis][0], wide[axis]),
+            Line(f"{axis}, 5 Hz [{unit}]", None, narrow[axis]),
+        ]
+    note = (
+        "RMS on the identification motions. What the true parameters leave is noise: at 20 Hz nearly all of it"
+        " comes from the second derivative of the base's pose, stands in the regressor and pulls what is"
+        " identified. Nine tenths of the motions' acceleration lie below 3 Hz."
+    )
+    return Table("What the filter leaves of noise (paper: RMSE identified)", tuple(lines), note, digits=3)
+
+
 def _cone(humanoid: Humanoid, estimates: dict[str, Array]) -> Table:
     seen = len(humanoid.numbers) - len(humanoid.direct.unmeasured)
     lines = []
@@ -129,19 +165,25 @@ def _parts(humanoid: Humanoid, estimates: dict[str, Array]) -> Table:
     lines = []
     truth = humanoid.by_number(humanoid.twin.truth.phi[::10])
     nominal = humanoid.by_number(humanoid.robot.nominal_parameters[::10])
+    found = {f"{method}, 20 Hz": phi for method, phi in estimates.items()} | {_OWN: humanoid.own.parameters}
     for part, numbers in PARTS.items():
         true, cad = (sum(values[number] for number in numbers) for values in (truth, nominal))
-        for method, phi in estimates.items():
+        for method, phi in found.items():
             masses = humanoid.by_number(phi[::10])
             ours = float(sum(masses[number] for number in numbers))
             what = f"{part}, {method} [kg] (CAD {cad:.2f}, true {true:.2f})"
-            if method == "cls3" and part in CHANGED:
-                met = bool(np.abs(ours - true) < _PART_SHARE * true)
-                lines.append(Line(what, None, ours, met, f"{100 * _PART_SHARE:.0f} % of the truth"))
+            if method == _OWN:
+                share = _PART_SHARE if part in CHANGED else _UNCHANGED_SHARE
+                met = bool(np.abs(ours - true) < share * true)
+                lines.append(Line(what, None, ours, met, f"{100 * share:.0f} % of the truth"))
             else:
                 lines.append(Line(what, None, ours))
     note = (
-        "The parts added are in trunk, head and hands, 5 kg together. How a leg shares its mass"
-        " with the pelvis the base's wrench says little about. The feet lie beyond the sensors."
+        "The parts added are in trunk, head and hands, 5 kg together. The feet lie beyond the sensors. How a leg"
+        " shares its mass with the pelvis no wrench on the base shows: with every mass 50 % uncertain, as qp and"
+        " cls3 take it here, a leg's is known to 1.5 kg, and the noise of 20 Hz decides where in that. The last of"
+        " each four finds from the data which segments carry something, believes the others ten times more, and"
+        " filters at 5 Hz. hqp fits before it looks at the nominal model: what the data leave open ends at the limits"
+        " of β, in the paper's Table II as here."
     )
     return Table("Masses of parts of the body", tuple(lines), note)
