@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from excite.diagnosis.attribute import Attribution, Attributor, Scored
-from excite.diagnosis.baseline import fit_baseline
-from excite.diagnosis.doctor import examine
+from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.locate import locate
 from excite.diagnosis.noise_floor import repeat_floor, spectral_floor
-from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, share_closed
+from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, Rollout, share_closed
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.shrink import gap_of
-from excite.diagnosis.verdict import Judgement, judge
+from excite.diagnosis.verdict import Judgement, judge, probabilities
 from excite.errors import LogError
 from excite.logs.log import Log
 from excite.robot.robot import Robot
@@ -46,9 +47,37 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
             "has no identification trial", field="trials", remedy="give one the role identification"
         )
     chart = examine(robot, log)
+
+    def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
+        return simulated(attribution, baseline, out)
+
+    return diagnose_torques(robot, log, chart, log.header.modelled, rng, simulate)
+
+
+def diagnose_torques(
+    robot: Robot,
+    log: Log,
+    chart: Chart,
+    modelled: tuple[str, ...],
+    rng: np.random.Generator,
+    simulate: Callable[[Attribution, Baseline], Rollout | None],
+) -> Diagnosis:
+    """Diagnose repaired trials that have torques, measured or reconstructed.
+
+    Args:
+        robot: the nominal model.
+        log: the log, for its header and roles.
+        chart: its repaired trials and what was found wrong with them.
+        modelled: what the baseline has, and effects that are not to be tried.
+        rng: of the bootstrap.
+        simulate: makes the roll-outs from the attribution and the baseline before it.
+
+    Returns:
+        The diagnosis.
+    """
     samples = arm_samples(robot, log, chart.trials)
     spectral = spectral_floor(samples)
-    baseline = fit_baseline(samples, log.header.modelled, spectral)
+    baseline = fit_baseline(samples, modelled, spectral)
     attribution = Attributor(baseline, spectral).run()
     judgement = judge(attribution, spectral)
     first = attribution.stages[0]
@@ -88,7 +117,7 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
         effects=effects,
         gap=gap,
         where=where,
-        simulation=simulated(attribution, baseline, out),
+        simulation=simulate(attribution, baseline),
         n_tied=n_tied,
         next_experiment=_next(listed[:n_tied]),
         faults=chart.faults,
@@ -124,9 +153,15 @@ def _listed(
     made = [_candidate(item, Context(item.hypothesis.baseline), gap, attribution) for item in first.ranking]
     if not effects:
         return tuple(made[:_LISTED]), 0
-    head = [effects[0]]
+    best = first.accepted
+    chance = probabilities(best, first.ranking) if best is not None else {}
+    made = [replace(c, probability=chance.get((c.effect, c.location or ""))) for c in made]
+    # The place may be open where the name is not.
+    sure = sum(chance.get((effects[0].effect, place), 0.0) for place in effects[0].tied_locations)
+    head = [replace(effects[0], probability=sure)]
     if judgement.renamed[0] is not None:
-        head.append(replace(effects[0], effect=judgement.renamed[0]))
+        head[0] = replace(head[0], probability=0.5 * sure)
+        head.append(replace(head[0], effect=judgement.renamed[0]))
     head += [c for c in made if any((c.effect, c.location) == (r.name, r.location) for r in judgement.rivals)]
     known = {(c.effect, c.location) for c in head}
     rest = [c for c in made if (c.effect, c.location) not in known]

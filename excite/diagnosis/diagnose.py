@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.arm import diagnose_arm
+from excite.diagnosis.command_only.currents import diagnose_currents
+from excite.diagnosis.command_only.diagnose import diagnose_commands
 from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.diagnosis.result import Diagnosis
 from excite.errors import InputError
@@ -36,12 +38,15 @@ def diagnose(
     """
     loaded = log if isinstance(log, Log) else load_log(log, robot)
     robot = robot or nominal_robot(loaded)
-    if loaded.header.base == "fixed" and loaded.header.torque in {"motor_side", "link_side"}:
-        return diagnose_arm(robot, loaded, np.random.default_rng(seed), None if out is None else Path(out))
-    if loaded.header.base != "fixed" and loaded.header.sensors:
-        return diagnose_floating(loaded, robot, np.random.default_rng(seed))
+    folder = None if out is None else Path(out)
+    rng = np.random.default_rng(seed)
+    if loaded.header.base == "fixed":
+        kinds = {"current": diagnose_currents, "none": diagnose_commands}
+        return kinds.get(loaded.header.torque or "", diagnose_arm)(robot, loaded, rng, folder)
+    if loaded.header.sensors:
+        return diagnose_floating(loaded, robot, rng)
     raise InputError(
-        f"base {loaded.header.base} with torque {loaded.header.torque} is not diagnosed yet",
-        field="torque",
-        remedy="use a fixed-base log with joint torques, or a floating-base log with contact wrenches",
+        f"a log with base {loaded.header.base} and no sensors is not diagnosed",
+        field="sensors",
+        remedy="log the contact wrenches, or the torques of a fixed base",
     )

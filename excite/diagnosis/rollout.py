@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -70,6 +70,7 @@ class PositionServo:
         feedforward: torque added to it [N·m].
         kp: ``(n_joints,)`` [N·m/rad].
         kd: ``(n_joints,)`` [N·m·s/rad].
+        undamped: leave ``−kd v`` to the one who asks.
     """
 
     time: Array
@@ -78,6 +79,7 @@ class PositionServo:
     feedforward: Array
     kp: Array
     kd: Array
+    undamped: bool = False
 
     def torque(self, time: float, q: Array, v: Array) -> Array:
         k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
@@ -85,7 +87,7 @@ class PositionServo:
         qc, vc, ff = (
             (1.0 - share) * x[k] + share * x[k + 1] for x in (self.q_cmd, self.v_cmd, self.feedforward)
         )
-        return self.kp * (qc - q) + self.kd * (vc - v) + ff
+        return self.kp * (qc - q) + self.kd * (vc if self.undamped else vc - v) + ff
 
 
 class Simulator:
@@ -135,6 +137,13 @@ class Simulator:
         data.qpos[self._qpos], data.qvel[self._dof] = window.q, window.v
         self._load = window.load.copy()
         self._deflect(window.load)
+        # Damping by the servo is part of the implicit step where no lag stands between it and the joint.
+        implicit = isinstance(drive, PositionServo) and model.na == 0
+        added = np.zeros(model.nv)
+        if isinstance(drive, PositionServo) and implicit:
+            added[self._dof] = drive.kd * model.actuator_gainprm[self._motor, 0]
+            drive = replace(drive, undamped=True)
+        model.dof_damping[:] = self._damping + added
         delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
         if model.na:
             data.act[:] = drive.torque(float(window.time[0]), window.q, window.v)[: model.na]
@@ -143,7 +152,7 @@ class Simulator:
             q, v = data.qpos[self._qpos], data.qvel[self._dof]
             data.ctrl[self._motor] = drive.torque(float(time) + delay, q, v)
             if self._notes:
-                self._apply(q, v, window.session_s + float(time - window.time[0]))
+                self._apply(q, v, window.session_s + float(time - window.time[0]), added)
             mujoco.mj_step(model, data)
             if (step + 1) % keep == 0:
                 kept.append(data.qpos[self._qpos].copy())
@@ -161,10 +170,10 @@ class Simulator:
                 -torque / values["stiffness"] if soft else -0.5 * np.sign(torque) * values["width"]
             )
 
-    def _apply(self, q: Array, v: Array, session: float) -> None:
+    def _apply(self, q: Array, v: Array, session: float, added: Array) -> None:
         model, data = self.model, self.data
         model.dof_frictionloss[:] = self._friction
-        model.dof_damping[:] = self._damping
+        model.dof_damping[:] = self._damping + added
         data.qfrc_applied[:] = 0.0
         for effect, place, p in self._notes:
             j = self.joints.index(place)

@@ -26,7 +26,6 @@ from excite.robot.robot import Array
 
 MODEL = "augmented.xml"
 HORIZON_S = 0.5
-# Simulated time at most: roll-outs are spread evenly over longer records [s].
 _TOTAL_S = 16.0
 _STEP_S = 1.25e-3
 _START_HZ = 10.0
@@ -47,15 +46,16 @@ def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) ->
     return replace(rollout, model=MODEL)
 
 
-def compared(attribution: Attribution, baseline: Baseline) -> tuple[Rollout, str]:
-    """Roll-outs with the logged torques before and after the accepted effects, and the model's text.
+def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = None) -> tuple[Rollout, str]:
+    """Roll-outs before and after the accepted effects, and the model's text.
 
-    Every roll-out starts from the record's positions and velocities and runs for half a second with the logged
-    torques and no feedback, which would hide the gap.
+    Every roll-out starts from the record's positions and velocities. By default it runs for half a second with
+    the logged torques and no feedback, which would hide the gap.
 
     Args:
         attribution: the attribution.
         baseline: the baseline before it.
+        plan: horizon and drives, where they are others.
 
     Returns:
         The comparison, its model not written, and the augmented model.
@@ -70,15 +70,17 @@ def compared(attribution: Attribution, baseline: Baseline) -> tuple[Rollout, str
     before = baseline_model(baseline)
     after = augmented_model(final, effects) if effects else before
     samples = baseline.samples
-    plain = errors(before.xml, samples, baseline.rigid)
-    augmented = errors(after.xml, samples, final.rigid) if effects else plain
-    warnings = (*after.warnings, *unheard(final, effects, after.xml))
+    plan = plan or torque_plan(samples)
+    plain = errors(before.xml, samples, baseline.rigid, plan)
+    augmented = errors(after.xml, samples, final.rigid, plan) if effects else plain
+    warnings = (*after.warnings, *unheard(final, effects, after.xml, plan))
     return (
         Rollout(
             before=_rms(plain, samples.joints),
             after=_rms(augmented, samples.joints),
-            horizon_s=HORIZON_S,
+            horizon_s=plan.horizon_s,
             model=None,
+            driven_by=plan.driven_by,
             warnings=warnings,
         ),
         after.xml,
@@ -129,6 +131,29 @@ def _found(item: Scored, beta: Array) -> Found:
 
 
 @dataclass(frozen=True, eq=False)
+class Plan:
+    """How roll-outs are run.
+
+    Attributes:
+        horizon_s: length of one [s].
+        drives: by name of the trial, where its torques come from.
+        driven_by: the same in words.
+        total_s: simulated time at most: roll-outs are spread evenly over longer records [s].
+    """
+
+    horizon_s: float
+    drives: dict[str, Drive]
+    driven_by: str
+    total_s: float = _TOTAL_S
+
+
+def torque_plan(samples: ArmSamples) -> Plan:
+    """Half a second with the logged torques."""
+    drives: dict[str, Drive] = {t.name: LoggedTorque(t.time, t.tau) for t in samples.trials}
+    return Plan(HORIZON_S, drives, "logged torque")
+
+
+@dataclass(frozen=True, eq=False)
 class Piece:
     """A window with the torques that drive it and the positions that were recorded.
 
@@ -145,58 +170,66 @@ class Piece:
     keep: int
 
 
-def pieces(samples: ArmSamples, rigid: Array, total_s: float = _TOTAL_S) -> list[Piece]:
+def pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
     """Windows of the validation trials, of all trials where there are none.
 
     Args:
         samples: the samples.
         rigid: ``(n_samples, n_joints)`` torque of the rigid bodies, for the deflection of gears [N·m].
-        total_s: simulated time at most [s].
+        plan: horizon and drives.
     """
     loads = samples.split(rigid)
-    chosen = [k for k, t in enumerate(samples.trials) if not t.identification] or list(
-        range(len(samples.trials))
-    )
-    starts = [(k, i) for k in chosen for i in _starts(len(samples.trials[k].time), samples.rate_hz)]
-    most = max(1, int(total_s / HORIZON_S))
+    outside = [k for k, t in enumerate(samples.trials) if not t.identification]
+    chosen = outside or list(range(len(samples.trials)))
+    n = round(plan.horizon_s * samples.rate_hz)
+    edge = round(_EDGE_S * samples.rate_hz)
+    starts = [(k, i) for k in chosen for i in range(edge, len(samples.trials[k].time) - edge - n, n)]
+    most = max(1, int(plan.total_s / plan.horizon_s))
     pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
     smooth = {k: _smooth(samples, samples.trials[k]) for k in chosen}
-    return [_piece(samples, samples.trials[k], smooth[k], loads[k], i) for k, i in (starts[p] for p in pick)]
-
-
-def _starts(n: int, rate_hz: float) -> range:
-    edge, length = round(_EDGE_S * rate_hz), round(HORIZON_S * rate_hz)
-    return range(edge, n - edge - length, length)
+    return [
+        _piece(samples, samples.trials[k], smooth[k], loads[k], i, n, plan)
+        for k, i in (starts[p] for p in pick)
+    ]
 
 
 def _smooth(samples: ArmSamples, trial: ArmTrial) -> tuple[Array, Array]:
-    index = list(samples.index)
-    d = central_differences(lowpass(trial.q[:, index], samples.rate_hz, _START_HZ), samples.rate_hz)
+    cut = min(_START_HZ, 0.2 * samples.rate_hz)
+    d = central_differences(lowpass(trial.q[:, list(samples.index)], samples.rate_hz, cut), samples.rate_hz)
     return d.value, d.first
 
 
-def _piece(samples: ArmSamples, trial: ArmTrial, smooth: tuple[Array, Array], load: Array, i: int) -> Piece:
+def _piece(
+    samples: ArmSamples,
+    trial: ArmTrial,
+    smooth: tuple[Array, Array],
+    load: Array,
+    i: int,
+    n: int,
+    plan: Plan,
+) -> Piece:
     period = 1.0 / samples.rate_hz
     keep = max(1, int(np.ceil(period / _STEP_S - 1e-9)))
-    n = round(HORIZON_S * samples.rate_hz)
     step = period / keep
     t0 = float(trial.time[i])
     v = np.array([np.interp(t0 - 0.5 * step, trial.time, c) for c in smooth[1].T])
     window = Window(smooth[0][i], v, load[i], t0 + step * np.arange(n * keep), float(trial.session_s[i]))
     recorded = trial.q[i : i + n + 1][:, list(samples.index)]
-    return Piece(window, LoggedTorque(trial.time, trial.tau), recorded, keep)
+    return Piece(window, plan.drives[trial.name], recorded, keep)
 
 
-def errors(xml: str, samples: ArmSamples, rigid: Array) -> Array:
+def errors(xml: str, samples: ArmSamples, rigid: Array, plan: Plan) -> Array:
     """Simulated less recorded positions, ``(n_windows, n_kept, n_joints)`` [rad]."""
     simulator = Simulator(xml, samples.joints)
-    return np.array([simulator.run(p.window, p.drive, p.keep) - p.recorded for p in pieces(samples, rigid)])
+    return np.array(
+        [simulator.run(p.window, p.drive, p.keep) - p.recorded for p in pieces(samples, rigid, plan)]
+    )
 
 
-def unheard(baseline: Baseline, effects: Sequence[Found], xml: str) -> tuple[str, ...]:
-    """Effects that the written model, loaded again, ignores: doubled, they do not move a roll-out."""
+def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) -> tuple[str, ...]:
+    """Effects that the written model, loaded again, ignores: half as large again, they move no roll-out."""
     samples = baseline.samples
-    few = pieces(samples, baseline.rigid, 3.0 * HORIZON_S)
+    few = pieces(samples, baseline.rigid, replace(plan, horizon_s=HORIZON_S, total_s=3.0 * HORIZON_S))
     said = []
     here = Simulator(xml, samples.joints)
     runs = [here.run(p.window, p.drive, p.keep) for p in few] if effects else []

@@ -1,0 +1,1 @@
+"""Diagnosis of logs without torque: positions, commands and what is known of the servo."""
