@@ -11,7 +11,7 @@ import pytest
 from excite.campaign.check import check
 from excite.campaign.plan import Plan, plan
 from excite.campaign.rank import rank
-from excite.campaign.rehearsal import rehearse
+from excite.campaign.rehearsal import loaded_robot, rehearse
 from excite.errors import InputError, UnknownNameError
 from excite.motion.files import load_motion
 from excite.robot.robot import Robot
@@ -93,3 +93,13 @@ def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot,
     leaning[:, waist] += 0.5
     leaning[:, ankles] += 0.4
     assert rehearse(g1, [motion, replace(motion, q=leaning)]) == (True, False)
+
+
+def test_a_one_leg_stance_carries_a_load_of_which_the_model_does_not_know(
+    g1: Robot, standing_plan: Plan
+) -> None:
+    swings = [motion for motion in standing_plan.accepted if motion.metadata.generator == "leg_swing"]
+    for offset in ((0.0, 0.05, 0.1), (0.0, -0.05, 0.1)):
+        carrying = loaded_robot(g1, offset)
+        assert carrying.truth.added_mass == pytest.approx(0.15 * g1.mass)
+        assert replay(carrying, swings[0]).on_its_feet
