@@ -23,7 +23,6 @@ _UNLOADED_N = 20.0
 _LOADED_N = 50.0
 # A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres.
 _NEAR, _FAR = 0.15, 0.25
-_MASS_TOLERANCE = 0.05
 _FREE_MOMENT_NM = 200.0
 
 

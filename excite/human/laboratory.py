@@ -58,7 +58,9 @@ def absent_markers(recording: Recording, wanted: tuple[str, ...]) -> tuple[Findi
     }
     rare = tuple(label for label in recording.markers if share[label] < _SEEN_TOO_SELDOM)
     if rare:
-        text = f"{recording.source.name}: markers seen in fewer than a tenth of the frames: {listed(rare, 12)}"
+        text = (
+            f"{recording.source.name}: markers seen in fewer than a tenth of the frames: {listed(rare, 12)}"
+        )
         found.append(Finding("missing_markers", text, {"markers": float(len(rare))}, rare))
     gaps = tuple(label for label in recording.markers if _SEEN_TOO_SELDOM <= share[label] < 1.0)
     if gaps:
@@ -131,5 +133,3 @@ def _middle(recording: Recording, markers: MarkerSet, chosen: Callable[[str], bo
 def upright(recording: Recording, axis: str) -> Recording:
     """The recording turned so that ``axis`` becomes z."""
     return recording.turned(_UP[axis])
-
-

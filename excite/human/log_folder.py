@@ -42,7 +42,7 @@ class MeasuredTrial:
     rate_hz: float
 
 
-def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float) -> Log:
+def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cutoff_hz: float | None) -> Log:
     """The log of a person's trials.
 
     Of several trials the last one validates; a single one is cut in two, whose files overlap by what filters take
@@ -52,6 +52,7 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float) -> L
         body: the person.
         trials: measured trials.
         hold_out: share of a single trial's time that validates, 0 for none.
+        cutoff_hz: low-pass that markers and forces went through.
 
     Raises:
         InputError: rates differ, or the share is none.
@@ -74,11 +75,12 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float) -> L
             if all(names[number, reading.name] != sensor.name for sensor in sensors):
                 sensors.append(_sensor(names[number, reading.name], reading))
     for number, trial in enumerate(trials):
-        whole = _trial(trial, number, names, [sensor.name for sensor in sensors])
+        edge = settling_samples(rate, cutoff_hz) // 2 if cutoff_hz is not None else 0
+        whole = _trial(trial, number, names, [sensor.name for sensor in sensors], edge)
         if len(trials) > 1 or hold_out == 0.0:
             parts.append((whole, "validation" if number and number == len(trials) - 1 else "identification"))
         else:
-            first, second = _cut(whole, rate, hold_out)
+            first, second = _cut(whole, rate, hold_out, cutoff_hz)
             parts += [(first, "identification"), (second, "validation")]
     logged, headers = [], []
     for number, (part, role) in enumerate(parts):
@@ -92,6 +94,7 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float) -> L
             "base": "floating",
             "gravity": _GRAVITY,
             "rate_hz": round(rate, 6),
+            "lowpass_hz": cutoff_hz,
             "joints": JOINT_NAMES,
             "torque": "none",
             "base_link": "pelvis",
@@ -124,14 +127,19 @@ def _sensor(name: str, reading: PlateReading) -> SensorHeader:
 
 
 def _trial(
-    trial: MeasuredTrial, number: int, names: dict[tuple[int, str], str], sensors: list[str]
+    trial: MeasuredTrial,
+    number: int,
+    names: dict[tuple[int, str], str],
+    sensors: list[str],
+    edge: int,
 ) -> dict[str, Any]:
+    """Channels of a trial; ``edge`` frames that the filter's transient reaches are left out at either end."""
     pose = trial.poses.pose
     n = len(pose)
     wrenches = {name: np.zeros((n, 6)) for name in sensors}
     for reading in trial.readings:
         wrenches[names[number, reading.name]] = reading.wrench
-    span = trial.frames
+    span = slice(max(trial.frames.start, edge), min(trial.frames.stop, n - edge))
     return {
         "time": np.arange(n)[span] / trial.rate_hz + trial.poses.time[0],
         "q": joint_angles(pose)[span],
@@ -140,8 +148,10 @@ def _trial(
     }
 
 
-def _cut(whole: dict[str, Any], rate: float, hold_out: float) -> tuple[dict[str, Any], dict[str, Any]]:
-    filters = ProblemSettings().filters(floating=True)
+def _cut(
+    whole: dict[str, Any], rate: float, hold_out: float, cutoff_hz: float | None
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    filters = ProblemSettings().filters(floating=True, lowpass_hz=cutoff_hz)
     margin = settling_samples(rate, filters.kinematics_cutoff_hz) + settling_samples(rate, filters.cutoff_hz)
     n = len(whole["time"])
     middle = margin + round((1.0 - hold_out) * (n - 2 * margin))

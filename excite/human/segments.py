@@ -76,9 +76,7 @@ SEGMENTS: tuple[Segment, ...] = (
 )
 NAMES: tuple[str, ...] = tuple(segment.name for segment in SEGMENTS)
 PARENTS: tuple[int, ...] = tuple(-1 if s.parent is None else NAMES.index(s.parent) for s in SEGMENTS)
-PAIRS: tuple[tuple[str, str], ...] = tuple(
-    (s.name, f"left_{s.kind}") for s in SEGMENTS if s.side == RIGHT
-)
+PAIRS: tuple[tuple[str, str], ...] = tuple((s.name, f"left_{s.kind}") for s in SEGMENTS if s.side == RIGHT)
 JOINT_NAMES: tuple[str, ...] = tuple(
     f"{s.joint}" if len(s.axes) == 1 else f"{s.joint}_{axis.name}" for s in SEGMENTS for axis in s.axes
 )

@@ -34,7 +34,9 @@ class Subject:
             InputError: names the number, and the unit that it looks like.
         """
         if not (isfinite(self.mass) and _MASS[0] <= self.mass <= _MASS[1]):
-            raise InputError(f"is {self.mass} kg", source="subject", field="mass", remedy="give it in kilograms")
+            raise InputError(
+                f"is {self.mass} kg", source="subject", field="mass", remedy="give it in kilograms"
+            )
         if not (isfinite(self.height) and _HEIGHT[0] <= self.height <= _HEIGHT[1]):
             centimetres = isfinite(self.height) and _HEIGHT[0] <= self.height / 100.0 <= _HEIGHT[1]
             remedy = "these look like centimetres, give metres" if centimetres else "give it in metres"

@@ -127,10 +127,7 @@ def interpolated(at: Array, pose: Pose, wanted: Array) -> Pose:
         return Pose(pose.position[index], pose.rotation[index])
     position = np.column_stack([np.interp(wanted, at, pose.position[:, i]) for i in range(3)])
     rotation = np.stack(
-        [
-            Slerp(at, Rotation.from_matrix(pose.rotation[:, k]))(wanted).as_matrix()
-            for k in range(N_SEGMENTS)
-        ],
+        [Slerp(at, Rotation.from_matrix(pose.rotation[:, k]))(wanted).as_matrix() for k in range(N_SEGMENTS)],
         axis=1,
     )
     return Pose(position, rotation)

@@ -22,9 +22,7 @@ _HINGE = (-0.5, 2.9)
 
 def virtual_links() -> tuple[str, ...]:
     """Massless links between the axes of the spherical joints."""
-    return tuple(
-        f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes)) if len(s.axes) > 1
-    )
+    return tuple(f"{s.name}_axis_{i}" for s in SEGMENTS for i in range(1, len(s.axes)) if len(s.axes) > 1)
 
 
 def urdf_text(body: Body) -> str:
@@ -65,9 +63,7 @@ def _range(n_axes: int, place: int) -> tuple[float, float]:
     return -bound, bound
 
 
-def _link(
-    robot: ElementTree.Element, name: str, inertia: BodyInertia, box: Array, turn: Array
-) -> None:
+def _link(robot: ElementTree.Element, name: str, inertia: BodyInertia, box: Array, turn: Array) -> None:
     link = ElementTree.SubElement(robot, "link", name=name)
     inertial = ElementTree.SubElement(link, "inertial")
     _origin(inertial, turn @ inertia.center, np.eye(3))
@@ -113,7 +109,12 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
     subject, d = body.subject, body.dimensions
     front = d.foot_length - d.heel
     height = d.ankle_height
-    sole = [[-d.heel, -0.04, -height], [-d.heel, 0.04, -height], [front, 0.04, -height], [front, -0.04, -height]]
+    sole = [
+        [-d.heel, -0.04, -height],
+        [-d.heel, 0.04, -height],
+        [front, 0.04, -height],
+        [front, -0.04, -height],
+    ]
     middle = "chosen here"
     boxes = {}
     for k, name in enumerate(NAMES):
@@ -179,5 +180,3 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
 def _corners(box: Array) -> Array:
     grid = np.array(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij")).reshape(3, -1).T
     return np.take_along_axis(box, grid, axis=0)
-
-

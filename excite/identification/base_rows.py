@@ -64,7 +64,7 @@ class BaseRows:
 
     @cached_property
     def unmeasured(self) -> tuple[int, ...]:
-        """Segments beyond the ankle sensors.
+        """Segments beyond the ankle sensors, and axes of compound joints, which have no body.
 
         Raises:
             LogError: a foot stands on a plate and has an ankle sensor: its load would count twice.
@@ -77,7 +77,9 @@ class BaseRows:
                     field="sensors",
                     remedy="keep one kind in log.yaml",
                 )
-        return tuple(sorted({segment for sensor in self.robot.sensors for segment in sensor.excludes}))
+        beyond = {segment for sensor in self.robot.sensors for segment in sensor.excludes}
+        bodiless = np.flatnonzero(~self.robot.nominal_parameters.reshape(-1, 10).any(axis=1))
+        return tuple(sorted(beyond | set(bodiless.tolist())))
 
     @property
     def noise(self) -> Array:

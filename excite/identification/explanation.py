@@ -48,7 +48,9 @@ def explain_signals(robot: Robot, log: Log, settings: ProblemSettings | None = N
     if not trials:
         raise LogError("has no trial with role 'identification'", source=log.folder, field="trials")
     robot = robot_in_log(robot, log.header, log.folder)
-    filters = settings.filters(floating=log.header.base == "floating")
+    filters = settings.filters(
+        floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz
+    )
     trial = trials[0]
     prepared = prepare_trial(trial, settings, filters)
     k = trial_kinematics(robot, log.header, prepared.trial, settings, filters)

@@ -90,14 +90,22 @@ class ProblemSettings:
     skip_periods: int = _setting(0, "1", 0, 1000, "periods left out at the start")
     differentiation: Literal["central", "fourier"] = "central"
 
-    def filters(self, *, floating: bool) -> Filters:
-        """The filters, with every None that depends on the robot or on others filled in."""
-        cutoff = self.cutoff_hz or 5.0
+    def filters(self, *, floating: bool, lowpass_hz: float | None = None) -> Filters:
+        """The filters, with every None that depends on the robot or on others filled in.
+
+        Args:
+            floating: whether rows are those of a floating base.
+            lowpass_hz: cut-off that all channels of the log went through alike, as those of people do.
+                Positions filtered once more than forces would lose accelerations, so they are not; rows keep
+                up to 6 Hz of it and are twice as dense, as such recordings are short.
+        """
+        cutoff = self.cutoff_hz or min(lowpass_hz or 5.0, 6.0)
+        kinematics = cutoff if floating else 2.0 * cutoff
         return Filters(
             cutoff_hz=cutoff,
-            kinematics_cutoff_hz=self.kinematics_cutoff_hz or (cutoff if floating else 2.0 * cutoff),
+            kinematics_cutoff_hz=self.kinematics_cutoff_hz or (math.inf if lowpass_hz else kinematics),
             order=self.order,
-            rate_hz=self.rate_hz or 2.0 * cutoff,
+            rate_hz=self.rate_hz or (4.0 if lowpass_hz else 2.0) * cutoff,
         )
 
     def __post_init__(self) -> None:

@@ -45,6 +45,8 @@ class TrialHeader(_Block):
 class LogHeader(_Block):
     """The whole of ``log.yaml``.
 
+    Where ``lowpass_hz`` is stated, all channels went through the same low-pass at that cut-off already.
+
     ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move,
     but their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their
     joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
@@ -56,6 +58,7 @@ class LogHeader(_Block):
     base: Literal["fixed", "floating", "suspended"]
     gravity: Vector3 = (0.0, 0.0, -9.81)
     rate_hz: float = Field(gt=0.0)
+    lowpass_hz: float | None = Field(default=None, gt=0.0)
     joints: tuple[str, ...] = Field(min_length=1)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
     torque_constants: dict[str, float] = {}

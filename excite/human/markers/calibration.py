@@ -107,7 +107,9 @@ def calibrate(
     model = _with_free_markers(model, points, solution)
     # Landmarks alone can leave a limb folded the wrong way; with all markers postures are found afresh.
     solution = first_poses(model, points)
-    model = _with_free_markers(replace(model, local=np.where(np.isfinite(guess), guess, np.nan)), points, solution)
+    model = _with_free_markers(
+        replace(model, local=np.where(np.isfinite(guess), guess, np.nan)), points, solution
+    )
     sigma = np.where(np.isfinite(guess).all(axis=1), _LANDMARK_SIGMA, _FREE_SIGMA)
     return _adjust(model, dimensions, points, solution.pose, sigma)
 
@@ -151,7 +153,11 @@ def first_poses(model: MarkerModel, points: Array) -> Solution:
     start.rotation[:, 0], start.position[:] = rotation, origin
     for name in NAMES[1:]:
         k = NAMES.index(name)
-        if len(COLUMNS_OF_SPHERICAL) and k in COLUMNS_OF_SPHERICAL and (part.segment == k).sum() >= _FEWEST_MARKERS:
+        if (
+            len(COLUMNS_OF_SPHERICAL)
+            and k in COLUMNS_OF_SPHERICAL
+            and (part.segment == k).sum() >= _FEWEST_MARKERS
+        ):
             world, _ = aligned(part, shown, name)
             carrier = place(start, model.offsets).rotation[:, PARENTS[k]]
             start.rotation[:, k] = carrier.transpose(0, 2, 1) @ world

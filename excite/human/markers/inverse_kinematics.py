@@ -165,7 +165,9 @@ def _solve_block(
         cost[gain], distance[gain] = new_cost[better], new_distance[better]
         damping[gain] = np.maximum(0.1 * damping[gain], 1e-9)
         damping[active[~better]] = 10.0 * np.maximum(damping[active[~better]], 1e-6)
-        active = np.concatenate([gain[relative > _CONVERGED], active[~better][damping[active[~better]] < 1e4]])
+        active = np.concatenate(
+            [gain[relative > _CONVERGED], active[~better][damping[active[~better]] < 1e4]]
+        )
         if not len(active):
             break
     return Solution(pose, np.where(seen, distance, np.nan), cost)

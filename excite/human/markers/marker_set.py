@@ -204,11 +204,17 @@ def read_marker_set(name_or_path: str | Path) -> MarkerSet:
         line = " ".join(str(error).split())
         raise InputError(f"is not valid YAML ({line})", source=path, remedy="mend the syntax") from error
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise InputError("is no mapping file", source=path, field="schema", remedy=f"begin with schema: {SCHEMA}")
+        raise InputError(
+            "is no mapping file", source=path, field="schema", remedy=f"begin with schema: {SCHEMA}"
+        )
     entries = content.get("markers")
     if not isinstance(entries, dict) or not entries:
-        raise InputError("lists no markers", source=path, field="markers", remedy="map label to landmark or segment")
-    return MarkerSet(path.stem, {str(label): _site(entry, str(label), path) for label, entry in entries.items()})
+        raise InputError(
+            "lists no markers", source=path, field="markers", remedy="map label to landmark or segment"
+        )
+    return MarkerSet(
+        path.stem, {str(label): _site(entry, str(label), path) for label, entry in entries.items()}
+    )
 
 
 def _site(entry: object, label: str, path: Path) -> MarkerSite:
@@ -220,7 +226,10 @@ def _site(entry: object, label: str, path: Path) -> MarkerSite:
     landmark, segment = entry.get("landmark"), entry.get("segment")
     if landmark is not None and landmark not in LANDMARKS:
         raise InputError(
-            f"no landmark {landmark!r}", source=path, field=field, remedy="choose one of " + ", ".join(LANDMARKS)
+            f"no landmark {landmark!r}",
+            source=path,
+            field=field,
+            remedy="choose one of " + ", ".join(LANDMARKS),
         )
     segment = landmark_segment(landmark) if segment is None else segment
     if segment not in NAMES:

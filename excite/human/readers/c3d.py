@@ -59,7 +59,9 @@ def _plate(plate: Any, index: int, length: float, time: np.ndarray, path: Path) 
     moment_unit = {"Nmm": 1e-3, "Nm": 1.0, "N.m": 1.0, "Ncm": 1e-2}
     unit = str(plate.get("unit_moment", "Nmm"))
     if unit not in moment_unit:
-        raise LogError(f"is {unit!r}", source=path, field=f"plate {index + 1}, moment", remedy="use Nmm or Nm")
+        raise LogError(
+            f"is {unit!r}", source=path, field=f"plate {index + 1}, moment", remedy="use Nmm or Nm"
+        )
     force = np.asarray(plate["force"], dtype=float).T
     about_center = np.asarray(plate["moment"], dtype=float).T * moment_unit[unit]
     place = str(plate.get("unit_position", ""))

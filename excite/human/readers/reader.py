@@ -50,7 +50,9 @@ def numbers(fields: list[str], path: Path, line: int) -> list[float]:
     try:
         return [float(text) if text.strip() else np.nan for text in fields]
     except ValueError as error:
-        raise LogError(f"line {line} is not numeric ({error})", source=path, remedy="write numbers only") from error
+        raise LogError(
+            f"line {line} is not numeric ({error})", source=path, remedy="write numbers only"
+        ) from error
 
 
 def checked_time(time: Array, path: Path) -> Array:

@@ -14,7 +14,6 @@ from excite.human.recording import PlateRecording, Recording
 from excite.robot.robot import Array
 
 
-
 class StorageReader(RecordingReader):
     """``NAME_vx … vz`` forces [N], ``NAME_px … pz`` points of application [m], torques ``…torque…x … z`` [N·m]."""
 
@@ -88,7 +87,9 @@ def read_storage(path: Path) -> dict[str, Array]:
 def _vector(columns: dict[str, Array], stem: str, path: Path) -> Array:
     missing = [f"{stem}{axis}" for axis in "xyz" if f"{stem}{axis}" not in columns]
     if missing:
-        raise LogError("column is missing", source=path, field=missing[0], remedy="export all three components")
+        raise LogError(
+            "column is missing", source=path, field=missing[0], remedy="export all three components"
+        )
     values = np.column_stack([columns[f"{stem}{axis}"] for axis in "xyz"])
     if not np.isfinite(values).all():
         raise LogError("is not finite", source=path, field=f"{stem}x", remedy="export it again")

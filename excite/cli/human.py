@@ -1,0 +1,74 @@
+"""``excite human``: a person's model and log folder from markers and force plates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, SeedOption
+from excite.cli.output import emit, progress_bars
+from excite.json_document import write_json
+
+NAME = "human"
+
+
+def command(
+    trials: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="TRIAL…", help="Recordings: C3D or CSV, or TRC with MOT/STO (markers with their forces)."
+        ),
+    ],
+    mass: Annotated[float, typer.Option("--mass", help="Mass of the person with all that is worn [kg].")],
+    height: Annotated[float, typer.Option("--height", help="Stature [m].")],
+    sex: Annotated[str, typer.Option("--sex", help="male or female: which tables are taken.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Log folder that is written.")] = Path(
+        "human_log"
+    ),
+    static: Annotated[
+        list[Path] | None,
+        typer.Option("--static", help="Recording of standing, for calibration only (may be repeated)."),
+    ] = None,
+    table: Annotated[
+        str, typer.Option("--table", help="Nominal segment inertias: de_leva (1996) or dumas (2007).")
+    ] = "de_leva",
+    markers: Annotated[
+        str | None,
+        typer.Option("--markers", help="Marker set (jovic, plug_in_gait, rajagopal) or mapping file."),
+    ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option("--up", help="Laboratory axis that points up: x, y or z; found if not given."),
+    ] = None,
+    cutoff_hz: Annotated[
+        float,
+        typer.Option(
+            "--cutoff", min=0.0, help="Low-pass on markers and forces [Hz], third order; 0 for none."
+        ),
+    ] = 6.0,
+    hold_out: Annotated[
+        float,
+        typer.Option("--hold-out", min=0.0, max=0.9, help="Share of a single trial kept for validation."),
+    ] = 0.3,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
+    settings = excite.MeasureSettings(
+        table=table,  # type: ignore[arg-type]
+        markers=markers,
+        up=up,
+        cutoff_hz=cutoff_hz,
+        hold_out=hold_out,
+    )
+    subject = excite.Subject(mass, height, sex)  # type: ignore[arg-type]
+    with progress_bars() as progress:
+        person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
+    excite.write_person(person, out)
+    document = person.to_json()
+    write_json(document, out / "human.json")
+    emit(f"{person.summary()}\nwrote {out}", document, as_json=as_json)

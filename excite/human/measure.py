@@ -1,0 +1,212 @@
+"""From files of a motion laboratory to a person's model and log folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.atomic import atomic_path
+from excite.human.body import Body, body_of
+from excite.human.dimensions import DIMENSIONS, Dimensions
+from excite.human.force_plates import plate_readings
+from excite.human.inertials import ANTHROPOMETRY, Anthropometry
+from excite.human.joint_angles import joint_angles, near_singular
+from excite.human.laboratory import absent_markers, in_metres, up_axis, upright, with_known_labels
+from excite.human.log_folder import MeasuredTrial, human_log
+from excite.human.markers.calibration import Calibration, calibrate
+from excite.human.markers.marker_set import MarkerSet, find_marker_set, read_marker_set
+from excite.human.pairing import paired_recordings
+from excite.human.recording import Recording
+from excite.human.segments import NAMES
+from excite.human.skeleton import place
+from excite.human.subject import Subject
+from excite.human.support import support
+from excite.human.trial_poses import trial_poses
+from excite.human.urdf import ROBOT_FILE, robot_yaml
+from excite.logs.files import save_log
+from excite.logs.finding import Finding
+from excite.logs.log import Log
+from excite.progress import Progress, silent
+from excite.threads import one_blas_thread
+
+
+@dataclass(frozen=True)
+class MeasureSettings:
+    """Choices.
+
+    Attributes:
+        table: of the nominal inertial parameters, ``de_leva`` or ``dumas``.
+        markers: name of a marker set or path of a mapping file; None finds the set by its labels.
+        up: laboratory axis that points up; None finds it.
+        cutoff_hz: low-pass on markers and forces [Hz]; 0 for none.
+        hold_out: share of a single trial that validates.
+    """
+
+    table: Anthropometry = "de_leva"
+    markers: str | None = None
+    up: str | None = None
+    cutoff_hz: float = 6.0
+    hold_out: float = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPerson:
+    """A person as measured.
+
+    Attributes:
+        body: dimensions calibrated, nominal inertial parameters.
+        calibration: markers on the body.
+        log: trials, ready to be identified from.
+        trials: by trial: RMS distance of each marker [m], mass that the plates say [kg], plates and their feet.
+        findings: what was odd in the files and what was done about it.
+    """
+
+    body: Body
+    calibration: Calibration
+    log: Log
+    trials: Mapping[str, Mapping[str, Any]]
+    findings: tuple[Finding, ...] = field(default=())
+
+    def to_json(self) -> dict[str, Any]:
+        """The document ``excite.human/1``."""
+        subject, d = self.body.subject, self.calibration.dimensions
+        other = {table: self.body.with_table(table) for table in ANTHROPOMETRY}  # type: ignore[arg-type]
+        return {
+            "schema": "excite.human/1",
+            "subject": {"mass": subject.mass, "height": subject.height, "sex": subject.sex},
+            "table": self.body.table,
+            "segments": [
+                {"segment": name, **{f"{table}_kg": body.inertias[k].mass for table, body in other.items()}}
+                for k, name in enumerate(NAMES)
+            ],
+            "dimensions": _dimensions(d),
+            "marker_rms_m": self.calibration.rms,
+            "trials": [{"trial": name, **values} for name, values in self.trials.items()],
+            "findings": [finding.to_json() for finding in self.findings],
+        }
+
+    def summary(self) -> str:
+        """In words, for a terminal."""
+        subject = self.body.subject
+        lines = [
+            f"person of {subject.mass:g} kg, {subject.height:g} m, {subject.sex}; segments by {self.body.table}",
+            f"markers fit the calibrated body to {1e3 * self.calibration.rms:.1f} mm",
+        ]
+        for name, values in self.trials.items():
+            rms = values["marker_rms_m"]
+            worst = max(rms, key=rms.get)
+            typical = np.sqrt(np.mean(np.square(list(rms.values()))))
+            plates = ", ".join(f"{p['plate']} under {p['foot']}" for p in values["plates"])
+            lines.append(
+                f"{name}: {values['seconds']:.1f} s, markers {1e3 * typical:.1f} mm (worst {worst}, "
+                f"{1e3 * rms[worst]:.1f} mm), plates say {values['plates_kg']:.2f} kg; {plates}"
+            )
+        return "\n".join([*lines, *(f"note: {finding.text}" for finding in self.findings)])
+
+
+def _dimensions(dimensions: Dimensions) -> dict[str, dict[str, float]]:
+    pairs = zip(DIMENSIONS, dimensions.values, dimensions.spread, strict=True)
+    return {name: {"value_m": float(value), "std_m": float(spread)} for name, value, spread in pairs}
+
+
+@one_blas_thread
+def measure_person(
+    subject: Subject,
+    trials: Sequence[Path],
+    static: Sequence[Path] = (),
+    settings: MeasureSettings | None = None,
+    progress: Progress = silent,
+) -> MeasuredPerson:
+    """Calibrate a person's body and turn trials to joint angles and contact wrenches.
+
+    Args:
+        subject: mass, height, sex.
+        trials: files with markers and forces (C3D, CSV), or with one of the two (TRC; MOT, STO), which are paired.
+        static: recordings of standing, for calibration only.
+        settings: table, marker set, axes, filter.
+        progress: told of each trial.
+
+    Raises:
+        LogError: a file is malformed, or markers and forces cannot be true; names the file and the remedy.
+        InputError: markers are too few, or settings absurd.
+    """
+    settings = settings or MeasureSettings()
+    moving, standing = paired_recordings(trials, static)
+    markers = _marker_set(settings, [*standing, *moving])
+    up = settings.up
+    prepared = []
+    for recording in (*standing, *moving):
+        known = in_metres(with_known_labels(recording, markers), subject)
+        up = up_axis(known, markers) if up is None else up
+        prepared.append(upright(known, up))
+    still, moving = prepared[: len(standing)], prepared[len(standing) :]
+    wanted = tuple(label for label in markers.sites if any(label in r.markers for r in prepared))
+    cutoff = settings.cutoff_hz or None
+    calibration = calibrate(subject, markers.sites, [recording.markers for recording in (*still, *moving)])
+    body = body_of(subject, calibration.dimensions, settings.table)
+    measured, reports, findings = [], {}, []
+    for recording in still:
+        findings += recording.findings
+    for number, recording in enumerate(moving):
+        progress("trials", number, len(moving))
+        findings += [*recording.findings, *absent_markers(recording, _in_trials(wanted, moving))]
+        trial, report, found = _measured(body, calibration, recording, cutoff)
+        measured.append(trial)
+        reports[trial.name] = report
+        findings += found
+    progress("trials", len(moving), len(moving))
+    log = human_log(body, measured, settings.hold_out, cutoff)
+    return MeasuredPerson(body, calibration, log, reports, tuple(findings))
+
+
+def _in_trials(wanted: tuple[str, ...], moving: Sequence[Recording]) -> tuple[str, ...]:
+    """Labels that at least half of the trials have: calibration may use more."""
+    return tuple(
+        label for label in wanted if sum(label in trial.markers for trial in moving) >= 0.5 * len(moving)
+    )
+
+
+def _marker_set(settings: MeasureSettings, recordings: Sequence[Recording]) -> MarkerSet:
+    if settings.markers is not None:
+        return read_marker_set(settings.markers)
+    return find_marker_set({label for recording in recordings for label in recording.markers})
+
+
+def _measured(
+    body: Body, calibration: Calibration, recording: Recording, cutoff_hz: float | None
+) -> tuple[MeasuredTrial, dict[str, Any], tuple[Finding, ...]]:
+    poses = trial_poses(calibration, recording, cutoff_hz)
+    placement = place(poses.pose, body.offsets)
+    readings, odd = plate_readings(recording, placement, body, cutoff_hz)
+    held = support(body, placement, readings, recording.rate_hz, recording.source)
+    name = recording.source.stem
+    trial = MeasuredTrial(name, poses, readings, held.frames, recording.rate_hz)
+    span = held.frames
+    report = {
+        "seconds": (span.stop - span.start) / recording.rate_hz,
+        "rate_hz": recording.rate_hz,
+        "plates_kg": held.mass,
+        "marker_rms_m": dict(poses.marker_rms),
+        "plates": [
+            {"plate": r.name, "foot": r.foot, "pressure_center_distance_m": r.distance} for r in readings
+        ],
+    }
+    singular = near_singular(joint_angles(poses.pose), name)
+    return trial, report, (*poses.findings, *odd, *held.findings, *singular)
+
+
+def write_person(person: MeasuredPerson, folder: Path) -> None:
+    """Write a log folder with the person's model: ``log.yaml``, trials, ``human.urdf``, ``robot.yaml``.
+
+    Raises:
+        LogError: the folder holds something that is no log.
+    """
+    save_log(person.log, folder)
+    plates = tuple(sensor.name for sensor in person.log.header.sensors)
+    with atomic_path(folder / ROBOT_FILE) as temporary:
+        text = robot_yaml(person.body, person.log.header.rate_hz, plates)
+        temporary.write_text(text, encoding="utf-8")
