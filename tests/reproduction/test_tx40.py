@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from excite.cli.main import app
 from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.logs.log import Log
@@ -69,15 +66,3 @@ def test_seconds_left_out_are_predicted(data_dir: Path, tmp_path: Path) -> None:
     """Measured when written: 5.4 6.5 10.2 9.5 12.0 10.7 % left of the last two seconds."""
     result = found(tx40_log(data_dir, tmp_path, 4.0), "cls3")
     assert max(percent_left(result.validation)) <= LARGEST_PERCENT
-
-
-def test_the_command_line_takes_the_coupling_from_the_log(log: Log) -> None:
-    assert log.folder is not None
-    model = str(log.folder / "tx40.urdf")
-    arguments = ["identify", model, str(log.folder), "--method", "wls", "--cutoff", "20", "--json"]
-    run = CliRunner().invoke(app, arguments)
-    assert run.exit_code == 0, run.output
-    document = json.loads(run.stdout)
-    assert any("link_6" in text and "starting value" in text for text in document["warnings"])
-    assert "joint_viscous.joint_6" in document["drive_parameters"]
-    assert max(100.0 * fit["rmse"] / fit["std"] for fit in document["fit"].values()) <= LARGEST_PERCENT
