@@ -23,6 +23,8 @@ _SAMPLES = 1500
 _GAIN = (0.5, 2.0)
 # Less than this share of a torque's power is no better explained.
 FLOOR = 1e-3
+# A torque whose power is all but this share in its mean is a dead channel.
+_DEAD = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +111,9 @@ def share_left(samples: TorqueSamples, torque: Array, model: Array, joint: int) 
     x = model - basis @ (basis.T @ model)
     gain = float(np.clip(x @ y / max(float(x @ x), 1e-300), *_GAIN))
     power = float(((torque - torque.mean()) ** 2).sum())
+    # A torque that never changes, filters' rounding aside, is explained by nothing.
+    if power <= _DEAD * float(torque @ torque):
+        return 1.0
     return float(((y - gain * x) ** 2).sum()) / max(power, 1e-300)
 
 

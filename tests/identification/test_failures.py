@@ -187,7 +187,13 @@ STEPS = {
 }
 
 
-@pytest.mark.parametrize("name", list(ESTIMATORS))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in ("ls", "qp", "lmi") else [pytest.mark.slow])
+        for name in ESTIMATORS
+    ],
+)
 def test_the_command_ends_with_3_and_writes_the_best_that_is_known(name, folder, tmp_path, monkeypatch):
     if name in SOLVERS:
         kind, solver = SOLVERS[name]
