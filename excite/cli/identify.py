@@ -30,6 +30,23 @@ def command(
         float | None,
         typer.Option("--cutoff", min=0.0, help="Cut-off of the zero-phase low-pass on all signals [Hz]."),
     ] = None,
+    bounds: Annotated[
+        Path | None,
+        typer.Option(
+            "--bounds",
+            metavar="FILE",
+            help="Bounds of masses, centres of mass, inertias, drives (excite.physical_bounds/1), for physical, "
+            "cls1, cls2, cls3.",
+        ),
+    ] = None,
+    bounds_template: Annotated[
+        Path | None,
+        typer.Option(
+            "--bounds-template",
+            metavar="FILE",
+            help="Write bounds of this robot to edit, and identify nothing.",
+        ),
+    ] = None,
     drives: Annotated[
         bool, typer.Option("--drives", help="Write identified friction into the model files too.")
     ] = False,
@@ -61,13 +78,18 @@ def command(
     With --out also the robot's URDF and a MuJoCo model with the identified inertials, and differences.csv.
     """
     loaded = excite.robot_for_log(robot, logs[0])
+    if bounds_template is not None:
+        path = excite.write_bounds_template(loaded, bounds_template)
+        emit(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json)
+        return
+    stated = None if bounds is None else excite.load_bounds(bounds, loaded)
     read = [excite.load_log(log, loaded) for log in logs]
     log = excite.join_logs(read)
     settings = excite.ProblemSettings(cutoff_hz=cutoff_hz)
     lag = excite.estimate_torque_delay(loaded, log, settings) if align else None
     if lag is not None:
         settings = replace(settings, torque_delay_s=lag.lag_s)
-    estimator = excite.EstimatorSettings(total_mass=total_mass)
+    estimator = excite.EstimatorSettings(total_mass=total_mass, bounds=stated)
     try:
         result = excite.identify(loaded, log, method, settings=estimator, problem_settings=settings)
     except excite.NoSolutionError as error:

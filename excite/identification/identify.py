@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.errors import NoSolutionError, RobotError
+from excite.errors import InputError, NoSolutionError, RobotError
 from excite.identification.attempt import attempt, failure_finding
 from excite.identification.changes import Changes, find_changes
 from excite.identification.consistency import check_consistency
@@ -14,8 +14,8 @@ from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.mass import measured_total_mass
 from excite.identification.doubts import find_doubts
 from excite.identification.essential import essential_parameters
-from excite.identification.estimators.base import Estimate, Estimator
-from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
+from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.noise import NoiseModel
 from excite.identification.problem import IdentificationProblem, build_problem
@@ -64,6 +64,7 @@ def identify(
         LogError: the log and the robot do not fit, or leave no rows.
         NoSolutionError: the estimator found no parameters that pass its checks; ``best`` is an Identification
             with the best point known, marked by its status and its first finding.
+        InputError: the settings state bounds that the method does not keep.
     """
     estimator = find_estimator(method)
     problem = build_problem(robot, log, problem_settings, role="identification")
@@ -89,6 +90,7 @@ def identify_problem(
     settings: EstimatorSettings,
 ) -> Identification:
     """Identify from a problem that has been built; see :func:`identify`."""
+    _check_bounds(estimator, settings)
     notes: list[Finding] = []
     if settings.com_boxes is None:
         settings = replace(settings, com_boxes=_boxes(problem.robot, notes))
@@ -103,12 +105,25 @@ def identify_problem(
     mass = _mass_report(weighted, weighted_statistics.noise, settings, result)
     uncertainty = parameter_uncertainty(problem, statistics, settings.spreads(problem.robot))
     result = replace(result, total_mass=mass, uncertainty=uncertainty)
+    if settings.bounds is not None:
+        drives = dict(zip(result.drive_names, result.drives.tolist(), strict=True))
+        result = replace(result, bounds=settings.bounds.judge(result.links, result.parameters, drives))
     doubts = find_doubts(estimate, statistics, settings.spreads(problem.robot))
     result = replace(result, findings=(*notes, *find_warnings(result), *doubts))
     if failure is not None:
         result = replace(result, findings=(failure_finding(failure), *result.findings))
         raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure
     return result
+
+
+def _check_bounds(estimator: Estimator, settings: EstimatorSettings) -> None:
+    if settings.bounds is not None and not estimator.bounded:
+        able = sorted(name for name, kind in ESTIMATORS.items() if kind.bounded)
+        raise InputError(
+            f"bounds mean nothing to method {estimator.name}",
+            source=settings.bounds.source,
+            remedy="choose one of " + ", ".join(able),
+        )
 
 
 def _boxes(robot: Robot, notes: list[Finding]) -> np.ndarray:
@@ -156,6 +171,9 @@ def _assemble(
         robot=robot.name,
         method=estimate.method,
         status=estimate.status.value,
+        solved=estimate.status is SolveStatus.SOLVED,
+        violations=dict(estimate.violations or {}),
+        certificate=estimate.certificate,
         n_samples=len(np.unique(np.column_stack([problem.trial, problem.time]), axis=0)),
         links=tuple(segment.link for segment in robot.segments),
         segments=names,
