@@ -1,4 +1,4 @@
-"""Recordings of real arms: how well runs that were not used are predicted."""
+"""Recordings of real robots: published parameters, and how well what was not used is predicted."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import os
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from excite.identification.identify import identify
+from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.robot import nominal_robot
 from tests.benchmarks.table import Row
+from tests.reproduction import emps, lwr, tx40
 from tests.reproduction.recordings import ur10e_log
 from tests.reproduction.test_panda import ALPHA, BY_HAND, TERMS, validation_rmse
 from tests.reproduction.test_ur10e import LARGEST_PERCENT, SETTINGS
@@ -17,11 +21,12 @@ DATA = Path(os.environ.get("EXCITE_DATA", Path(__file__).resolve().parents[3] / 
 
 
 def rows() -> list[Row]:
-    """UR10e and Panda; a row that says so where the recordings are not there."""
+    """Every recording; a row that says so where the recordings are not there."""
     if not DATA.is_dir():
         return [Row("recordings of real arms", "", f"not found in {DATA}; set EXCITE_DATA", None)]
     with tempfile.TemporaryDirectory() as name:
-        return [*_ur10e(Path(name)), *_panda(Path(name))]
+        folder = Path(name)
+        return [*_ur10e(folder), *_panda(folder), *_emps(folder), *_lwr(folder), *_tx40(folder)]
 
 
 def _ur10e(folder: Path) -> list[Row]:
@@ -39,7 +44,99 @@ def _panda(folder: Path) -> list[Row]:
     asked = " ".join(f"{value:g}" for value in BY_HAND)
     share = rmse.sum() / BY_HAND.sum()
     return [
-        Row.holds("Panda: last third by joint, RMSE [N·m] (5 Hz)", f"≤ {asked}", text, bool((rmse <= BY_HAND).all())),
+        Row.holds(
+            "Panda: last third by joint, RMSE [N·m] (5 Hz)", f"≤ {asked}", text, bool((rmse <= BY_HAND).all())
+        ),
         Row.at_most("Panda: total, share of least squares by hand", float(share), 0.9),
     ]
 
+
+def _emps(folder: Path) -> list[Row]:
+    base = {item.name: item for item in emps.identified(emps.emps_log(DATA, folder)).base}
+    rows = []
+    for item in emps.PUBLISHED:
+        if item.percent is None:
+            continue
+        ours = base[item.name]
+        half = ours.half_width_95 or 0.0
+        reached = f"{ours.value:.4g} ± {half:.2g}"
+        close = abs(ours.value / item.value - 1.0) <= item.percent / 100.0
+        inside = abs(ours.value - item.value) <= half
+        what = f"EMPS: {item.what}, 95 % interval"
+        rows.append(
+            Row.holds(what, f"{item.value:.4g}, {item.percent:g} %, inside", reached, close and inside)
+        )
+    return rows
+
+
+def _lwr(folder: Path) -> list[Row]:
+    rmse = lwr.left(lwr.found(lwr.lwr_log(DATA, folder, lwr.HALF), "cls3"))
+    text = " ".join(f"{value:.3f}" for value in rmse)
+    met = bool((rmse <= lwr.LARGEST).all() and rmse[1] <= lwr.LARGEST_2)
+    what = "LWR: half a run left out by joint, RMSE [N·m] (5 Hz)"
+    return [Row.holds(what, f"≤ {lwr.LARGEST:g}, joint 2 ≤ {lwr.LARGEST_2:g}", text, met)]
+
+
+def _tx40(folder: Path) -> list[Row]:
+    log = tx40.tx40_log(DATA, folder)
+    found = identify(nominal_robot(log), log, "cls3", problem_settings=tx40.SETTINGS)
+    percent = tx40.percent_left(found.fit)
+    text = " ".join(f"{value:.1f}" for value in percent) + " %"
+    what = "TX40, coupled wrist: residual by joint, share of torque standard deviation (20 Hz)"
+    drives = tx40.drive_parameters(DATA, log)
+    inside = sum(abs(item.value - item.published) <= item.half_width for item in drives)
+    return [
+        Row.holds(what, f"≤ {tx40.LARGEST_PERCENT:g} % each", text, max(percent) <= tx40.LARGEST_PERCENT),
+        Row.at_least(
+            f"TX40: published drive parameters of {len(drives)} in their 95 % intervals", inside, 16
+        ),
+    ]
+
+
+def _tiago(folder: Path) -> list[Row]:
+    percent = tiago.percents(tiago.tiago_log(DATA, folder))
+    what = "TIAGo arm 1–4: last third by joint, share of torque standard deviation (5 Hz)"
+    return [_below(what, np.round(percent), np.array(tiago.BY_HAND))]
+
+
+def _airbot_play(folder: Path) -> list[Row]:
+    percent = airbot_play_sessions.percents(DATA, folder)
+    what = (
+        "AirBot Play: five recordings from four others, by joint, share of torque standard deviation (5 Hz)"
+    )
+    rows = [_below(what, percent, np.array(airbot_play_sessions.BY_HAND))]
+    held = airbot_play_sessions.motions_left_out(DATA, folder).share
+    what = "AirBot Play: share of a motion's parameters in the 95 % interval made from other motions"
+    rows.append(Row.at_least(what, held, 0.9))
+    halves = airbot_play_load.weighed(DATA, folder).halves
+    worst = max(abs(mass / airbot_play_load.STATED_MASS - 1.0) for mass in halves)
+    what = "AirBot Play: load stated as 0.48 kg, torque scales from the other half of the run"
+    return [*rows, Row.at_most(what, 100.0 * worst, 10.0, "% off")]
+
+
+def _person(folder: Path) -> list[Row]:
+    recording = Recording(DATA, folder / "person")
+    train, judge = recording.thirds(2)
+    alpha = recording.chosen_alpha(train, "entropic")
+    found = {
+        "prior": recording.prior,
+        "least squares": recording.estimate(train, "wls"),
+        "entropic": recording.estimate(train, "lmi", alpha=alpha, regulariser="entropic"),
+    }
+    miss = {name: recording.misses(judge, phi) for name, phi in found.items()}
+    ours = miss.pop("entropic")
+    text = " ".join(f"{value:.1f}" for value in ours)
+    bar = ", ".join(f"{name} {' '.join(f'{v:.1f}' for v in values)}" for name, values in miss.items())
+    better = all(bool((ours < values).all()) for values in miss.values())
+    least = float(np.linalg.eigvalsh(pseudo_inertia_matrices(found["entropic"]))[:, 0].min())
+    what = "Person on a force plate: last third, entropic regularisation, RMSE [N·m, N·m, N]"
+    return [
+        Row.holds(what, f"below {bar}", text, better),
+        Row.holds("Person: bodies that can exist", "all 16", f"least eigenvalue {least:.1e}", least > 0.0),
+    ]
+
+
+def _below(what: str, percent: np.ndarray, bars: np.ndarray) -> Row:
+    asked = " ".join(f"{value:g}" for value in bars)
+    text = " ".join(f"{value:.3g}" for value in percent)
+    return Row.holds(what, f"≤ {asked} %", f"{text} %", bool((percent <= bars).all()))
