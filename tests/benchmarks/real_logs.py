@@ -12,7 +12,8 @@ from excite.identification.identify import identify
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.robot import nominal_robot
 from tests.benchmarks.table import Row
-from tests.reproduction import emps, lwr, tx40
+from tests.reproduction import airbot_play_load, airbot_play_sessions, emps, lwr, tiago, tx40
+from tests.reproduction.human_2020 import Recording
 from tests.reproduction.recordings import ur10e_log
 from tests.reproduction.test_panda import ALPHA, BY_HAND, TERMS, validation_rmse
 from tests.reproduction.test_ur10e import LARGEST_PERCENT, SETTINGS
@@ -26,7 +27,8 @@ def rows() -> list[Row]:
         return [Row("recordings of real arms", "", f"not found in {DATA}; set EXCITE_DATA", None)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        return [*_ur10e(folder), *_panda(folder), *_emps(folder), *_lwr(folder), *_tx40(folder)]
+        parts = (_ur10e, _panda, _emps, _lwr, _tx40, _tiago, _airbot_play, _person)
+        return [row for part in parts for row in part(folder)]
 
 
 def _ur10e(folder: Path) -> list[Row]:
