@@ -47,11 +47,11 @@ def chirp_log(data_dir: Path, folder: Path, loaded: bool, split: float = 2 / 3) 
     return load_log(save_log(log, folder / name))
 
 
-def percents(data_dir: Path, folder: Path, loaded: bool) -> Array:
-    """What the last third leaves of the torques' deviation, ``(6,)`` [%]; least squares, default filters."""
+def percents(data_dir: Path, folder: Path, loaded: bool, method: str = "qp") -> Array:
+    """What the last third leaves of the torques' deviation, ``(6,)`` [%]; default settings."""
     log = chirp_log(data_dir, folder, loaded)
     robot = nominal_robot(log)
-    estimate = find_estimator("wls").estimate(build_problem(robot, log), EstimatorSettings())
+    estimate = find_estimator(method).estimate(build_problem(robot, log), EstimatorSettings())
     return percent_left(build_problem(robot, log, role="validation"), estimate.parameters)
 
 

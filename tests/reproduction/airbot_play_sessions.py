@@ -63,11 +63,11 @@ def airbot_log(
     return load_log(save_log(log, folder / "airbot_sessions"))
 
 
-def percents(data_dir: Path, folder: Path) -> Array:
-    """What all other recordings leave after four motions, ``(6,)`` [%]; least squares, default filters."""
+def percents(data_dir: Path, folder: Path, method: str = "qp") -> Array:
+    """What all other recordings leave after four motions, ``(6,)`` [%]; default settings."""
     log = airbot_log(data_dir, folder, MOTIONS, (FIRST[-1], *AGAIN))
     robot = nominal_robot(log)
-    estimate = find_estimator("wls").estimate(build_problem(robot, log), EstimatorSettings())
+    estimate = find_estimator(method).estimate(build_problem(robot, log), EstimatorSettings())
     return percent_left(build_problem(robot, log, role="validation"), estimate.parameters)
 
 

@@ -59,15 +59,15 @@ def tiago_log(data_dir: Path, folder: Path, split: float = 2 / 3) -> Log:
         return load_log(save_log(log, folder / "tiago"))
 
 
-def percents(log: Log, role: str = "validation") -> Array:
+def percents(log: Log, role: str = "validation", method: str = "qp") -> Array:
     """What trials of a role leave of the torques' deviation after identification, ``(4,)`` [%].
 
-    Default filters, weights and prior; the delay of the drives' currents is what the identification trials say.
+    Default settings but for the delay of the drives' currents, which is what the identification trials say.
     """
     robot = nominal_robot(log)
     settings = ProblemSettings(torque_delay_s=estimate_torque_delay(robot, log).lag_s)
     problem = build_problem(robot, log, settings)
-    estimate = find_estimator("qp").estimate(problem, EstimatorSettings())
+    estimate = find_estimator(method).estimate(problem, EstimatorSettings())
     return percent_left(build_problem(robot, log, settings, role=role), estimate.parameters)
 
 

@@ -25,7 +25,7 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.regression import Regression
 from excite.robot.robot import Array
 
-_STEPS = 80
+_STEPS = 400
 _BACK = 0.97
 _SHORT = 0.2
 _SMALLEST = 1e-13
