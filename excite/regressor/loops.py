@@ -6,7 +6,7 @@ Hollerbach (1986), eq. 9-11; the inward pass, Luh, Walker, Paul (1980).
 
 from __future__ import annotations
 
-from excite.regressor.lazy import LazyKernel
+from excite.lazy_kernel import LazyKernel
 from excite.regressor.motion_loops import ACC, ALPHA, AXIS, OMEGA, POS
 from excite.regressor.tree import FREE_FLYER, PRISMATIC
 

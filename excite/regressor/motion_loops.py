@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from excite.regressor.lazy import LazyKernel
+from excite.lazy_kernel import LazyKernel
 from excite.regressor.tree import FREE_FLYER, PRISMATIC, REVOLUTE_UNBOUNDED
 
 # Offsets into a body's state. numba notices a change only in the file that it compiles: after changing these,

@@ -8,20 +8,15 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 from scipy.spatial import ConvexHull
 
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
-from excite.safety.contact_wrench import (
-    RESIDUAL_TOLERANCE,
-    distribute_wrench,
-    friction_edges,
-    polygon_margin,
-    zero_moment_point,
-)
+from excite.safety.contact_wrench import polygon_margin, zero_moment_point
+from excite.safety.force_distribution import RESIDUAL_TOLERANCE, distribute_wrench, friction_edges
 from tests.safety.motions import squat
 
 
@@ -187,6 +182,29 @@ def test_distributed_forces_supply_the_wrench_and_stay_in_their_cones() -> None:
         if shared.residual[0] < 1e-4:
             total = np.concatenate([forces.sum(axis=0), np.cross(corners, forces).sum(axis=0)])
             assert np.allclose(total, wrench, atol=1e-3 * np.linalg.norm(wrench[:3]))
+
+
+def test_distributed_forces_are_the_smallest_that_supply_the_wrench() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        wrench, corners, friction = random_case(rng)
+        shared = distribute_wrench(wrench[None], corners[None], friction)
+        edges, centre, size = friction_edges(friction), corners.mean(axis=0), np.linalg.norm(wrench[:3])
+        arms = np.cross((corners - centre)[:, None], edges) / 0.1
+        rays = np.concatenate([edges, arms], axis=2).reshape(-1, 6).T
+        target = np.concatenate([wrench[:3], (wrench[3:] - np.cross(centre, wrench[:3])) / 0.1]) / size
+        weights, _ = nnls(np.vstack([rays, 1e-2 * np.eye(32)]), np.concatenate([target, np.zeros(32)]))
+        expected = size * np.einsum("me,mec->mc", weights.reshape(8, 4), edges)
+        assert np.allclose(shared.forces[0], expected, atol=1e-6 * size)
+
+
+def test_a_wrench_that_is_no_number_counts_as_not_supplied() -> None:
+    wrench, corners, friction = random_case(np.random.default_rng(5))
+    wrenches = np.tile(wrench, (3, 1))
+    wrenches[1, 4] = np.nan
+    shared = distribute_wrench(wrenches, np.tile(corners, (3, 1, 1)), friction)
+    assert np.isinf(shared.residual[1])
+    assert np.isfinite(shared.residual[[0, 2]]).all()
 
 
 def test_distribution_is_continuous_in_time(humanoid: Robot, squatting: Motion) -> None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from excite.robot.robot import Array
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.checks.sweep import Sweep
-from excite.safety.contact_wrench import RESIDUAL_TOLERANCE, polygon_margin
+from excite.safety.contact_wrench import polygon_margin
+from excite.safety.force_distribution import RESIDUAL_TOLERANCE
 from excite.safety.verdict import Violation
 
 # Distance that the zero-moment point and the centre of mass keep from the edge of the support polygon [m].

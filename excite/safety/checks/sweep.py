@@ -12,12 +12,8 @@ from numpy.typing import NDArray
 from excite.errors import InputError
 from excite.motion.motion import Motion
 from excite.robot.robot import Array, Robot
-from excite.safety.contact_wrench import (
-    ContactForces,
-    distribute_wrench,
-    wrench_at_world_origin,
-    zero_moment_point,
-)
+from excite.safety.contact_wrench import wrench_at_world_origin, zero_moment_point
+from excite.safety.force_distribution import ContactForces, distribute_wrench
 
 # Grid of the judgement: this many times the motion's own rate, and never below MIN_RATE_HZ.
 FINER = 2
@@ -126,9 +122,9 @@ class Sweep:
         poses = np.empty((n, len(joints), 4, 4))
         for k in range(n):
             tau[k] = pin.rnea(model, data, fine.q[k], fine.v[k], fine.a[k])
-            axes = pin.computeJointJacobians(model, data, fine.q[k])
             if k in rows:
-                jacobian[rows[k]] = axes
+                jacobian[rows[k]] = pin.computeJointJacobians(model, data, fine.q[k])
+            # Also computes where the joints are.
             com[k] = pin.centerOfMass(model, data, fine.q[k], False)
             for i, joint in enumerate(joints):
                 poses[k, i] = data.oMi[joint].homogeneous

@@ -10,7 +10,7 @@ from excite.robot.loading import per_joint
 from excite.robot.robot import Array
 from excite.safety.checks.base import Check, CheckResult, first_violations
 from excite.safety.checks.sweep import Sweep
-from excite.safety.contact_wrench import RESIDUAL_TOLERANCE
+from excite.safety.force_distribution import RESIDUAL_TOLERANCE
 
 
 class JointTorqueCheck(Check):
@@ -19,7 +19,7 @@ class JointTorqueCheck(Check):
 
     Evaluated at about 200 Hz (:data:`~excite.safety.checks.sweep.TORQUE_RATE_HZ`). In single support the
     foot's wrench, and so the torque, is unique; in double support it depends on how the feet share the load,
-    and the smallest forces are taken (:func:`~excite.safety.contact_wrench.distribute_wrench`). Where the
+    and the smallest forces are taken (:func:`~excite.safety.force_distribution.distribute_wrench`). Where the
     contacts cannot carry the motion there is no torque to speak of and the margin is None.
     """
 

@@ -8,7 +8,7 @@ import sys
 import numba
 import pytest
 
-from excite.regressor.lazy import LazyKernel
+from excite.lazy_kernel import LazyKernel
 
 
 def double(x):

@@ -1,0 +1,186 @@
+"""How the ground's forces share a wrench among sole corners.
+
+Everything here takes arrays over samples, in the world frame with z up, and knows no robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from excite.lazy_kernel import LazyKernel
+
+Array = NDArray[np.float64]
+
+# Length that makes moments comparable with forces: half a foot [m].
+_LENGTH = 0.1
+# Weight of the forces' own size against the wrench's residual, both relative to the weight: large enough to
+# make the distribution unique and continuous in time, small enough to leave 1e-4 of the wrench unmet.
+_REGULARISATION = 1e-2
+# Relative residual up to which a wrench counts as supplied.
+RESIDUAL_TOLERANCE = 1e-3
+# Gradient of the dual, relative to the weight, at which Newton's method has arrived; its most steps, and halvings
+# of one.
+_ARRIVED, _STEPS, _HALVINGS = 1e-10, 100, 40
+
+
+@dataclass(frozen=True, eq=False)
+class ContactForces:
+    """Forces of the ground on sole corners.
+
+    Attributes:
+        forces: ``(n, m, 3)`` [N], world frame.
+        residual: ``(n,)`` norm of the wrench that no admissible forces supply, relative to the wrench
+            (moments in units of force × 0.1 m): above RESIDUAL_TOLERANCE the contacts cannot
+            carry the motion.
+    """
+
+    forces: Array
+    residual: Array
+
+
+def friction_edges(friction: Array) -> Array:
+    """Edges of the friction pyramids inscribed in the Coulomb cones of level ground.
+
+    Args:
+        friction: ``(m,)`` coefficients.
+
+    Returns:
+        ``(m, 4, 3)`` directions with a vertical component of one; non-negative sums of them lie in the cone.
+    """
+    edges = np.zeros((len(friction), 4, 3))
+    edges[:, :, 2] = 1.0
+    edges[:, 0, 0] = edges[:, 2, 1] = friction
+    edges[:, 1, 0] = edges[:, 3, 1] = -friction
+    return edges
+
+
+def distribute_wrench(wrench: Array, corners: Array, friction: Array) -> ContactForces:
+    """Share a contact wrench among sole corners by regularised non-negative least squares.
+
+    Per sample ``min ‖G x − w‖² + ε²‖x‖², x ≥ 0`` with the corners' friction-pyramid edges as columns of G:
+    the forces exist up to the residual exactly if w lies in the contact wrench cone (Caron, Pham and Nakamura
+    2015). The regularisation chooses the smallest forces where they are not unique (two feet), continuously
+    in time. Where its own residual, of order ε², leaves doubt, the plain problem settles it.
+
+    Args:
+        wrench: ``(n, 6)`` force, then moment about the world origin, world frame [N, N·m].
+        corners: ``(n, m, 3)`` sole corners that carry load, world frame [m].
+        friction: ``(m,)`` friction coefficient at each corner.
+
+    Returns:
+        The corners' forces and the relative residual.
+    """
+    n, m = corners.shape[:2]
+    scale = np.maximum(np.linalg.norm(wrench[:, :3], axis=1), 1e-9)
+    edges = friction_edges(friction)
+    centre = corners.mean(axis=1)
+    moment = wrench[:, 3:] - np.cross(centre, wrench[:, :3])
+    target = np.hstack([wrench[:, :3], moment / _LENGTH]) / scale[:, None]
+    arms = np.cross((corners - centre[:, None])[:, :, None], edges[None]) / _LENGTH
+    rays = np.concatenate([np.broadcast_to(edges, arms.shape), arms], axis=3).reshape(n, 4 * m, 6)
+    weights, residual = np.empty((n, 4 * m)), np.empty(n)
+    _nearest_in_cones(rays, target, _REGULARISATION**2, weights, residual)
+    for k in np.flatnonzero(~(residual <= RESIDUAL_TOLERANCE)):
+        residual[k] = _distance_to_cone(rays[k], target[k])
+    forces = np.einsum("nme,mec->nmc", weights.reshape(n, m, 4), edges) * scale[:, None, None]
+    return ContactForces(forces, residual)
+
+
+def _distance_to_cone(rays: Array, target: Array) -> float:
+    """Distance of a wrench from the cone, infinite where it could not be computed."""
+    if not np.isfinite(target).all() or not np.isfinite(rays).all():
+        return np.inf
+    try:
+        return float(nnls(rays.T, target)[1])
+    except RuntimeError:  # the solver gives up: unsafe
+        return np.inf
+
+
+@LazyKernel
+def _nearest_in_cones(rays, targets, square, weights, residuals):
+    """Solve ``min ½‖Gx − w‖² + ½ε²‖x‖², x ≥ 0`` for each sample; NaN and infinity where it did not arrive.
+
+    With the residual ``r = w − Gx`` the solution is ``x = max(0, Gᵀr)/ε²``, and r minimises the convex
+    ``½‖r‖² + ‖max(0, Gᵀr)‖²/(2ε²) − wᵀr``: six unknowns however many corners. Its Newton steps, with halving
+    where it does not descend, arrive exactly once the set of active rays is right (Hintermüller, Ito and
+    Kunisch 2002).
+    """
+    along = np.empty(rays.shape[1])
+    for k in range(len(targets)):
+        r = np.zeros(6)
+        along[:] = 0.0
+        value = 0.0
+        weights[k] = np.nan
+        residuals[k] = np.inf
+        for _ in range(_STEPS):
+            gradient, hessian = _newton_system(rays[k], targets[k], square, r, along)
+            if (gradient * gradient).sum() <= _ARRIVED * _ARRIVED:
+                weights[k] = along / square
+                residuals[k] = np.sqrt((r * r).sum())
+                break
+            step = _cholesky_solve(hessian, gradient)
+            slope = (gradient * step).sum()
+            length = 1.0
+            for _ in range(_HALVINGS):
+                trial = r - length * step
+                trial_value = _dual(rays[k], targets[k], square, trial, along)
+                if trial_value <= value - 1e-4 * length * slope + 1e-15:
+                    break
+                length *= 0.5
+            r = trial
+            value = trial_value
+
+
+@LazyKernel
+def _dual(rays, target, square, r, along):
+    """The dual's value at ``r``; ``max(0, Gᵀr)`` goes into ``along``."""
+    value = (r * (0.5 * r - target)).sum()
+    for j in range(len(rays)):
+        product = 0.0
+        for a in range(6):
+            product += rays[j, a] * r[a]
+        along[j] = max(product, 0.0)
+        value += 0.5 * along[j] * along[j] / square
+    return value
+
+
+@LazyKernel
+def _newton_system(rays, target, square, r, along):
+    """The dual's gradient, and its Hessian's lower triangle."""
+    gradient = r - target
+    hessian = np.eye(6)
+    for j in range(len(rays)):
+        if along[j] > 0.0:
+            for a in range(6):
+                scaled = rays[j, a] / square
+                gradient[a] += scaled * along[j]
+                for b in range(a + 1):
+                    hessian[a, b] += scaled * rays[j, b]
+    return gradient, hessian
+
+
+@LazyKernel
+def _cholesky_solve(matrix, right):
+    """Solution of a positive definite system whose lower triangle is given; overwrites the triangle."""
+    n = len(right)
+    x = right.copy()
+    for a in range(n):
+        for b in range(a):
+            matrix[a, a] -= matrix[a, b] * matrix[a, b]
+        matrix[a, a] = np.sqrt(matrix[a, a])
+        for c in range(a + 1, n):
+            for b in range(a):
+                matrix[c, a] -= matrix[c, b] * matrix[a, b]
+            matrix[c, a] /= matrix[a, a]
+        for b in range(a):
+            x[a] -= matrix[a, b] * x[b]
+        x[a] /= matrix[a, a]
+    for a in range(n - 1, -1, -1):
+        for c in range(a + 1, n):
+            x[a] -= matrix[c, a] * x[c]
+        x[a] /= matrix[a, a]
+    return x
