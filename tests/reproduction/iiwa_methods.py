@@ -40,15 +40,17 @@ class Identified:
         base: least-squares base parameters, ``(57,)`` in Table 4's order (eq. 6).
         base_rsd: ``(57,)`` relative standard deviations of eq. (7) [%].
         essential: objective of eq. (15), with the indices of the parameters kept.
+        essential_rsd: the same of these, ``(len(essential.kept),)`` [%].
         sets: standard parameters and friction ``(84,)`` by method; those of base and essential parameters
             stand in the columns of Table 4, all others zero.
         certificate: of the retrieval.
-        seconds: that the retrieval took.
+        seconds: of CPU that the retrieval took, on one thread.
     """
 
     base: Array
     base_rsd: Array
     essential: TorqueObjective
+    essential_rsd: Array
     sets: dict[str, Array]
     certificate: Certificate
     seconds: float
@@ -62,14 +64,17 @@ def identify(recorded: Recorded) -> Identified:
     base = np.linalg.solve(triangle[:n, :n], triangle[:n, n])
     inverse = np.linalg.inv(triangle[:n, :n])
     variance = triangle[n, n] ** 2 / (len(torque) - n)
-    std = np.sqrt(variance * np.einsum("ij,ij->i", inverse, inverse))
+    base_rsd = _rsd(inverse, variance, base)
     essential = essential_objective(triangle, grouping(), len(torque))
     values = np.linalg.lstsq(essential.factor[:, COLUMNS[essential.kept]], essential.target, rcond=None)[0]
+    left = np.linalg.qr(essential.factor[:, COLUMNS[essential.kept]], mode="r")
+    variance = essential.floor**2 / (len(torque) - len(values))
+    essential_rsd = _rsd(np.linalg.inv(left), variance, values)
     allowed = allowed_set()
     center = coordinates(allowed, published_parameters("ref37"))
-    start = time.perf_counter()
+    start = time.process_time()
     found = retrieve(essential, allowed, center, EFFORT)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     middle = 0.5 * (allowed.bounds.lower + allowed.bounds.upper)
     drives = 0.5 * (allowed.drive_lower + allowed.drive_upper)
     local = Relaxation(
@@ -81,8 +86,9 @@ def identify(recorded: Recorded) -> Identified:
     apart = TorqueObjective(grouping(), base, 0.0, np.arange(n))
     return Identified(
         base=base,
-        base_rsd=100.0 * std / np.abs(base),
+        base_rsd=base_rsd,
         essential=essential,
+        essential_rsd=essential_rsd,
         sets={
             "base": _placed(COLUMNS, base),
             "essential": _placed(COLUMNS[essential.kept], values),
@@ -95,6 +101,11 @@ def identify(recorded: Recorded) -> Identified:
         certificate=found.certificate,
         seconds=seconds,
     )
+
+
+def _rsd(inverse: Array, variance: float, values: Array) -> Array:
+    """Relative standard deviations of eq. (7) [%]; ``inverse`` is that of the R factor of the rows."""
+    return 100.0 * np.sqrt(variance * np.einsum("ij,ij->i", inverse, inverse)) / np.abs(values)
 
 
 def rms(recorded: Recorded, parameters: Array) -> Array:
