@@ -47,21 +47,22 @@ class QuadraticProgram(Estimator):
         objective = ridge(rows, settings)
         model = model_constraints(rows, settings)
         cone = inertia_cone(problem, settings.inertia_floor, settings.sphere_subdivisions)
-        rotated = objective.constraints(model.linear)
+        rotated, reached = objective.constraints(model.linear), None
         for _ in range(_MAX_ROUNDS):
             answer = self._projector(objective.target, rotated)
             if answer is None:
                 raise _failure(rows, objective, model.linear, cone, SolveStatus.INFEASIBLE, None)
+            reached = answer.z
             distance = distance_to_optimum(objective.target, rotated, answer)
             best = checked_estimate(self.name, rows, objective, answer.z, distance, rotated)
             best = replace(best, total_mass=model.total_mass)
             if best.status is not SolveStatus.SOLVED:
-                raise _failure(rows, objective, model.linear, cone, best.status, answer.z)
+                raise _failure(rows, objective, model.linear, cone, best.status, reached)
             cuts = cone.cuts(best.parameters, _CONE_TOLERANCE)
             if not len(cuts.bound):
                 return best
             rotated = stack([rotated, objective.constraints(cuts)], len(objective.target))
-        raise _failure(rows, objective, model.linear, cone, SolveStatus.CUT_LIMIT, answer.z)
+        raise _failure(rows, objective, model.linear, cone, SolveStatus.CUT_LIMIT, reached)
 
 
 def _failure(
