@@ -14,6 +14,7 @@ from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.locate import locate
+from excite.diagnosis.next_experiment import propose, written
 from excite.diagnosis.noise_floor import repeat_floor, spectral_floor
 from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, Rollout, share_closed
 from excite.diagnosis.rollout_compare import simulated
@@ -51,7 +52,7 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
     def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
         return simulated(attribution, baseline, out)
 
-    return diagnose_torques(robot, log, chart, log.header.modelled, rng, simulate)
+    return diagnose_torques(robot, log, chart, log.header.modelled, rng, simulate, out)
 
 
 def diagnose_torques(
@@ -61,6 +62,7 @@ def diagnose_torques(
     modelled: tuple[str, ...],
     rng: np.random.Generator,
     simulate: Callable[[Attribution, Baseline], Rollout | None],
+    out: Path | None = None,
 ) -> Diagnosis:
     """Diagnose repaired trials that have torques, measured or reconstructed.
 
@@ -71,6 +73,7 @@ def diagnose_torques(
         modelled: what the baseline has, and effects that are not to be tried.
         rng: of the bootstrap.
         simulate: makes the roll-outs from the attribution and the baseline before it.
+        out: folder for the motion of the next experiment; none is planned without it.
 
     Returns:
         The diagnosis.
@@ -119,7 +122,7 @@ def diagnose_torques(
         where=where,
         simulation=simulate(attribution, baseline),
         n_tied=n_tied,
-        next_experiment=_next(listed[:n_tied]),
+        next_experiment=_next(listed[:n_tied], baseline, attribution, judgement, out),
         faults=chart.faults,
         warnings=tuple(warnings),
     )
@@ -168,13 +171,27 @@ def _listed(
     return tuple((head + rest)[:_LISTED]), len(head) if judgement.verdict == "ambiguous" else 0
 
 
-def _next(tied: tuple[Candidate, ...]) -> NextExperiment | None:
+def _next(
+    tied: tuple[Candidate, ...],
+    baseline: Baseline,
+    attribution: Attribution,
+    judgement: Judgement,
+    out: Path | None,
+) -> NextExperiment | None:
+    """What would tell tied candidates apart, with a motion where one helps and there is a folder for it."""
     if len(tied) < 2:
         return None
-    first = tied[0].effect
-    motion = EFFECTS[first].separating_motion
     names = " and ".join(item.effect.replace("_", " ") for item in tied)
-    return NextExperiment(
-        why=f"{names} look alike in this record; what tells them apart: {motion}",
-        separates=tuple(f"{item.effect}@{item.location}" for item in tied),
-    )
+    separates = tuple(f"{item.effect}@{item.location}" for item in tied)
+    told = EFFECTS[tied[0].effect].separating_motion
+    why = f"{names} look alike in this record; what tells them apart: {told}"
+    rivals = [attribution.accepted[0], *judgement.rivals]
+    if out is None or len(rivals) < 2 or len(rivals) < len(tied):
+        return NextExperiment(why, separates)
+    floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
+    proposal = propose(baseline, rivals, floor, seed=0)
+    if proposal is None:
+        return NextExperiment(f"{why}; no motion within the record's range does", separates)
+    name = written(proposal, out)
+    why = f"{names} look alike in this record; {name} is expected to tell them apart by {proposal.evidence:.0f} nats"
+    return NextExperiment(f"{why} (also: {told})", separates, name)

@@ -58,8 +58,8 @@ class Draft:
     spec: mujoco.MjSpec
 
     def note(self, item: Found, *names: str) -> None:
-        """Leave the effect to the runner."""
-        data = " ".join(f"{name}={item.value(name):.9g}" for name in names)
+        """Leave the effect to the runner; sizes that it does not have are left out."""
+        data = " ".join(f"{name}={item.value(name):.9g}" for name in names if name in item.values)
         self.spec.add_text(name=f"{NOTE}.{item.effect}.{item.location}", data=data)
 
 
@@ -103,6 +103,8 @@ def _spring(draft: Draft, item: Found) -> None:
     joint, stiffness = draft.spec.joint(item.location), item.value("stiffness")
     joint.stiffness = [stiffness, 0.0, 0.0]
     joint.springref = -item.value("torque_at_zero") / stiffness
+    if {"quadratic", "cubic", "rubbing"} & set(item.values):
+        draft.note(item, "quadratic", "cubic", "rubbing")
 
 
 def _gain(draft: Draft, item: Found) -> None:
@@ -118,10 +120,16 @@ def _offset(draft: Draft, item: Found) -> None:
 def _lag(draft: Draft, item: Found) -> None:
     import mujoco
 
+    # A second-order lag T₂² τ̈ + T τ̇ + τ = u as two filters in series, as like as they can be where it rings.
+    total, square = item.value("time_constant"), item.value("second_order")
+    root = float(np.sqrt(max(0.25 * total**2 - square, 0.0)))
+    slow, fast = 0.5 * total + root, 0.5 * total - root
     for name in draft.joints:
         motor = draft.spec.actuator(name)
         motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
-        motor.dynprm[0] = item.value("time_constant")
+        motor.dynprm[0] = slow
+    if square > 0.0:
+        draft.note(replace(item, values={"before": fast}), "before")
 
 
 def _length(draft: Draft, item: Found) -> None:
@@ -155,7 +163,9 @@ def _soft(draft: Draft, item: Found) -> None:
     """A second joint of the same body behind the motor's, whose rotor alone the armature is."""
     stiffness = item.value("stiffness")
     damping = item.value("damping")
-    _behind(draft, item).stiffness = [stiffness, 0.0, 0.0]
+    # MuJoCo's polynomial: force −(k₀ + k₁ |x| + k₂ x²) x.
+    harder = stiffness / item.value("hardening_at") ** 2 if "hardening_at" in item.values else 0.0
+    _behind(draft, item).stiffness = [stiffness, 0.0, harder]
     draft.spec.joint(item.location + DEFLECTION).damping = [damping, 0.0, 0.0]
     draft.note(item, "stiffness")
 
@@ -203,9 +213,11 @@ FORMS: dict[str, Form] = {
     "base_tilt": Form(model=_tilt, noted=True),
     "joint_elasticity": Form(model=_soft),
     "backlash": Form(model=_loose),
-    "stribeck": _noted("excess", "velocity"),
+    "stribeck": _noted("excess", "velocity", "exponent"),
     "load_dependent_friction": _noted("coefficient"),
     "friction_drift": _noted("coulomb_change", "viscous_change", "time_constant", "session_end"),
-    "torque_ripple": _noted("cosine", "sine", "periods_per_rev"),
+    "torque_ripple": _noted(
+        "cosine", "sine", "periods_per_rev", "cosine_2", "sine_2", "cosine_load", "sine_load"
+    ),
     "time_delay": _noted("delay"),
 }

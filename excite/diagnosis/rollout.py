@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -24,6 +25,8 @@ class Window:
         load: torque that the links need at its start [N·m]; sets how far soft and loose gears are deflected.
         time: ``(n_steps,)`` of the steps [s] since the trial's start.
         session_s: time of its start within the session [s].
+        growth: by joint, how far friction that drifts has come at its start; from the session's clock where it
+            is not given.
     """
 
     q: Array
@@ -31,6 +34,7 @@ class Window:
     load: Array
     time: Array
     session_s: float
+    growth: Mapping[str, float] = field(default_factory=dict)
 
 
 class Drive(Protocol):
@@ -121,6 +125,7 @@ class Simulator:
             if effect != "time_delay" and (place in joints)
         ]
         self._delay = sum(v["delay"] for effect, _, v in _notes(self.model) if effect == "time_delay")
+        self._before = sum(v["before"] for e, _, v in _notes(self.model) if e == "actuator_lag")
         self._load = np.zeros(len(joints))
 
     def run(self, window: Window, drive: Drive, keep: int) -> Array:
@@ -145,14 +150,19 @@ class Simulator:
             drive = replace(drive, undamped=True)
         model.dof_damping[:] = self._damping + added
         delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
+        share = -np.expm1(-model.opt.timestep / self._before) if self._before > 0.0 else 1.0
+        filtered = drive.torque(float(window.time[0]), window.q, window.v)
         if model.na:
             data.act[:] = drive.torque(float(window.time[0]), window.q, window.v)[: model.na]
         kept = [window.q]
         for step, time in enumerate(window.time):
             q, v = data.qpos[self._qpos], data.qvel[self._dof]
-            data.ctrl[self._motor] = drive.torque(float(time) + delay, q, v)
+            asked = drive.torque(float(time) + delay, q, v)
+            data.ctrl[self._motor] = filtered = (
+                asked if self._before == 0.0 else filtered + share * (asked - filtered)
+            )
             if self._notes:
-                self._apply(q, v, window.session_s + float(time - window.time[0]), added)
+                self._apply(q, v, window, float(time - window.time[0]), added)
             mujoco.mj_step(model, data)
             if (step + 1) % keep == 0:
                 kept.append(data.qpos[self._qpos].copy())
@@ -170,7 +180,7 @@ class Simulator:
                 -torque / values["stiffness"] if soft else -0.5 * np.sign(torque) * values["width"]
             )
 
-    def _apply(self, q: Array, v: Array, session: float, added: Array) -> None:
+    def _apply(self, q: Array, v: Array, window: Window, elapsed: float, added: Array) -> None:
         model, data = self.model, self.data
         model.dof_frictionloss[:] = self._friction
         model.dof_damping[:] = self._damping + added
@@ -179,18 +189,35 @@ class Simulator:
             j = self.joints.index(place)
             dof = self._dof[j]
             if effect == "stribeck":
-                model.dof_frictionloss[dof] += p["excess"] * np.exp(-((v[j] / p["velocity"]) ** 2))
+                model.dof_frictionloss[dof] += p["excess"] * np.exp(
+                    -(abs(v[j] / p["velocity"]) ** p.get("exponent", 2.0))
+                )
             elif effect == "load_dependent_friction":
                 model.dof_frictionloss[dof] += p["coefficient"] * abs(self._carried(j))
             elif effect == "friction_drift":
-                growth = np.expm1(-session / p["time_constant"])
-                growth /= np.expm1(-p["session_end"] / p["time_constant"])
+                session, slow = window.session_s + elapsed, p["time_constant"]
+                clock = np.expm1(-session / slow) / np.expm1(-p["session_end"] / slow)
+                growth = window.growth.get(place, clock)
                 model.dof_frictionloss[dof] += growth * p["coulomb_change"]
                 model.dof_damping[dof] += growth * p["viscous_change"]
             elif "periods_per_rev" in p:
-                phase = p["periods_per_rev"] * q[j]
-                data.qfrc_applied[dof] -= p["cosine"] * np.cos(phase) + p["sine"] * np.sin(phase)
+                data.qfrc_applied[dof] -= self._wave(j, q[j], p)
+            elif effect == "joint_spring":
+                model.dof_frictionloss[dof] += abs(p.get("rubbing", 0.0))
+                data.qfrc_applied[dof] -= (
+                    p.get("quadratic", 0.0) * q[j] ** 2 + p.get("cubic", 0.0) * q[j] ** 3
+                )
         np.maximum(model.dof_frictionloss, 0.0, out=model.dof_frictionloss)
+
+    def _wave(self, j: int, q: float, p: dict[str, float]) -> float:
+        """Periodic torque of a joint, with its second harmonic and the part that grows with the load."""
+        phase = p["periods_per_rev"] * q
+        c, s = np.cos(phase), np.sin(phase)
+        wave = p["cosine"] * c + p["sine"] * s
+        if "cosine_2" in p:
+            wave += p["cosine_2"] * np.cos(2.0 * phase) + p["sine_2"] * np.sin(2.0 * phase)
+            wave += abs(self._carried(j)) * (p["cosine_load"] * c + p["sine_load"] * s)
+        return float(wave)
 
     def _carried(self, j: int) -> float:
         """Torque that a joint's gear carries: what the last step's motor gave less friction and rotor."""

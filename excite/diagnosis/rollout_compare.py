@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from excite.atomic import write_text
 from excite.diagnosis.attribute import Attribution, Scored
@@ -30,6 +31,7 @@ _TOTAL_S = 16.0
 _STEP_S = 1.25e-3
 _START_HZ = 10.0
 _EDGE_S = 0.3
+_SMOOTH = 201
 
 
 def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) -> Rollout:
@@ -70,7 +72,7 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
     before = baseline_model(baseline)
     after = augmented_model(final, effects) if effects else before
     samples = baseline.samples
-    plan = plan or torque_plan(samples)
+    plan = replace(plan or torque_plan(samples), growth=_growth(attribution))
     plain = errors(before.xml, samples, baseline.rigid, plan)
     augmented = errors(after.xml, samples, final.rigid, plan) if effects else plain
     warnings = (*after.warnings, *unheard(final, effects, after.xml, plan))
@@ -115,6 +117,29 @@ def found_effects(attribution: Attribution) -> tuple[Found, ...]:
     return tuple(made)
 
 
+def _growth(attribution: Attribution) -> dict[str, list[Array]]:
+    """How far friction that drifts has come at every sample, by joint: its Coulomb column over the sign of motion."""
+    grown = {}
+    for item in attribution.accepted:
+        if item.name != "friction_drift":
+            continue
+        h = item.hypothesis
+        context = Context(h.baseline)
+        j = context.row(item.location)
+        columns = h.effect.shape(context, item.location, h.theta).columns[j]
+        made = []
+        for column, unit in zip(columns.T, (context.sign(j), context.v[:, j]), strict=True):
+            parts = zip(*(h.baseline.samples.split(x) for x in (column * unit, unit**2)), strict=True)
+            made = [
+                uniform_filter1d(a, _SMOOTH) / np.maximum(uniform_filter1d(b, _SMOOTH), 1e-12)
+                for a, b in parts
+            ]
+            if column.any():
+                break
+        grown[item.location] = made
+    return grown
+
+
 def _found(item: Scored, beta: Array) -> Found:
     h = item.hypothesis
     context = Context(h.baseline)
@@ -139,12 +164,14 @@ class Plan:
         drives: by name of the trial, where its torques come from.
         driven_by: the same in words.
         total_s: simulated time at most: roll-outs are spread evenly over longer records [s].
+        growth: by joint, how far friction that drifts has come, one ``(n,)`` a trial.
     """
 
     horizon_s: float
     drives: dict[str, Drive]
     driven_by: str
     total_s: float = _TOTAL_S
+    growth: Mapping[str, list[Array]] = field(default_factory=dict)
 
 
 def torque_plan(samples: ArmSamples) -> Plan:
@@ -213,7 +240,10 @@ def _piece(
     step = period / keep
     t0 = float(trial.time[i])
     v = np.array([np.interp(t0 - 0.5 * step, trial.time, c) for c in smooth[1].T])
-    window = Window(smooth[0][i], v, load[i], t0 + step * np.arange(n * keep), float(trial.session_s[i]))
+    k = samples.trials.index(trial)
+    growth = {joint: float(values[k][i]) for joint, values in plan.growth.items()}
+    steps = t0 + step * np.arange(n * keep)
+    window = Window(smooth[0][i], v, load[i], steps, float(trial.session_s[i]), growth)
     recorded = trial.q[i : i + n + 1][:, list(samples.index)]
     return Piece(window, plan.drives[trial.name], recorded, keep)
 

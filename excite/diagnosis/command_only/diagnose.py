@@ -129,7 +129,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     closed = _Closed(servo, signals, out, order=log.header.joints)
     modelled = (*log.header.modelled, *_CHANNEL)
     chart = Chart(asked, chart.faults, chart.warnings)
-    result = diagnose_torques(robot, log, chart, modelled, rng, closed)
+    result = diagnose_torques(robot, log, chart, modelled, rng, closed, out)
     return _judged(result, closed)
 
 

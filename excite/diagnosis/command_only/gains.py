@@ -18,6 +18,9 @@ _ROWS_HZ = 25.0
 _WIDTH = 6e-3
 # A priori deviation of a body's mass from nominal, and of a joint's equation, relative to its torque.
 _MASS, _EQUATION = 0.15, 0.03
+# Rows that count as one: residuals are correlated.
+_CORRELATED = 10.0
+_ROUNDS = 5
 
 
 def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
@@ -158,39 +161,69 @@ def _rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]]) -> _Rows:
 
 
 def _fitted(rows: _Rows, kp: Array, kd: Array, kind: str, follows: bool) -> _Tried:
-    """Gains where they are not known."""
-    x, n = rows.signals, len(kp)
+    """Gains where they are not known, in turn with the inertial parameters.
+
+    Residuals are compared as position errors, torques over kp: what friction the model has not is then an error of
+    the position, and a smaller scale of all torques, gains and friction together gains nothing.
+    """
+    x = rows.signals
+    rate = (x["vc"] if follows else 0.0) - x["v"]
+    before = x["nominal"] - (x[kind] if kind != "none" else 0.0)
+    delta, found = np.zeros(rows.bodies.shape[2]), (kp, kd)
+    rest = before
+    for _ in range(_ROUNDS):
+        need = before + rows.bodies @ delta
+        found = _gains(x, need, rate, kp, kd)
+        if not (found[0] > 0.0).all():
+            return _Tried(Servo(*found, kind, follows), np.inf)
+        asked = found[0] * x["e"] + found[1] * rate - before
+        delta, rest = _bodies(rows, x, asked)
+    loss = float(np.mean(np.log(np.maximum(rest.std(axis=0), 1e-12) / found[0])))
+    return _Tried(Servo(*found, kind, follows), loss)
+
+
+def _beside(x: dict[str, Array], j: int) -> Array:
+    """Friction, rotor inertia and a constant of a joint, ``(n, 4)``."""
+    ones = np.ones(len(x["v"]))
+    return np.column_stack([x["sign"][:, j], x["v"][:, j], x["a"][:, j], ones])
+
+
+def _gains(x: dict[str, Array], need: Array, rate: Array, kp: Array, kd: Array) -> tuple[Array, Array]:
+    """Gains given the torque that the bodies need: ``e = (need − kd·rate + friction)/kp``."""
     kp, kd = kp.copy(), kd.copy()
-    gram, right = np.eye(rows.bodies.shape[2]), np.zeros(rows.bodies.shape[2])
-    own, targets, scales = [], [], []
-    for j in range(n):
-        rate = (x["vc"][:, j] if follows else 0.0) - x["v"][:, j]
-        target = x["nominal"][:, j] - (x[kind][:, j] if kind != "none" else 0.0)
-        free = [-x["sign"][:, j], -x["v"][:, j], -x["a"][:, j], np.ones_like(target)]
-        for gain, column in ((kd[j], rate), (kp[j], x["e"][:, j])):
-            if np.isnan(gain):
-                free.insert(0, column)
-            else:
-                target = target - gain * column
-        columns = np.column_stack(free)
-        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
-        q = np.linalg.qr(columns)[0]
-        scale = _EQUATION * max(float(x["nominal"][:, j].std()), 1e-9)
-        a = -(rows.bodies[:, j] - q @ (q.T @ rows.bodies[:, j])) / scale
-        gram += a.T @ a
-        right += a.T @ (target - q @ (q.T @ target)) / scale
-        own.append(np.column_stack(free))
-        targets.append(target)
-        scales.append(scale)
-    delta = np.linalg.solve(gram, right)
-    loss = 0.0
-    for j in range(n):
-        rest = targets[j] + rows.bodies[:, j] @ delta
-        found = np.linalg.lstsq(own[j], rest, rcond=1e-10)[0]
-        loss += float(np.log(max((rest - own[j] @ found).std(), 1e-9) / scales[j])) / n
-        gains = iter(found.tolist())
-        if np.isnan(kp[j]):
-            kp[j] = next(gains)
+    for j in range(len(kp)):
+        e, beside = x["e"][:, j], _beside(x, j)
+        if not np.isnan(kp[j]):
+            if np.isnan(kd[j]):
+                columns = np.column_stack([rate[:, j], beside])
+                kd[j] = max(float(_least_squares(columns, need[:, j] - kp[j] * e)[0]), 0.0)
+            continue
         if np.isnan(kd[j]):
-            kd[j] = max(next(gains), 0.0)
-    return _Tried(Servo(kp, kd, kind, follows), loss + 0.5 * float(delta @ delta) / len(targets[0]))
+            found = _least_squares(np.column_stack([need[:, j], -rate[:, j], beside]), e)
+            ratio = max(float(found[1]), 0.0)
+        else:
+            found = _least_squares(np.column_stack([need[:, j] - kd[j] * rate[:, j], beside]), e)
+            ratio = None
+        kp[j] = 1.0 / found[0] if found[0] != 0.0 else np.inf
+        kd[j] = kd[j] if ratio is None else ratio * kp[j]
+    return kp, kd
+
+
+def _bodies(rows: _Rows, x: dict[str, Array], asked: Array) -> tuple[Array, Array]:
+    """Change of the inertial parameters that the asked torques speak for, and what is left of them."""
+    size = rows.bodies.shape[2]
+    gram, right = np.eye(size), np.zeros(size)
+    beside = [np.linalg.qr(_beside(x, j))[0] for j in range(asked.shape[1])]
+    for j, q in enumerate(beside):
+        scale = np.sqrt(_CORRELATED) * _EQUATION * max(float(x["nominal"][:, j].std()), 1e-9)
+        a = (rows.bodies[:, j] - q @ (q.T @ rows.bodies[:, j])) / scale
+        gram += a.T @ a
+        right += a.T @ (asked[:, j] - q @ (q.T @ asked[:, j])) / scale
+    delta = np.linalg.solve(gram, right)
+    rest = asked - rows.bodies @ delta
+    return delta, np.column_stack([r - q @ (q.T @ r) for r, q in zip(rest.T, beside, strict=True)])
+
+
+def _least_squares(columns: Array, target: Array) -> Array:
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    return np.linalg.lstsq(columns / size, target, rcond=1e-10)[0] / size

@@ -1,0 +1,132 @@
+"""Logs without torque: the servo, and what is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.command_only.gains import known_servo
+from excite.diagnosis.command_only.servo import read_signals
+from excite.diagnosis.diagnose import diagnose
+from excite.errors import LogError
+from excite.logs.files import load_log
+from excite.logs.log import Log
+from excite.logs.robot import nominal_robot
+from excite.logs.signals.butterworth import lowpass
+from excite.logs.signals.differentiate import central_differences
+from excite.regressor.kernels import inverse_dynamics
+from excite.robot.robot import Array, Robot
+
+
+def servo_of(log: Log, robot: Robot) -> tuple[Array, Array, float]:
+    """Gains of the practice arms' servo and its error, from the torques that a command-only log does not have."""
+    rate, rows = log.header.rate_hz, []
+    for trial in log.role("identification"):
+        q, c = (central_differences(lowpass(x, rate, 30.0), rate) for x in (trial.q, trial.q_cmd))
+        model = inverse_dynamics(robot.model, c.value, c.first, c.second)
+        made = (c.value - q.value, c.first - q.first, model, trial.tau)
+        rows.append(np.stack([lowpass(x, rate, 12.0)[40:-40:4] for x in made], axis=2))
+    stacked = np.concatenate(rows)
+    found = [np.linalg.lstsq(x[:, :3], x[:, 3], rcond=None)[0] for x in stacked.transpose(1, 0, 2)]
+    gains = np.array(found)
+    return gains[:, 0], gains[:, 1], float(np.abs(gains[:, 2] - 1.0).max())
+
+
+def without_torque(log: Log, controller: dict) -> Log:
+    header = log.header.model_copy(update={"torque": "none", "controller": controller})
+    return replace(log, header=header, trials=tuple(replace(t, tau=None) for t in log.trials))
+
+
+def controller_of(log: Log, robot: Robot) -> dict:
+    kp, kd, _ = servo_of(log, robot)
+    joints = log.header.joints
+    return {
+        "mode": "position",
+        "kp": dict(zip(joints, kp.tolist(), strict=True)),
+        "kd": dict(zip(joints, kd.tolist(), strict=True)),
+    }
+
+
+def test_torque_is_rebuilt_from_gains_and_the_form_of_the_servo_found(gap_dir: Path):
+    log = load_log(gap_dir / "arm" / "case_003")
+    robot = nominal_robot(log)
+    trial = log.trials[0]
+    signals = {trial.name: read_signals(robot, log, trial)}
+    servo = known_servo(robot, without_torque(log, controller_of(log, robot)), signals)
+    assert (servo.feedforward, servo.follows_velocity) == ("inverse_dynamics", True)
+    assert servo.estimated == ("the feedforward",)
+    rebuilt, measured = (
+        lowpass(x, 200.0, 10.0)[60:-60] for x in (signals[trial.name].torque(servo), trial.tau)
+    )
+    assert ((rebuilt - measured).std(axis=0) < 0.05 * measured.std(axis=0)).all()
+
+
+def test_gains_of_a_plain_servo_are_estimated(gap_dir: Path):
+    """A servo without feedforward: commands are made for it from the record's own torques."""
+    log = load_log(gap_dir / "arm" / "case_012")
+    robot = nominal_robot(log)
+    kp, kd = np.full(7, 150.0), np.full(7, 12.0)
+    made = []
+    for trial in log.role("identification")[:2]:
+        q = central_differences(lowpass(trial.q, 200.0, 20.0), 200.0)
+        tau = lowpass(trial.tau, 200.0, 12.0)
+        command = np.array(trial.q)
+        for k in range(1, len(command)):
+            # kp (c − q) + kd (ċ − v) = τ for the command, implicitly.
+            push = tau[k] + kp * q.value[k] + kd * q.first[k] + kd * 200.0 * command[k - 1]
+            command[k] = push / (kp + kd * 200.0)
+        made.append(replace(trial, q_cmd=command))
+    plain = without_torque(log, {"mode": "position"})
+    servo = known_servo(robot, plain, {t.name: read_signals(robot, log, t) for t in made})
+    assert servo.feedforward == "none"
+    # Joints that carry weight; the others' scale is that of a friction nobody measured.
+    assert servo.kp[[1, 3]] == pytest.approx(kp[[1, 3]], rel=0.15)
+
+
+def test_a_log_without_commands_says_what_is_missing(gap_dir: Path):
+    log = load_log(gap_dir / "arm" / "case_012")
+    bare = without_torque(log, {"mode": "position"})
+    bare = replace(bare, trials=tuple(replace(t, q_cmd=None) for t in bare.trials))
+    with pytest.raises(LogError, match=r"q_cmd.*neither torques nor commands"):
+        diagnose(bare, nominal_robot(log))
+
+
+def test_a_velocity_servo_is_refused(gap_dir: Path):
+    log = load_log(gap_dir / "arm" / "case_012")
+    with pytest.raises(LogError, match=r"controller\.mode.*no position servo"):
+        diagnose(without_torque(log, {"mode": "velocity"}), nominal_robot(log))
+
+
+@pytest.mark.slow
+def test_command_only_payload_is_named_on_positions(gap_dir: Path, tmp_path: Path):
+    log = load_log(gap_dir / "arm" / "case_003")
+    robot = nominal_robot(log)
+    controller = controller_of(log, robot) | {"feedforward": "inverse_dynamics"}
+    result = diagnose(without_torque(log, controller), robot, out=tmp_path)
+    assert (result.verdict, result.effect, result.location) == ("effect", "payload", "link6")
+    assert {c.unit for c in result.gap.per_channel.values()} == {"rad"}
+    assert result.gap.after < 0.3 * result.gap.before
+    assert result.simulation is not None and result.simulation.driven_by == "q_cmd"
+    assert (tmp_path / "augmented.xml").is_file()
+    assert any("has no torque" in text for text in result.warnings)
+
+
+@pytest.mark.slow
+def test_unknown_torque_constants_are_said(gap_dir: Path):
+    log = load_log(gap_dir / "arm" / "case_003")
+    robot = nominal_robot(log)
+    ratio = np.array([2.0, 4.0, 3.0, 1.5, 0.7, 0.5])
+    header = log.header.model_copy(update={"torque": "current"})
+    trials = tuple(replace(t, current=t.tau / ratio, tau=None) for t in log.trials)
+    known = header.model_copy(
+        update={"torque_constants": dict(zip(header.joints, ratio.tolist(), strict=True))}
+    )
+    stated = diagnose(replace(log, header=known, trials=trials), robot)
+    assert (stated.effect, stated.location) == ("payload", "link6")
+    assert any("wrong constant is a torque_gain" in text for text in stated.warnings)
+    guessed = diagnose(replace(log, header=header, trials=trials), robot)
+    assert all(item.effect != "torque_gain" for item in guessed.effects)
+    assert any("not stated and were estimated" in text for text in guessed.warnings)

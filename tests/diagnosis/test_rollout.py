@@ -1,0 +1,103 @@
+"""The runner of augmented models against closed forms, and the plant that a simulator accepts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.augmented_effects import FORMS, Found, tilted
+from excite.diagnosis.rollout import LoggedTorque, PositionServo, Simulator, Window
+
+INERTIA = 0.5
+MODEL = """
+<mujoco><compiler angle="radian"/><option gravity="0 0 0" integrator="implicitfast"/><worldbody><body>
+<inertial pos="0 0 0" mass="1" diaginertia="{i} {i} {i}"/><joint name="j" axis="0 0 1" {joint}/></body></worldbody>
+<actuator><general name="j" joint="j" biastype="affine" {motor}/></actuator><custom>{notes}</custom></mujoco>
+"""
+
+
+def simulator(joint: str = "", motor: str = "", **notes: str) -> Simulator:
+    texts = "".join(f'<text name="excite.{k}.j" data="{v}"/>' for k, v in notes.items())
+    texts = texts.replace("time_delay.j", "time_delay.torque").replace(
+        "actuator_lag.j", "actuator_lag.torque"
+    )
+    return Simulator(MODEL.format(i=INERTIA, joint=joint, motor=motor, notes=texts), ("j",))
+
+
+def window(q: float = 0.0, v: float = 0.0, duration: float = 1.0, session_s: float = 0.0, **more) -> Window:
+    time = np.arange(0.0, duration, 1e-3)
+    return Window(np.array([q]), np.array([v]), np.array([0.0]), time, session_s, **more)
+
+
+def constant(torque: float) -> LoggedTorque:
+    return LoggedTorque(np.array([0.0, 10.0]), np.full((2, 1), torque))
+
+
+def test_free_joint_follows_the_parabola():
+    path = simulator().run(window(v=0.0), constant(2.0), 1000)
+    assert path[-1, 0] == pytest.approx(0.5 * 2.0 / INERTIA, rel=2e-3)
+
+
+def test_stribeck_friction_slows_by_its_value_at_the_speed():
+    excess, velocity, speed = 0.4, 0.2, 0.1
+    friction = excess * np.exp(-((speed / velocity) ** 2))
+    # A dry friction already in the model makes MuJoCo's constraint; the note adds to it.
+    sim = simulator('frictionloss="0.001"', stribeck=f"excess={excess} velocity={velocity}")
+    path = sim.run(window(v=speed, duration=0.05), constant(0.001 + friction), 10)
+    assert np.diff(path[:, 0]) == pytest.approx(np.full(len(path) - 1, speed * 0.01), rel=0.02)
+
+
+def test_drift_uses_the_session_clock_or_what_it_is_told():
+    note = "coulomb_change=0.3 viscous_change=0 time_constant=1000000 session_end=100"
+    sim = simulator('frictionloss="0.1"', friction_drift=note)
+    held = sim.run(window(session_s=100.0), constant(0.35), 1000)
+    moving = sim.run(window(session_s=0.0), constant(0.35), 1000)
+    told = sim.run(window(session_s=0.0, growth={"j": 1.0}), constant(0.35), 1000)
+    assert abs(held[-1, 0]) < 1e-3 and abs(told[-1, 0]) < 1e-3
+    assert moving[-1, 0] == pytest.approx(0.5 * 0.25 / INERTIA, rel=0.02)
+
+
+def test_ripple_spring_and_bias_balance_a_torque():
+    sim = simulator(torque_ripple="cosine=0.7 sine=0 periods_per_rev=8")
+    still = sim.run(window(), constant(0.7), 100)
+    assert np.abs(still).max() < 1e-6
+    sim = simulator(joint_spring="quadratic=2 cubic=4")
+    at = sim.run(window(q=0.5), constant(2 * 0.25 + 4 * 0.125), 100)
+    assert np.abs(at - 0.5).max() < 1e-6
+
+
+def test_a_late_channel_is_read_later_and_a_servo_has_no_channel():
+    time = np.arange(0.0, 2.0, 1e-3)
+    step = LoggedTorque(time, (time[:, None] >= 0.5).astype(float))
+    late, prompt = simulator(time_delay="delay=0.2"), simulator()
+    moved = [s.run(window(duration=0.5), step, 500)[-1, 0] for s in (late, prompt)]
+    assert moved[0] == pytest.approx(0.5 * 0.2**2 / INERTIA, rel=0.02)
+    assert abs(moved[1]) < 1e-6
+    servo = PositionServo(
+        time, np.ones((2000, 1)), np.zeros((2000, 1)), np.zeros((2000, 1)), *np.array([[40.0], [9.0]])
+    )
+    a, b = (s.run(window(), servo, 100) for s in (late, prompt))
+    assert np.array_equal(a, b)
+
+
+def test_stiff_servo_damping_is_stable_and_right():
+    """A light joint, damped far beyond what an explicit step bears, follows its closed form."""
+    time = np.arange(0.0, 1.0, 1e-3)
+    zeros = np.zeros((1000, 1))
+    servo = PositionServo(time, zeros + 1.0, zeros, zeros, np.array([2000.0]), np.array([2000.0]))
+    path = simulator().run(window(), servo, 100)
+    # Overdamped: the slow pole is kp/kd = 1/s.
+    assert path[:, 0] == pytest.approx(1.0 - np.exp(-np.arange(len(path)) * 0.1), abs=2e-3)
+
+
+def test_a_tilt_turns_gravity_by_its_angle():
+    level = np.array([0.0, 0.0, -9.81])
+    turned = tilted(level, Found("base_tilt", "base", {"gravity_x": 0.3, "gravity_y": -0.4}))
+    assert turned[2] == level[2]
+    assert np.hypot(*turned[:2]) == pytest.approx(0.5)
+
+
+def test_every_effect_of_the_library_has_a_form():
+    from excite.diagnosis.effects.registry import EFFECTS
+
+    assert set(EFFECTS) <= set(FORMS)
