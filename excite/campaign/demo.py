@@ -18,7 +18,7 @@ from excite.report.page import report
 from excite.robot.loading import load_robot
 
 ROBOT = "g1"
-_SETTINGS = {"n_candidates": 110, "target_rsd": 15.0, "max_iterations": 2}
+_SETTINGS = {"n_candidates": 116, "target_rsd": 15.0, "max_iterations": 2}
 
 
 @dataclass(frozen=True, eq=False)

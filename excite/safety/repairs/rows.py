@@ -186,16 +186,19 @@ class PathLimits:
         for k, support in enumerate(supports):
             at = member.ravel() == k
             w = wrench[at] / weight
-            rows[at, :, : len(support.normals)] = zmp_rows(w, support, self._margin(support, narrowest))
+            share = self._zmp_share(int(patterns[k].sum()), bool(single))
+            margin = min(self.shares.zmp, share * narrowest)
+            rows[at, :, : len(support.normals)] = zmp_rows(w, support, margin)
             rows[at, :, n_edges:-1] = friction_rows(w, support, self.shares.friction)
             rows[at, :, -1] = -w[..., 2]
             rows[at, 0, -1] += self.shares.weight
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
         return rows, labels
 
-    def _margin(self, support: Support, narrowest: float) -> float:
-        share = self.shares.zmp_one_foot if support.inradius <= narrowest else self.shares.zmp_shift
-        return min(self.shares.zmp, share * narrowest)
+    def _zmp_share(self, n_feet: int, lifts_a_foot: bool) -> float:
+        if n_feet == 1:
+            return self.shares.zmp_one_foot
+        return self.shares.zmp_shift if lifts_a_foot else self.shares.zmp_both_feet
 
     def _all_patterns(self) -> list[Array]:
         """The sets of carrying feet over the whole candidate."""

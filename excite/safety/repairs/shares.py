@@ -18,7 +18,8 @@ class Shares:
         friction: of the friction coefficient.
         weight: smallest share of the weight that the ground carries.
         zmp: distance of the zero-moment point from the support polygon's edge [m].
-        zmp_one_foot: over one foot that distance is at most this share of the sole's inradius: the centre of mass
+        zmp_both_feet: where both feet stay down that distance is at most this share of the polygon's inradius.
+        zmp_one_foot: over one foot it is at most this share of the sole's inradius: the centre of mass
             stands off the sole's middle there.
         zmp_shift: the same while the weight shifts from two feet to one or back, where a push outwards tips the
             robot over the foot's outer edge.
@@ -31,6 +32,7 @@ class Shares:
     jerk: float = 1.0
     friction: float = 0.6
     weight: float = 0.5
-    zmp: float = 0.06
+    zmp: float = 0.066
+    zmp_both_feet: float = 0.87
     zmp_one_foot: float = 0.64
     zmp_shift: float = 0.7
