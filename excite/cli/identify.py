@@ -11,6 +11,7 @@ import typer
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import emit
+from excite.errors import InputError
 from excite.json_document import write_json
 
 NAME = "identify"
@@ -53,6 +54,14 @@ def command(
     force: Annotated[
         bool, typer.Option("--force", help="Write a URDF even of parameters that no rigid body has.")
     ] = False,
+    template: Annotated[
+        Path | None,
+        typer.Option(
+            "--template",
+            metavar="FILE",
+            help="MuJoCo model of the robot: identified.xml is its text with the identified inertials.",
+        ),
+    ] = None,
     align: Annotated[
         bool, typer.Option("--align", help="Estimate how late torques were logged, and take it out.")
     ] = False,
@@ -82,6 +91,7 @@ def command(
         path = excite.write_bounds_template(loaded, bounds_template)
         emit(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json)
         return
+    _check_template(template, out)
     stated = None if bounds is None else excite.load_bounds(bounds, loaded)
     read = [excite.load_log(log, loaded) for log in logs]
     log = excite.join_logs(read)
@@ -114,11 +124,19 @@ def command(
             excite.save_signal_figure(trace, out / "signals.png")
     if out is not None:
         excite.save_findings(loaded, result, log, out, settings)
-        models = excite.write_models(loaded, result, out, drives=drives, force=force)
+        models = excite.write_models(loaded, result, out, drives=drives, force=force, template=template)
         document["models"] = models.to_json()
         summary = f"{summary}\n\n{models.summary()}"
         write_json(document, out / "identification.json")
     emit(summary, document, as_json=as_json)
+
+
+def _check_template(template: Path | None, out: Path | None) -> None:
+    """Say before the work is done that it could not be written."""
+    if template is not None and not template.is_file():
+        raise InputError("is no file", source=template, remedy="give the MJCF file of the robot")
+    if template is not None and out is None:
+        raise InputError("nothing to write into", source="--template", remedy="give --out DIR")
 
 
 def _show_best(error: excite.NoSolutionError, out: Path | None, *, as_json: bool) -> None:

@@ -67,7 +67,7 @@ def write_mjcf(
 
     Raises:
         InconsistentModelError: a segment is no rigid body; MuJoCo refuses such models.
-        InputError: the identification is of another robot, or the template is another robot's.
+        InputError: the identification is of another robot, or the template is another robot's or not there.
         NoSolutionError: MuJoCo does not give the identified parameters' torques (a bug here).
     """
     changed = changed_segments(robot, identification, force=False)
@@ -80,9 +80,10 @@ def write_mjcf(
         error = mujoco_error(robot, model, names_here, identification.parameters)
         return _write(content, WrittenModel(Path(path), links, (), None, error))
     names = names or {}
-    nominal = compiled(template.read_bytes(), template)
+    given = _read(template)
+    nominal = compiled(given, template)
     members = segment_bodies(robot, nominal, _names(robot, names), names)
-    text = XmlText(template.read_bytes(), template)
+    text = XmlText(given, template)
     bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
     notes, written = [], []
     other = [k for k in range(len(ten)) if difference(members[k], ten[k]) > _SAME_INERTIA]
@@ -114,6 +115,15 @@ def write_mjcf(
             "bodies that were left alone) is from the URDF's"
         )
     return _write(content, WrittenModel(Path(path), tuple(written), tuple(notes), None, error))
+
+
+def _read(template: Path) -> bytes:
+    try:
+        return template.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror})", source=template, remedy="give the MJCF file of the robot"
+        ) from error
 
 
 def exact_text(spec: mujoco.MjSpec) -> bytes:

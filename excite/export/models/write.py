@@ -53,7 +53,13 @@ class ModelFiles:
 
 
 def write_models(
-    robot: Robot, identification: Identification, folder: Path, *, drives: bool = False, force: bool = False
+    robot: Robot,
+    identification: Identification,
+    folder: Path,
+    *,
+    drives: bool = False,
+    force: bool = False,
+    template: Path | None = None,
 ) -> ModelFiles:
     """Write ``identified.urdf``, ``identified.xml`` (MJCF) and ``differences.csv`` into a folder.
 
@@ -66,6 +72,7 @@ def write_models(
         folder: folder to write to.
         drives: also write the identified friction.
         force: write the URDF of physically inconsistent parameters, too (MuJoCo takes none).
+        template: a MuJoCo model of the robot whose text is kept but for its inertials; None makes a plain one.
 
     Raises:
         InputError: the identification is of another robot.
@@ -76,7 +83,7 @@ def write_models(
     refused: list[str] = []
     urdf, mjcf = folder / "identified.urdf", folder / "identified.xml"
 
-    def attempt(path: Path, write: Any, **options: bool) -> WrittenModel | None:
+    def attempt(path: Path, write: Any, **options: Any) -> WrittenModel | None:
         try:
             return write(robot, identification, path, drives=drives, **options)
         except InconsistentModelError as error:
@@ -90,6 +97,6 @@ def write_models(
     return ModelFiles(
         differences,
         attempt(urdf, write_urdf, force=force),
-        attempt(mjcf, write_mjcf),
+        attempt(mjcf, write_mjcf, template=template),
         tuple(refused),
     )
