@@ -15,8 +15,13 @@ from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.noise_floor import repeat_floor
 from excite.robot.robot import Array
 
-_REFINED = 6
+_REFINED = 5
+_STRONG = 3
 _LISTED = 24
+# Hypotheses that remove this share of the power that another removes are compared by their likelihood.
+_ALIKE = 0.7
+# A richer form of an effect has to lower the loss by so much.
+_RICHER = 0.01
 _HARDLY = 0.3
 
 
@@ -65,6 +70,9 @@ class Scored:
         strength: amplitude that it removes, over channels, normalised by the channels' deviation.
         of_rest: share of the normalised power above the floor, over all channels, that it removes.
         place: index of the joint that it changes most.
+        price: of its parameters, taken off the evidence [nats].
+        power: ``(n_joints, 2)`` mean squares that it leaves, identification and validation [(N·m)²].
+        count: ``(n_joints, 2)`` effective samples of what it leaves.
         left: joints above twice the floor's power of which it removes hardly anything.
     """
 
@@ -75,6 +83,9 @@ class Scored:
     strength: float
     of_rest: float
     place: int
+    price: float
+    power: Array
+    count: Array
     left: int
 
     @property
@@ -180,26 +191,53 @@ class Attributor:
                     found.append(item)
         if not found:
             return ()
+        before = context.baseline.fit
         found.sort(key=_price)
-        found = found[:_LISTED]
-        refined = [refine_with_width(search, item) for item in found[:_REFINED]] + found[_REFINED:]
-        refined.sort(key=_price)
-        samples = context.baseline.samples
-        use, before = samples.identification, context.baseline.fit
-        counts = effective_counts(self.baseline.judged(refined[0].fit.residual), use, samples.trial_of_row)
-        judge = Judge(use, counts, self.spectral)
+        strong = sorted(found, key=lambda item: -self._removed(before, item, scale))[:_STRONG]
+        # A resonance is found by its search, hardly by the grid that the search starts from.
+        tuned = [item for item in found if len(item.effect.searched) > 1]
+        kinds = {item.effect.name: item for item in reversed(tuned)}
+        chosen = [item for item in found if item in found[:_REFINED] or item in [*strong, *kinds.values()]]
+        rest = [item for item in found[:_LISTED] if item not in chosen]
+        refined = [refine_with_width(search, item) for item in chosen] + rest
+        refined = self._ordered(before, refined, scale)
         floor = self._floor(refined[0].fit)
-        scored = [self._score(judge, before, item, floor, scale) for item in refined]
-        return tuple(scored)
+        return tuple(self._score(before, item, floor, scale) for item in refined)
+
+    def _removed(self, before: Fit, item: Hypothesis, scale: Array) -> float:
+        """Normalised power above the floor that a hypothesis removes from the identification trials."""
+        least = self.spectral**2
+        old, new = (np.maximum(fit.sigma**2 - least, 0.0) for fit in (before, item.fit))
+        return float(((old - new) / scale**2).sum())
+
+    def _ordered(self, before: Fit, found: list[Hypothesis], scale: Array) -> list[Hypothesis]:
+        """First those that remove about as much power as any, the likeliest of them first, and so on.
+
+        By likelihood alone a little cleaned off a quiet joint would come before a lot taken from a bad one.
+        """
+        power = {id(item): self._removed(before, item, scale) for item in found}
+        order: list[Hypothesis] = []
+        rest = sorted(found, key=lambda item: -power[id(item)])
+        while rest:
+            least = _ALIKE * max(power[id(rest[0])], 0.0)
+            group = [item for item in rest if power[id(item)] >= least] or rest
+            order += sorted(group, key=_price)
+            rest = [item for item in rest if item not in group]
+        return order
 
     def _offered(self) -> list[Effect]:
         return [e for e in EFFECTS.values() if e.offered(self.baseline.modelled)]
 
-    def _score(self, judge: Judge, before: Fit, item: Hypothesis, floor: Array, scale: Array) -> Scored:
+    def _score(self, before: Fit, item: Hypothesis, floor: Array, scale: Array) -> Scored:
+        samples = self.baseline.samples
         first, last = self.baseline.judged(before.residual), self.baseline.judged(item.fit.residual)
+        # Of what this hypothesis leaves: what another has left to explain would count for correlated noise.
+        counts = effective_counts(last, samples.identification, samples.trial_of_row)
+        judge = Judge(samples.identification, counts, self.spectral)
         ratio = judge.ratio(first, last)
         price = 0.5 * item.n_parameters * np.log(max(judge.count.sum(), 2.0)) + np.log(200.0)
-        old, new = judge.power(first).validation, judge.power(last).validation
+        left_over = judge.power(last)
+        old, new = judge.power(first).validation, left_over.validation
         change = old - new
         room = np.maximum(old - floor**2, 0.05 * old)
         closed = change / room
@@ -210,7 +248,10 @@ class Attributor:
         place = int(np.argmax(ratio.sum(axis=1)))
         left = int(np.sum((old > 2.0 * floor**2) & (closed < _HARDLY)))
         evidence, outside = float(ratio.sum() - price), float(ratio[:, 1].sum())
-        return Scored(item, evidence, outside, closed, strength, of_rest, place, left)
+        power = np.column_stack([left_over.identification, new])
+        return Scored(
+            item, evidence, outside, closed, strength, of_rest, place, float(price), power, counts, left
+        )
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
         gates = self.gates
@@ -248,12 +289,10 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     base = search.context.baseline
     if not best.effect.friction or "coulomb_friction" not in base.modelled:
         return best
-    names = own_names(base.modelled)
-    j, place, step = (
-        search.context.row(best.location),
-        WIDTHS.index(base.widths[search.context.row(best.location)]),
-        1,
-    )
+    names, j = own_names(base.modelled), search.context.row(best.location)
+    if base.breakaways[j] > 0.0:
+        return best
+    place = WIDTHS.index(base.widths[j])
     for step in (1, -1):
         k = place + step
         while 0 <= k < len(WIDTHS):
@@ -271,7 +310,21 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
 
 
 def polished(item: Hypothesis) -> Hypothesis:
-    """The same effect with finer non-linear parameters and with predictions at its own fit."""
+    """The same effect with finer non-linear parameters, richer forms, and predictions at its own fit."""
+    item = _finer(item)
+    for form in item.effect.richer:
+        search = Search(Context(item.baseline), item.baseline.solver)
+        begun = [search.try_at(form, item.location, theta) for theta in form.starts(item.theta)]
+        found = [start for start in begun if start is not None]
+        if not found:
+            continue
+        new = search.refine(min(found, key=lambda start: start.loss), evaluations=14)
+        if _price(new) < _price(item) - _RICHER:
+            item = _finer(new)
+    return item
+
+
+def _finer(item: Hypothesis) -> Hypothesis:
     original = item.baseline
     for step in (0.15, 0.1, 0.05):
         moved = replace(original.updated(item.fit), solver=original.solver)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.diagnosis.equations import Equations, Fit, Solver
+from excite.diagnosis.presliding import bend
 from excite.diagnosis.samples import ArmSamples
 from excite.identification.inertia import central_inertia_matrices
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
@@ -14,6 +15,10 @@ from excite.robot.robot import Array
 
 # Widths of the sign change of Coulomb friction that are tried [rad/s].
 WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
+# Deflections over which dry friction builds up before it slips that are tried [rad]; 0: friction of the velocity.
+BREAKAWAYS = (5e-4, 1.5e-3, 4e-3)
+# Presliding is believed where it lowers the loss to this share.
+_BETTER = 0.95
 _RELATIVE = 0.5
 # Speed below which a joint counts as standing [rad/s].
 _STILL = 0.012
@@ -28,6 +33,8 @@ class Baseline:
         modelled: words of ``modelled``.
         free: whether inertial parameters are fitted.
         widths: ``(n_joints,)`` width of each joint's sign change [rad/s].
+        breakaways: ``(n_joints,)`` deflection over which dry friction builds up [rad]; 0 where it follows the
+            velocity alone, over ``widths``.
         solver: the equations, ready for hypotheses.
         fit: the baseline's own fit.
         phi: ``(10·n_segments,)`` inertial parameters after the fit, nominal in blind directions.
@@ -46,6 +53,7 @@ class Baseline:
     modelled: tuple[str, ...]
     free: bool
     widths: Array
+    breakaways: Array
     solver: Solver
     fit: Fit
     phi: Array
@@ -67,14 +75,17 @@ class Baseline:
             q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
             rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index] + self.added
         names = own_names(self.modelled)
-        own = [own_signals(s, names, j, self.widths[j]) @ o for j, o in enumerate(fit.own)]
+        own = [
+            own_signals(s, names, j, self.widths[j], self.breakaways[j]) @ o for j, o in enumerate(fit.own)
+        ]
         total = rigid + np.column_stack(own) + self.added_drive
         return replace(self, phi=phi, rigid=rigid, total=total)
 
-    def own_rows(self, names: tuple[str, ...], joint: int, width: float) -> Array:
+    def own_rows(self, names: tuple[str, ...], joint: int, width: float, breakaway: float = 0.0) -> Array:
         """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
         s = self.samples
-        return s.rows(s.split(own_signals(s, names, joint, width))) * self.root_weight[joint][:, None]
+        columns = own_signals(s, names, joint, width, breakaway)
+        return s.rows(s.split(columns)) * self.root_weight[joint][:, None]
 
     def plain(self, residual: Array) -> Array:
         """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]."""
@@ -89,17 +100,18 @@ class Baseline:
         names, s = own_names(self.modelled), self.samples
         if "coulomb_friction" not in names:
             return self
-        use, rest, own, widths = s.identification, self.fit.before_own, [], []
+        use, rest, own, signs = s.identification, self.fit.before_own, [], []
         for j in range(len(s.joints)):
-            bank = [self.own_rows(names, j, w) for w in WIDTHS]
-            best = _best_width(rest[j][use], [b[use] for b in bank])
+            bank = [self.own_rows(names, j, *sign) for sign in _SIGNS]
+            best = _best_sign(rest[j][use], [b[use] for b in bank])
             own.append(bank[best])
-            widths.append(WIDTHS[best])
-        if widths == list(self.widths):
+            signs.append(_SIGNS[best])
+        widths, breakaways = np.array(signs).T
+        if np.array_equal(widths, self.widths) and np.array_equal(breakaways, self.breakaways):
             return self
         solver = Solver(replace(self.solver.equations, own=tuple(own)))
         fit = solver.fit()
-        moved = replace(self, widths=np.array(widths), solver=solver)
+        moved = replace(self, widths=widths, breakaways=breakaways, solver=solver)
         return replace(moved.updated(fit), fit=fit)
 
     @property
@@ -116,13 +128,25 @@ def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def own_signals(samples: ArmSamples, names: tuple[str, ...], joint: int, width: float) -> Array:
+def sign_of_motion(samples: ArmSamples, joint: int, width: float, breakaway: float = 0.0) -> Array:
+    """What dry friction follows, ``(n_samples,)``: smoothed sign of the velocity, or with presliding."""
+    v = samples.stacked("v")[:, samples.index[joint]]
+    if breakaway <= 0.0:
+        return np.tanh(v / width)
+    starts = np.zeros(len(v), dtype=np.bool_)
+    starts[np.concatenate([[0], np.cumsum([len(t.time) for t in samples.trials])[:-1]])] = True
+    return bend(np.ascontiguousarray(v), starts, 1.0 / samples.rate_hz, breakaway)
+
+
+def own_signals(
+    samples: ArmSamples, names: tuple[str, ...], joint: int, width: float, breakaway: float = 0.0
+) -> Array:
     """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``."""
     i = samples.index[joint]
     v, a = samples.stacked("v")[:, i], samples.stacked("a")[:, i]
     made = {
         "viscous_friction": lambda: v,
-        "coulomb_friction": lambda: np.tanh(v / width),
+        "coulomb_friction": lambda: sign_of_motion(samples, joint, width, breakaway),
         "armature": lambda: a,
         "torque_bias": lambda: np.ones_like(v),
     }
@@ -152,10 +176,9 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
     shared = shared * root[:, :, None]
     names = own_names(modelled)
-    widths = np.full(len(index), 6e-3)
-    tried = WIDTHS if "coulomb_friction" in names else (6e-3,)
+    tried = _SIGNS if "coulomb_friction" in names else _SIGNS[2:3]
     bank = [
-        [samples.rows(samples.split(own_signals(samples, names, j, w))) * root[j][:, None] for w in tried]
+        [samples.rows(samples.split(own_signals(samples, names, j, *s))) * root[j][:, None] for s in tried]
         for j in range(len(index))
     ]
     use = samples.identification
@@ -165,9 +188,8 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
         solver = Solver(Equations(shared, own, y, use, samples.trial_of_row, floor))
         fit = solver.fit()
         rigid = y - shared @ fit.shared
-        chosen = [_best_width(rigid[j][use], [b[use] for b in bank[j]]) for j in range(len(index))]
-    if "coulomb_friction" in names:
-        widths = np.array([WIDTHS[k] for k in chosen])
+        chosen = [_best_sign(rigid[j][use], [b[use] for b in bank[j]]) for j in range(len(index))]
+    widths, breakaways = np.array([tried[k] for k in chosen]).T
     own = tuple(b[k] for b, k in zip(bank, chosen, strict=True))
     solver = Solver(Equations(shared, own, y, use, samples.trial_of_row, floor))
     fit = solver.fit()
@@ -175,7 +197,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     phi_hat = phi + basis @ fit.shared
     torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
     friction = np.column_stack(
-        [own_signals(samples, names, j, widths[j]) @ fit.own[j] for j in range(len(index))]
+        [own_signals(samples, names, j, widths[j], breakaways[j]) @ fit.own[j] for j in range(len(index))]
     )
     nothing = np.zeros_like(torque)
     total = torque + friction
@@ -184,6 +206,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
         modelled,
         free,
         widths,
+        breakaways,
         solver,
         fit,
         phi_hat,
@@ -214,12 +237,18 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
     return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
 
 
-def _best_width(target: Array, columns: list[Array]) -> int:
+_SIGNS = (*((w, 0.0) for w in WIDTHS), *((6e-3, b) for b in BREAKAWAYS))
+
+
+def _best_sign(target: Array, columns: list[Array]) -> int:
+    """Index of the best of ``_SIGNS``: presliding only where it is clearly better."""
     losses = []
     for c in columns:
         x = np.linalg.lstsq(c, target, rcond=None)[0]
         losses.append(float(((target - c @ x) ** 2).sum()))
-    return int(np.argmin(losses))
+    plain = int(np.argmin(losses[: len(WIDTHS)]))
+    best = int(np.argmin(losses))
+    return best if losses[best] < _BETTER * losses[plain] else plain
 
 
 def _model_phi(samples: ArmSamples) -> Array:

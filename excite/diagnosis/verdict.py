@@ -14,7 +14,13 @@ from excite.robot.robot import Array
 
 # Rivals within so many nats, or so small a share of the evidence, are not told apart.
 _TIE_NATS, _TIE_SHARE = 10.0, 0.015
+# Share of what the best removes at its place that a rival has to remove there.
+_SAME = 0.6
 _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
+# Share of a torque's deviation, or power in multiples of the floor's, from which a structured rest is a gap.
+_MATTERS, _FAR = 0.02, 8.0
+# The same against the white floor alone, for gaps that do not repeat.
+_WILD, _WILD_SHARE = 10.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +73,50 @@ def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, .
     floor = np.maximum(attribution.floor, spectral) ** 2
     ratio = power / floor
     nats = 0.5 * counts * (ratio - 1.0 - np.log(np.maximum(ratio, 1.0)))
-    found = [j for j in range(len(ratio)) if ratio[j] > _STRUCTURED and nats[j] > _STRUCTURED_NATS]
+    # How friction sets in is nobody's model to the last percent: a small rest of that size is no gap.
+    excess = np.sqrt(np.maximum(power - floor, 0.0)) / attribution.scale
+    matters = (excess > _MATTERS) | (ratio > _FAR)
+    likely = (ratio > _STRUCTURED) & (nats > _STRUCTURED_NATS)
+    # What is different in every trial raises the floor of repeated ones; the white floor does not know it.
+    wild = (power > _WILD * spectral**2) & (np.sqrt(power) > _WILD_SHARE * attribution.scale)
+    found = np.flatnonzero((likely & matters) | wild)
     return tuple(samples.joints[j] for j in sorted(found, key=lambda j: -ratio[j]))
 
 
+def nats_behind(best: Scored, other: Scored) -> float:
+    """How much less likely another hypothesis is, by the effective samples of what the best one leaves [nats]."""
+    logs = np.log(np.maximum(other.power, 1e-300) / np.maximum(best.power, 1e-300))
+    return float(0.5 * (best.count * logs).sum()) + other.price - best.price
+
+
+def same_gap(best: Scored, other: Scored) -> bool:
+    """Whether another hypothesis explains the gap that the best one explains, not one at other joints."""
+    return float(other.closed[best.place]) >= _SAME * float(best.closed[best.place])
+
+
 def _close(best: Scored, other: Scored) -> bool:
-    return best.evidence - other.evidence < max(_TIE_NATS, _TIE_SHARE * best.evidence)
+    return same_gap(best, other) and nats_behind(best, other) < max(_TIE_NATS, _TIE_SHARE * best.evidence)
+
+
+def probabilities(best: Scored, ranking: tuple[Scored, ...]) -> dict[tuple[str, str], float]:
+    """Probability of each name and place that explains the same gap, given that one of those is right.
+
+    Likelihoods are tempered: where a tie is called, the odds are about 20 to 1. What a model leaves of a strong
+    effect is no noise, and grows with it.
+
+    Args:
+        best: the accepted hypothesis.
+        ranking: all that were tried against it.
+
+    Returns:
+        By effect and location; they sum to 1.
+    """
+    width = max(_TIE_NATS, _TIE_SHARE * best.evidence) / 3.0
+    rivals = [item for item in ranking if same_gap(best, item)]
+    known = {(item.name, item.location): item for item in rivals} | {(best.name, best.location): best}
+    weight = {key: np.exp(-max(nats_behind(best, item), 0.0) / width) for key, item in known.items()}
+    total = float(sum(weight.values()))
+    return {key: float(value) / total for key, value in weight.items()}
 
 
 def _tied(best: Scored, ranking: tuple[Scored, ...]) -> tuple[str, ...]:

@@ -51,6 +51,8 @@ class TestEveryEffect:
         assert INJECTED_EFFECTS[name].name == name
 
     def test_its_default_changes_the_log_and_not_the_robot(self, name: str, plain: VirtualRobot) -> None:
+        if not INJECTED_EFFECTS[name].locations(plain):
+            pytest.skip("sits on standing robots only")
         before = _channels(plain)
         changed = _channels(inject(plain, [name]))
         assert np.abs(changed - before).max() > 1e-3
@@ -61,21 +63,48 @@ class TestEveryEffect:
             for location in INJECTED_EFFECTS[name].locations(virtual):
                 assert inject(virtual, [f"{name}:{location}"]) is not virtual
 
-    def test_an_unknown_location_is_refused(self, name: str, plain: VirtualRobot) -> None:
+    def test_an_unknown_location_is_refused(self, name: str, plain: VirtualRobot, g1: Robot) -> None:
+        virtual = plain if INJECTED_EFFECTS[name].locations(plain) else nominal_robot(g1)
         with pytest.raises(UnknownNameError, match="nowhere"):
-            inject(plain, [f"{name}:nowhere"])
+            inject(virtual, [f"{name}:nowhere"])
 
     def test_values_out_of_bounds_are_refused(self, name: str, plain: VirtualRobot) -> None:
         effect = INJECTED_EFFECTS[name]
+        if not effect.locations(plain):
+            pytest.skip("sits on standing robots only")
         for value in (effect.lower - 1.0, effect.upper + 1.0, float("nan")):
             with pytest.raises(InputError, match=name):
                 effect.inject(plain, None, value)
 
-    def test_it_survives_pickling(self, name: str, plain: VirtualRobot) -> None:
-        changed = inject(plain, [name])
+    def test_it_survives_pickling(self, name: str, plain: VirtualRobot, g1: Robot) -> None:
+        virtual = plain if INJECTED_EFFECTS[name].locations(plain) else nominal_robot(g1)
+        changed = inject(virtual, [name])
         copy = pickle.loads(pickle.dumps(changed))  # noqa: S301
         np.testing.assert_array_equal(copy.truth.phi, changed.truth.phi)
         assert copy.readings == changed.readings
+
+
+def test_every_effect_of_the_contract_can_be_injected() -> None:
+    assert set(NAMES) == set(EFFECTS)
+
+
+def test_errors_of_wrench_sensors(g1: Robot) -> None:
+    """On a wrench of one newton along each axis in turn."""
+    virtual = nominal_robot(g1)
+    sensor = g1.sensors[0].name
+    plain = np.eye(6)
+
+    def read(text: str) -> np.ndarray:
+        recording = Recording("r", np.arange(6.0), *[np.zeros((6, 1))] * 6, {}, {sensor: plain}, np.zeros(6))
+        return inject(virtual, [text]).readings[-1](recording).wrenches[sensor]
+
+    np.testing.assert_allclose(np.diag(read(f"sensor_gain:{sensor}.fz:1.1")), [1, 1, 1.1, 1, 1, 1])
+    leak = read(f"sensor_crosstalk:{sensor}.fz->fx:0.2") - plain
+    assert leak[2, 0] == pytest.approx(0.2)
+    assert np.abs(leak).sum() == pytest.approx(0.2)
+    np.testing.assert_allclose(read(f"sensor_bias:{sensor}:2")[0], [3, 2, 2, 0.2, 0.2, 0.2])
+    turned = read(f"sensor_frame_offset:{sensor}:0.1")
+    np.testing.assert_allclose(turned[1, 1:3], [np.cos(0.1), -np.sin(0.1)])
 
 
 def test_the_form_of_the_text_is_checked(plain: VirtualRobot) -> None:

@@ -21,6 +21,10 @@ class ActuatorLag(Effect):
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (SecondOrderLag(),)
+
     def locations(self, context: Context) -> tuple[str, ...]:
         return ("torque",)
 
@@ -33,3 +37,21 @@ class ActuatorLag(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         least = _SAMPLE / context.baseline.samples.rate_hz
         return beta[0] >= least and super().admissible(context, location, theta, beta)
+
+
+class SecondOrderLag(ActuatorLag):
+    """``T₂² τ̈ + T τ̇ + τ = u``: two filters in series."""
+
+    linear = (*ActuatorLag.linear, Parameter("second_order", "s²", 0.0, 0.1))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        samples = context.baseline.samples
+        first = super().shape(context, location, theta).columns
+        stacked = np.column_stack([first[j][:, 0] for j in sorted(first)])
+        second = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.split(stacked)]
+        rate = np.concatenate(second)
+        return Shape({j: np.column_stack([first[j][:, 0], rate[:, j]]) for j in first})

@@ -6,6 +6,7 @@ import numpy as np
 
 from excite.diagnosis.baseline import WIDTHS
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.presliding import hysteretic_sign
 
 
 class CoulombFriction(Effect):
@@ -18,9 +19,30 @@ class CoulombFriction(Effect):
     separating_motion = "slow reversals at constant speed"
     mujoco = "joint frictionloss"
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (CoulombBristles(),)
+
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w,) for w in WIDTHS]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         return Shape({j: np.tanh(context.v[:, [j]] / theta[0])})
+
+
+class CoulombBristles(CoulombFriction):
+    """Coulomb friction that builds up over a deflection."""
+
+    searched = (Parameter("breakaway", "rad", 1e-4, 2e-2),)
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(5e-4,), (2e-3,), (5e-3,)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        return Shape({j: hysteretic_sign(context, j, theta[0])[:, None]})

@@ -7,16 +7,17 @@ import math
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context
-from excite.regressor.lazy import LazyKernel
+from excite.lazy_kernel import LazyKernel
 from excite.robot.robot import Array
 
 
 @LazyKernel
-def deflect(load, inertia, starts, dt, stiffness, damping, gap):  # pragma: no cover - compiled
+def deflect(load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0):  # pragma: no cover - compiled
     """Integrate ``M δ̈ = −τ − k(δ) − D δ̇`` with a dead band of ±gap, semi-implicitly.
 
     load, inertia: ``(n,)`` torque that the link needs and its inertia; ``starts`` marks the first sample of
-    each trial, where the deflection is the static one. In the dead band there is neither spring nor damper.
+    each trial, where the deflection is the static one. The spring is ``k x (1 + cubic x²)``; in the dead band
+    there is neither spring nor damper.
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
     n = len(load)
@@ -36,7 +37,7 @@ def deflect(load, inertia, starts, dt, stiffness, damping, gap):  # pragma: no c
             tau = load[i] * (1.0 - share) + load[last] * share
             m = inertia[i]
             beyond = x - gap if x > gap else (x + gap if x < -gap else 0.0)
-            kk = stiffness if beyond != 0.0 else 0.0
+            kk = stiffness * (1.0 + cubic * beyond * beyond) if beyond != 0.0 else 0.0
             dd = damping if beyond != 0.0 else 0.0
             # Implicit in the spring and the damper: stable for any stiffness.
             force = -tau - kk * (beyond + h * s) - dd * s
@@ -54,7 +55,9 @@ def link_inertia(context: Context, j: int) -> Array:
     return np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
 
 
-def response(context: Context, j: int, stiffness: float, ratio: float, gap: float) -> dict[int, Array]:
+def response(
+    context: Context, j: int, stiffness: float, ratio: float, gap: float, cubic: float = 0.0
+) -> dict[int, Array]:
     """Torques in all rows that a deflection of joint j adds, by row, ``(n_samples,)``.
 
     To first order in the deflection δ: ``∂τ/∂q δ + ∂τ/∂v δ̇ + M δ̈``, with δ from its own equation of
@@ -66,6 +69,7 @@ def response(context: Context, j: int, stiffness: float, ratio: float, gap: floa
         stiffness: of the gear, or of the contact on either side of the play [N·m/rad].
         ratio: damping ratio at the mean inertia.
         gap: half the play [rad].
+        cubic: relative growth of the stiffness with the square of the deflection [1/rad²].
     """
     load = context.baseline.rigid[:, j]
     mass = context.gradient(j, "a")
@@ -83,6 +87,7 @@ def response(context: Context, j: int, stiffness: float, ratio: float, gap: floa
         stiffness,
         damping,
         gap,
+        cubic,
     )
     by_q, by_v = context.gradient(j, "q"), context.gradient(j, "v")
     total = by_q * x[:, None] + by_v * s[:, None] + mass * acc[:, None]

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline import Baseline, sign_of_motion
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.result import Estimate
 from excite.regressor.kernels import inverse_dynamics
@@ -92,8 +92,12 @@ class Context:
         return self.baseline.samples.stacked("session_s")
 
     def sign(self, j: int) -> Array:
-        """Smoothed sign of a joint's velocity, ``(n_samples,)``."""
-        return np.tanh(self.v[:, j] / self.baseline.widths[j])
+        """What a joint's dry friction follows, ``(n_samples,)``."""
+        key = (j, "sign")
+        if key not in self._cache:
+            base = self.baseline
+            self._cache[key] = sign_of_motion(base.samples, j, base.widths[j], base.breakaways[j])
+        return self._cache[key]
 
     def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
         """Torques of the rigid bodies at the fitted parameters, ``(n_samples, n_joints)`` [N·m]."""
@@ -139,6 +143,15 @@ class Effect(ABC):
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False
     timing: ClassVar[bool] = False
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        """Other forms of the same physics with more parameters, tried once the effect has been named."""
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        """Where the search of a richer form begins, from the non-linear parameters of the plain one."""
+        return [theta]
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.result import Estimate
+from excite.robot.robot import Array
 
 
 class FrictionDrift(Effect):
@@ -24,16 +26,24 @@ class FrictionDrift(Effect):
     mujoco = "none: a constant at the session's end"
     friction = True
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (HeatedFriction(),)
+
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return self.name not in modelled and bool({"coulomb_friction", "viscous_friction"} & set(modelled))
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(t,) for t in (12.0, 50.0, 2000.0)]
 
+    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+        """g at every sample, ``(n_samples,)``."""
+        end = float(context.session.max())
+        return np.expm1(-context.session / theta[0]) / np.expm1(-end / theta[0])
+
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
-        end = float(context.session.max())
-        growth = np.expm1(-context.session / theta[0]) / np.expm1(-end / theta[0])
+        growth = self.growth(context, j, theta)
         # What the baseline has not cannot have drifted: a viscous column would stand in for viscous friction.
         modelled = context.baseline.modelled
         coulomb = growth * context.sign(j) if "coulomb_friction" in modelled else np.zeros_like(growth)
@@ -50,3 +60,26 @@ class FrictionDrift(Effect):
             return found
         share = Estimate(float(fit.extra[0]) / level, float(fit.extra_std[0]) / level, "1")
         return {"relative_change": share, **found}
+
+
+class HeatedFriction(FrictionDrift):
+    """The temperature follows the joint's own speed: ``T' = (|v|/mean|v| − T)/τ``, cooling between trials."""
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+        samples = context.baseline.samples
+        speed = np.abs(context.v[:, j])
+        heat = samples.split(speed / max(float(speed.mean()), 1e-9))
+        share = -np.expm1(-1.0 / (samples.rate_hz * theta[0]))
+        made, state, last = {}, 0.0, 0.0
+        # In the order in which the trials were run.
+        for k in np.argsort([t.session_s[0] for t in samples.trials], kind="stable"):
+            trial = samples.trials[k]
+            state *= np.exp(-max(float(trial.session_s[0]) - last, 0.0) / theta[0])
+            made[int(k)], _ = lfilter([share], [1.0, share - 1.0], heat[k], zi=[(1.0 - share) * state])
+            state, last = float(made[int(k)][-1]), float(trial.session_s[-1])
+        growth = np.concatenate([made[k] for k in range(len(samples.trials))])
+        return growth / max(float(np.abs(growth).max()), 1e-9)

@@ -16,6 +16,10 @@ class JointElasticity(Effect):
     mujoco = "a second joint with stiffness and damping behind the motor's"
     moves = True
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (HardeningElasticity(),)
+
     def grid(self, context: Context, location: str) -> list[Theta]:
         j = context.row(location)
         inertia = float(link_inertia(context, j).mean())
@@ -24,3 +28,20 @@ class JointElasticity(Effect):
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         return Shape(offset=response(context, context.row(location), theta[0], theta[1], 0.0))
+
+
+class HardeningElasticity(JointElasticity):
+    """A gear that grows stiffer: ``k δ (1 + (δ/δ₀)²)``, as harmonic drives do."""
+
+    searched = (*JointElasticity.searched, Parameter("hardening_at", "rad", 1e-4, 1.0))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(0.8 * theta[0], theta[1], at) for at in (0.01, 0.05)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        cubic = theta[2] ** -2
+        return Shape(offset=response(context, context.row(location), theta[0], theta[1], 0.0, cubic))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.presliding import hysteretic_sign
 from excite.robot.robot import Array
 
 # A spring whose torque hardly changes over the joint's motion is a constant.
@@ -20,6 +21,10 @@ class JointSpring(Effect):
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
     mujoco = "joint stiffness and springref"
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (HardeningSpring(), RubbingSpring())
+
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         q = context.q[:, j]
@@ -31,3 +36,36 @@ class JointSpring(Effect):
         return abs(beta[0]) * q.std() >= _CHANGES * constant and super().admissible(
             context, location, theta, beta
         )
+
+
+class HardeningSpring(JointSpring):
+    """``τ = k q + τ_0 + k₂ q² + k₃ q³``: a spring that grows stiffer with its stretch."""
+
+    linear = (*JointSpring.linear, Parameter("quadratic", "N·m/rad²"), Parameter("cubic", "N·m/rad³"))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        q = context.q[:, j]
+        return Shape({j: np.column_stack([q, np.ones_like(q), q**2, q**3])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return True
+
+
+class RubbingSpring(HardeningSpring):
+    """The same with a dry rubbing that builds up over a deflection."""
+
+    linear = (*HardeningSpring.linear, Parameter("rubbing", "N·m"))
+    searched = (Parameter("breakaway", "rad", 1e-3, 0.3),)
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(0.02,), (0.08,)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        columns = super().shape(context, location, theta).columns[j]
+        return Shape({j: np.column_stack([columns, hysteretic_sign(context, j, theta[0])])})

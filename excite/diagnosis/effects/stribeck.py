@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.presliding import hysteretic_sign
 from excite.robot.robot import Array
 
 # A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
@@ -22,6 +23,10 @@ class Stribeck(Effect):
     mujoco = "none of its own: a control callback"
     friction = True
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (StribeckExponent(), StribeckBristles())
+
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(v,) for v in (0.015, 0.03, 0.06, 0.12, 0.25)]
 
@@ -32,3 +37,41 @@ class Stribeck(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         width = float(context.baseline.widths[context.row(location)])
         return theta[0] >= _APART * width and super().admissible(context, location, theta, beta)
+
+
+class StribeckExponent(Stribeck):
+    """``τ = f_s exp(−(|v|/v_s)^δ) sign(v)`` with the exponent δ searched (Bo, Pavelescu 1982)."""
+
+    searched = (*Stribeck.searched, Parameter("exponent", "1", 0.4, 2.5))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(theta[0], 1.2), (0.7 * theta[0], 0.7)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        decay = np.exp(-((np.abs(context.v[:, j]) / theta[0]) ** theta[1]))
+        return Shape({j: (context.sign(j) * decay)[:, None]})
+
+
+class StribeckBristles(Stribeck):
+    """Stribeck friction that builds up over a deflection, as Coulomb friction then does as well."""
+
+    linear = (*Stribeck.linear, Parameter("presliding", "N·m"))
+    searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(theta[0], 5e-4), (theta[0], 2e-3)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        sign = hysteretic_sign(context, j, theta[1])
+        decay = np.exp(-((context.v[:, j] / theta[0]) ** 2))
+        return Shape({j: np.column_stack([sign * decay, sign - context.sign(j)])})

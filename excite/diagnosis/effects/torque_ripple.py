@@ -17,6 +17,10 @@ class TorqueRipple(Effect):
     separating_motion = "a slow sweep of the joint at constant speed"
     mujoco = "none of its own: a control callback"
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (RippleHarmonics(),)
+
     def grid(self, context: Context, location: str) -> list[Theta]:
         """The three best of 4 … 150 by a projection of the baseline's residual at the rows."""
         j = context.row(location)
@@ -41,3 +45,24 @@ class TorqueRipple(Effect):
         j = context.row(location)
         phase = theta[0] * context.q[:, j]
         return Shape({j: np.column_stack([np.cos(phase), np.sin(phase)])})
+
+
+class RippleHarmonics(TorqueRipple):
+    """The same with a second harmonic, and an amplitude that grows with the load on the gear."""
+
+    linear = (
+        *TorqueRipple.linear,
+        *(Parameter(name, "N·m") for name in ("cosine_2", "sine_2")),
+        *(Parameter(name, "N·m/(N·m)") for name in ("cosine_load", "sine_load")),
+    )
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        phase, load = theta[0] * context.q[:, j], np.abs(context.baseline.rigid[:, j])
+        waves = [np.cos(phase), np.sin(phase)]
+        second = [np.cos(2.0 * phase), np.sin(2.0 * phase)]
+        return Shape({j: np.column_stack([*waves, *second, *(load * wave for wave in waves)])})

@@ -70,6 +70,9 @@ def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOT
         effects = [str(name) for name in rng.choice(_DOUBLES, 2, replace=False)]
     elif kind == "unknown":
         effects = ["unknown"]
+    if "armature" in effects and robot == "ur10":
+        # Its wrist is nearly all rotor: without one its friction would be unlike any real one.
+        robot = "iiwa14"
     given = bool({*effects} & NEEDS_GIVEN_INERTIA)
     fixed = given or (kind == "single" and rng.random() < 0.25)
     noise = 2.0 if kind == "none" and turn == 9 else float(rng.choice([1.0, 1.0, 1.5]))

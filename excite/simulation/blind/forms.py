@@ -155,6 +155,7 @@ def _load_friction(s: _Site) -> Hidden:
 
 def _drift(s: _Site) -> Hidden:
     change = s.sign * min(s.size, 1.2) * s.rng.uniform(0.35, 0.6) * (1.0 if s.sign < 0.0 else 1.5)
+    change *= 2.0 if s.form == "oil" and s.sign > 0.0 else 1.0
     seconds = s.rng.uniform(20.0, 120.0)
     law = WarmingLaw(s.joint, change, seconds, s.form == "heated", s.form == "oil")
     return s.under(law, change, time_constant=seconds)
@@ -264,9 +265,12 @@ _MAKERS: dict[str, Callable[[_Site], Hidden]] = {
 }
 
 
-def background(virtual: VirtualRobot, arm: Arm, rng: np.random.Generator, size: float = 0.15) -> VirtualRobot:
+def background(virtual: VirtualRobot, arm: Arm, rng: np.random.Generator, size: float = 0.1) -> VirtualRobot:
     """A little of something on every joint."""
     some = ("stribeck", "torque_ripple", "load_dependent_friction", "joint_spring")
     for joint in range(virtual.robot.n_joints):
-        virtual, _ = hide(virtual, arm, str(rng.choice(some)), "plain", joint, size, rng)
+        effect = str(rng.choice(some))
+        # A spring acts all the time, the others by turns.
+        share = 0.3 if effect == "joint_spring" else 1.0
+        virtual, _ = hide(virtual, arm, effect, "plain", joint, share * size, rng)
     return virtual

@@ -8,6 +8,7 @@ from excite.errors import InputError, UnknownNameError
 from excite.simulation.effects.actuator_lag import ActuatorLag
 from excite.simulation.effects.armature import Armature
 from excite.simulation.effects.backlash import Backlash
+from excite.simulation.effects.base_orientation_bias import BaseOrientationBias
 from excite.simulation.effects.base_tilt import BaseTilt
 from excite.simulation.effects.coulomb_asymmetry import CoulombAsymmetry
 from excite.simulation.effects.coulomb_friction import CoulombFriction
@@ -21,11 +22,17 @@ from excite.simulation.effects.link_inertia import LinkInertia
 from excite.simulation.effects.link_length_error import LinkLengthError
 from excite.simulation.effects.load_dependent_friction import LoadDependentFriction
 from excite.simulation.effects.payload import Payload
+from excite.simulation.effects.sensor_bias import SensorBias
+from excite.simulation.effects.sensor_crosstalk import SensorCrosstalk
+from excite.simulation.effects.sensor_frame_offset import SensorFrameOffset
+from excite.simulation.effects.sensor_gain import SensorGain
+from excite.simulation.effects.soft_tissue import SoftTissue
 from excite.simulation.effects.stribeck import Stribeck
 from excite.simulation.effects.time_delay import TimeDelay
 from excite.simulation.effects.torque_bias import TorqueBias
 from excite.simulation.effects.torque_gain import TorqueGain
 from excite.simulation.effects.torque_ripple import TorqueRipple
+from excite.simulation.effects.unlogged_contact import UnloggedContact
 from excite.simulation.effects.viscous_friction import ViscousFriction
 from excite.simulation.virtual_robot import VirtualRobot
 
@@ -52,6 +59,13 @@ INJECTED_EFFECTS: dict[str, InjectedEffect] = {
         TorqueBias(),
         TorqueGain(),
         TorqueRipple(),
+        BaseOrientationBias(),
+        SensorBias(),
+        SensorCrosstalk(),
+        SensorFrameOffset(),
+        SensorGain(),
+        SoftTissue(),
+        UnloggedContact(),
         ViscousFriction(),
     )
 }

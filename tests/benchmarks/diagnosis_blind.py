@@ -1,0 +1,50 @@
+"""Diagnosis scored blind: cases drawn by the simulation's own injectors, with a seed used for nothing else."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+from excite.diagnosis.diagnose import diagnose
+from excite.simulation.blind.make import load_answers, make_cases
+from excite.simulation.blind.score import BlindScore, score
+from tests.benchmarks.table import Row
+
+SEED, CASES = 20260, 50
+
+
+def scored(seed: int = SEED, cases: int = CASES) -> BlindScore:
+    """Make the cases, diagnose all of them, and only then look at the answers."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "cases"
+        make_cases(folder, seed=seed, cases=cases)
+        documents, seconds = {}, {}
+        for case in sorted(folder.glob("case_*")):
+            started = time.process_time()
+            documents[case.name] = diagnose(case).to_json()
+            seconds[case.name] = time.process_time() - started
+        return score(load_answers(folder), documents, seconds)
+
+
+def rows() -> list[Row]:
+    """Figures of the battery."""
+    result = scored()
+    figures = result.figures()
+
+    def percent(name: str) -> float:
+        return 100.0 * float(figures[name] or 0.0)
+
+    title = f"blind arms ({CASES} cases)"
+    return [
+        Row.at_least(f"{title}: one effect, right name", percent("single_named"), 92.0, "%"),
+        Row.at_least(f"{title}: one effect, right place", percent("single_placed"), 97.0, "%"),
+        Row.at_least(f"{title}: weak over a background, named", percent("weak_named"), 80.0, "%"),
+        Row.at_least(f"{title}: two effects, found", percent("double_found"), 90.0, "%"),
+        Row.at_least(f"{title}: 'none' kept", percent("none_kept"), 98.0, "%"),
+        Row.at_least(f"{title}: 'unknown' recognised", percent("unknown_recognised"), 90.0, "%"),
+        Row.at_most(f"{title}: firm wrong names", percent("firm_wrong"), 2.0, "%"),
+        Row.at_most(
+            f"{title}: processor time of a case, median", float(figures["seconds_median"] or 0), 10, "s"
+        ),
+    ]

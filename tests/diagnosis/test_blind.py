@@ -1,0 +1,87 @@
+"""Cases with withheld answers: what is hidden is not in the log's folder, and is found from the log alone."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from excite.diagnosis.diagnose import diagnose
+from excite.errors import InputError
+from excite.logs.files import save_log
+from excite.simulation.blind.draw import Draft
+from excite.simulation.blind.hidden import Answer, HiddenEffect
+from excite.simulation.blind.make import answers_file, build_case, load_answers, make_cases
+from excite.simulation.blind.score import score, score_case
+
+
+@pytest.mark.parametrize(
+    ("plan", "seed"),
+    [
+        (Draft("iiwa14", "single", (("torque_gain", "plain"),), False, 1.0, (), False), 5),
+        (Draft("panda", "none", (), False, 2.0, ("repeated_rows",), False), 6),
+    ],
+)
+def test_a_hidden_effect_is_found_and_none_is_kept(plan: Draft, seed: int, tmp_path) -> None:
+    log, answer = build_case(plan, np.random.default_rng(seed))
+    save_log(log, tmp_path / "case")
+    result = score_case("case", answer, diagnose(tmp_path / "case").to_json())
+    assert result.named, f"{result.truth} | {result.said}"
+    assert result.placed
+    assert result.extras == 0
+
+
+def test_answers_are_not_in_the_folder_of_the_cases(tmp_path) -> None:
+    target = make_cases(tmp_path / "cases", seed=4, cases=1, robots=("jaco2",))
+    assert target == answers_file(tmp_path / "cases")
+    assert target.parent != tmp_path / "cases"
+    answer = load_answers(tmp_path / "cases")["case_000"]
+    header = yaml.safe_load((tmp_path / "cases" / "case_000" / "log.yaml").read_text())
+    text = json.dumps(header)
+    assert answer.effects[0].effect not in text
+    assert set(header["modelled"]) == set(answer.modelled)
+    with pytest.raises(InputError, match="not empty"):
+        make_cases(tmp_path / "cases", seed=4, cases=1)
+
+
+def _document(verdict: str, *effects: tuple[str, str], tied: int = 0) -> dict:
+    made = [{"effect": e, "location": p, "tied_locations": [p]} for e, p in effects]
+    return {
+        "verdict": verdict,
+        "effect": effects[0][0] if effects else None,
+        "location": effects[0][1] if effects else None,
+        "tied_locations": [],
+        "candidates": made,
+        "effects": made[: max(1, len(made) - tied + 1)] if verdict == "ambiguous" else made,
+        "gap": {"share_closed": 0.9, "share_closed_90": None},
+        "next_experiment": {"separates": [f"{e}@{p}" for e, p in effects]} if tied else None,
+    }
+
+
+def _answer(*effects: tuple[str, str]) -> Answer:
+    hidden = tuple(HiddenEffect(e, p, 1.0) for e, p in effects)
+    return Answer("double" if len(effects) > 1 else "single", "panda", ("rigid_body",), hidden, 1.0)
+
+
+def test_a_firm_wrong_name_is_worse_than_a_doubt() -> None:
+    answer = _answer(("backlash", "joint2"))
+    firm = score_case("a", answer, _document("effect", ("stribeck", "joint2")))
+    doubt = score_case(
+        "a", answer, _document("ambiguous", ("stribeck", "joint2"), ("backlash", "joint2"), tied=2)
+    )
+    silent = score_case("a", answer, _document("unknown"))
+    assert (firm.named, firm.placed, firm.firm_wrong, firm.extras) == (False, True, True, 1)
+    assert (doubt.named, doubt.placed, doubt.firm_wrong) == (True, True, False)
+    assert (silent.named, silent.firm_wrong) == (False, False)
+
+
+def test_two_effects_are_counted_each() -> None:
+    answer = _answer(("backlash", "joint2"), ("torque_bias", "joint4"))
+    both = score_case(
+        "a", answer, _document("effect", ("coulomb_asymmetry", "joint4"), ("backlash", "joint2"))
+    )
+    assert (both.found, both.hidden, both.extras) == (2, 2, 0)
+    figures = score({"a": answer}, {"a": _document("effect", ("backlash", "joint2"))}, {}).figures()
+    assert figures["double_found"] == 0.5
