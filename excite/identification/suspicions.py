@@ -27,6 +27,7 @@ from excite.identification.torque_samples import (
     torque_samples,
 )
 from excite.identification.weak_torques import weak_torques
+from excite.identification.zero_positions import best_zeros
 from excite.logs.finding import Finding, listed
 from excite.logs.log import Log
 from excite.robot.robot import Array, Robot
@@ -71,6 +72,8 @@ def _arrangement(samples: TorqueSamples, joints: tuple[str, ...]) -> Finding | N
     n = len(joints)
     same, straight = np.arange(n), np.ones(n)
     start = mean_left(samples)
+    if start - 0.5 * np.log(FLOOR) < _LEAST_GAIN:
+        return None
     in_radians = samples.arranged(same, straight * np.pi / 180.0, same)
     found = [
         (mean_left(in_radians), "degrees", "positions look like degrees; convert them to radians", joints)
@@ -84,16 +87,19 @@ def _arrangement(samples: TorqueSamples, joints: tuple[str, ...]) -> Finding | N
         both.torque[:, j] *= -1.0
         text = f"{joints[j]} looks turned about: signs of its position and its torque"
         found.append((mean_left(both), "direction", text, (joints[j],)))
+    zeros = best_zeros(samples, start)
+    places = tuple(joints[j] for j in np.flatnonzero(zeros.quarters))
+    found.append((zeros.score, "zero_position", zeros.text(joints), places))
     found += [_torque_order(samples, joints), _torque_signs(samples, joints), _torque_scale(samples, joints)]
     for what, with_torques in (("columns", True), ("positions", False)):
         score, order = _reordered(samples, start, with_torques=with_torques)
-        places = np.flatnonzero(order != same)
+        changed = np.flatnonzero(order != same)
         # An exchange that leaves a joint unexplained is none: a dead channel fits anywhere as badly.
         if (
-            shares_left(samples.arranged(order, straight, order if with_torques else same))[places] > _FITS
+            shares_left(samples.arranged(order, straight, order if with_torques else same))[changed] > _FITS
         ).any():
             continue
-        moved = tuple(joints[i] for i in places)
+        moved = tuple(joints[i] for i in changed)
         real = ", ".join(joints[i] for i in order)
         text = f"joints look exchanged: the {what} explain the torques far better in the order {real}"
         found.append((score, "order", text, moved))

@@ -10,9 +10,18 @@ import pytest
 
 from excite.identification.identify import identify
 from excite.identification.result import Identification
+from excite.identification.suspicions import suspicions
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
-from tests.reproduction.tx40 import LARGEST_PERCENT, RANK, SETTINGS, drive_parameters, percent_left, tx40_log
+from tests.reproduction.tx40 import (
+    LARGEST_PERCENT,
+    RANK,
+    SETTINGS,
+    ZEROS,
+    drive_parameters,
+    percent_left,
+    tx40_log,
+)
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +59,15 @@ def test_the_wrist_needs_its_coupling(log: Log, least_squares: Identification) -
     coupled, apart = percent_left(least_squares.fit), percent_left(found(separate).fit)
     assert (np.divide(apart, coupled)[4:] > 1.5).all(), (coupled, apart)
     assert (np.divide(apart, coupled)[:4] < 1.1).all(), (coupled, apart)
+
+
+def test_zeros_of_the_controller_are_named(log: Log) -> None:
+    """Two joints whose zeros are a quarter turn from the model's, found by the torques alone."""
+    raw = replace(log, trials=tuple(replace(trial, q=trial.q - ZEROS) for trial in log.trials))
+    (finding,) = suspicions(nominal_robot(log), raw, SETTINGS)
+    assert finding.kind == "zero_position"
+    assert "add -90° to joint_2, +90° to joint_3" in finding.text
+    assert suspicions(nominal_robot(log), log, SETTINGS) == ()
 
 
 def test_published_drives_lie_in_the_intervals(data_dir: Path, log: Log) -> None:
