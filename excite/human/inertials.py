@@ -118,9 +118,9 @@ def _dumas(subject: Subject, dimensions: Dimensions, kind: str, side: str) -> Bo
     mass = row.mass / 100.0 * subject.mass
     center = _FROM_ISB @ (np.array(row.center) / 100.0 * length)
     if kind == "pelvis":
-        center = center + [dimensions["lumbar_x"], 0.0, dimensions["lumbar_z"]]
+        center = center + np.array([dimensions["lumbar_x"], 0.0, dimensions["lumbar_z"]])
     elif kind == "torso":
-        center = center + [dimensions["neck_x"], 0.0, dimensions["neck_z"]]
+        center = center + np.array([dimensions["neck_x"], 0.0, dimensions["neck_z"]])
     return BodyInertia(mass, center, mass * length**2 * _FROM_ISB @ _possible(radii) @ _FROM_ISB.T)
 
 

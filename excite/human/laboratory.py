@@ -41,7 +41,10 @@ def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
     findings = []
     unknown = sorted(by_bare.keys() - known.keys())
     if unknown:
-        text = f"{recording.source.name}: {len(unknown)} labels are not in marker set {markers.name!r}: {listed(unknown)}"
+        text = (
+            f"{recording.source.name}: {len(unknown)} labels are not in marker set {markers.name!r}: "
+            f"{listed(unknown)}"
+        )
         findings.append(Finding("unknown_markers", text, {"markers": float(len(unknown))}, tuple(unknown)))
     return replace(recording, markers=known).noting(*findings)
 

@@ -134,8 +134,20 @@ def measure_person(
         LogError: a file is malformed, or markers and forces cannot be true; names the file and the remedy.
         InputError: markers are too few, or settings absurd.
     """
-    settings = settings or MeasureSettings()
     moving, standing = paired_recordings(trials, static)
+    return measure_recordings(subject, moving, standing, settings, progress)
+
+
+@one_blas_thread
+def measure_recordings(
+    subject: Subject,
+    moving: Sequence[Recording],
+    standing: Sequence[Recording] = (),
+    settings: MeasureSettings | None = None,
+    progress: Progress = silent,
+) -> MeasuredPerson:
+    """:func:`measure_person` of recordings that have been read."""
+    settings = settings or MeasureSettings()
     markers = _marker_set(settings, [*standing, *moving])
     up = settings.up
     prepared = []
@@ -143,22 +155,24 @@ def measure_person(
         known = in_metres(with_known_labels(recording, markers), subject)
         up = up_axis(known, markers) if up is None else up
         prepared.append(upright(known, up))
-    still, moving = prepared[: len(standing)], prepared[len(standing) :]
+    still, upright_trials = prepared[: len(standing)], prepared[len(standing) :]
     wanted = tuple(label for label in markers.sites if any(label in r.markers for r in prepared))
     cutoff = settings.cutoff_hz or None
-    calibration = calibrate(subject, markers.sites, [recording.markers for recording in (*still, *moving)])
+    calibration = calibrate(
+        subject, markers.sites, [recording.markers for recording in (*still, *upright_trials)]
+    )
     body = body_of(subject, calibration.dimensions, settings.table)
     measured, reports, findings = [], {}, []
     for recording in still:
         findings += recording.findings
-    for number, recording in enumerate(moving):
-        progress("trials", number, len(moving))
-        findings += [*recording.findings, *absent_markers(recording, _in_trials(wanted, moving))]
+    for number, recording in enumerate(upright_trials):
+        progress("trials", number, len(upright_trials))
+        findings += [*recording.findings, *absent_markers(recording, _in_trials(wanted, upright_trials))]
         trial, report, found = _measured(body, calibration, recording, cutoff)
         measured.append(trial)
         reports[trial.name] = report
         findings += found
-    progress("trials", len(moving), len(moving))
+    progress("trials", len(upright_trials), len(upright_trials))
     log = human_log(body, measured, settings.hold_out, cutoff)
     return MeasuredPerson(body, calibration, log, reports, tuple(findings))
 

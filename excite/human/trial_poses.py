@@ -23,7 +23,7 @@ from excite.robot.robot import Array
 _FAR, _MENDED = 0.05, 0.4
 _LONGEST_FILL_S = 0.2
 _STRIDE = 4
-_BAD_FACTOR = 4.0
+_REPAIRS, _FAR_MARKERS = 4, 2
 _HELD = 20.0
 
 
@@ -90,27 +90,37 @@ def _matrix(recording: Recording, labels: tuple[str, ...]) -> Array:
 
 
 def _coarse(model: MarkerModel, points: Array) -> Solution:
-    """Postures of every few frames from scratch, bad ones again from good neighbours, then all from these."""
+    """Postures of every few frames from scratch, then all frames from these, then bad ones from good neighbours."""
     frames = np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1))
-    solution = first_poses(model, points[frames])
-    pose, cost = solution.pose, solution.cost
-    bad = cost > _BAD_FACTOR * np.median(cost)
-    for direction in (1, -1):
-        for i in range(len(frames))[::direction]:
-            before = i - direction
-            if not bad[i] or not 0 <= before < len(frames) or bad[before]:
-                continue
-            again = solve_poses(
-                model, points[frames[i : i + 1]], pose[before : before + 1], steps=30, robust=True
-            )
-            if again.cost[0] < cost[i]:
-                pose.position[i], pose.rotation[i], cost[i] = (
-                    again.pose.position[0],
-                    again.pose.rotation[0],
-                    again.cost[0],
-                )
-            bad[i] = cost[i] > _BAD_FACTOR * np.median(cost)
-    return solve_poses(model, points, interpolated(frames, pose, np.arange(len(points))), steps=6)
+    few = _repaired(model, points[frames], first_poses(model, points[frames]))
+    start = interpolated(frames.astype(float), few.pose, np.arange(len(points)).astype(float))
+    return _repaired(model, points, solve_poses(model, points, start, steps=6))
+
+
+def _repaired(model: MarkerModel, points: Array, solution: Solution) -> Solution:
+    """Solve frames with far markers again from postures between good frames; the better answer stays.
+
+    A limb can be found folded the wrong way where it is solved on its own; its neighbours in time know better.
+    """
+    pose, cost, residual = solution.pose, solution.cost, solution.residual
+    for _ in range(_REPAIRS):
+        far = (np.nan_to_num(residual) > _FAR).sum(axis=1) >= _FAR_MARKERS
+        good, bad = np.flatnonzero(~far), np.flatnonzero(far)
+        if not len(bad) or not len(good):
+            break
+        start = interpolated(good.astype(float), pose[good], bad.astype(float))
+        rough = solve_poses(model, points[bad], start, steps=15, robust=False)
+        again = solve_poses(model, points[bad], rough.pose, steps=10)
+        better = bad[again.cost < cost[bad] * 0.999]
+        chosen = again.cost < cost[bad] * 0.999
+        if not len(better):
+            break
+        pose.position[better], pose.rotation[better] = (
+            again.pose.position[chosen],
+            again.pose.rotation[chosen],
+        )
+        cost[better], residual[better] = again.cost[chosen], again.residual[chosen]
+    return Solution(pose, residual, cost)
 
 
 def interpolated(at: Array, pose: Pose, wanted: Array) -> Pose:

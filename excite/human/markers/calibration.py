@@ -40,6 +40,7 @@ _ROUNDS = 12
 _CONVERGED = 1e-4
 _FRAMES = 60
 _FEWEST_MARKERS = 3
+_BAD_FRAME = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,9 @@ def calibrate(
     model = _with_free_markers(
         replace(model, local=np.where(np.isfinite(guess), guess, np.nan)), points, solution
     )
+    # Single frames in which a limb was still found the wrong way would pull the joints.
+    sound = solution.cost <= _BAD_FRAME * np.median(solution.cost)
+    points, solution = points[sound], replace(solution, pose=solution.pose[sound])
     sigma = np.where(np.isfinite(guess).all(axis=1), _LANDMARK_SIGMA, _FREE_SIGMA)
     return _adjust(model, dimensions, points, solution.pose, sigma)
 

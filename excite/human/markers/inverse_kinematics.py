@@ -30,6 +30,8 @@ _CORE = 0.03
 _SIGMA = 0.01
 _PRIOR = 2.0
 _CONVERGED = 1e-6
+# Elbows and knees bend one way only; beyond a little overextension a stiff spring keeps them from folding over.
+_HINGE_LEAST, _HINGE_SPRING = -0.15, 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,9 +186,17 @@ def _prior_terms(pose: Pose, prior: Pose | None, weight: Array) -> tuple[Array, 
         if columns.stop - columns.start == 3:
             pull[:, columns] = -square * turns[:, k]
         else:
+            beyond = _overextension(pose, k)
             pull[:, columns] = -square * (turns[:, k] @ REVOLUTE_AXIS[k])[:, None]
-        strength[:, columns] = square
+            pull[:, columns] += _HINGE_SPRING**2 * beyond[:, None]
+            strength[:, columns] = _HINGE_SPRING**2 * (beyond > 0.0)[:, None]
+        strength[:, columns] += square
     return pull, strength
+
+
+def _overextension(pose: Pose, k: int) -> Array:
+    """How far a hinge is bent the wrong way, ``(n,)`` [rad]."""
+    return np.maximum(0.0, _HINGE_LEAST - logarithm(pose.rotation[:, k]) @ REVOLUTE_AXIS[k])
 
 
 def _deviation(pose: Pose, prior: Pose | None) -> Array:
@@ -209,4 +219,5 @@ def _cost(
     if robust:
         square = square / (1.0 + (distance / _CORE) ** 2)
     turns = np.linalg.norm(_deviation(pose, prior), axis=2)[:, 1:]
-    return (square * seen).sum(axis=1) + ((turns * weight[:, 1:]) ** 2).sum(axis=1), distance
+    bent = sum(_overextension(pose, k) ** 2 for k in REVOLUTE_AXIS) * _HINGE_SPRING**2
+    return (square * seen).sum(axis=1) + ((turns * weight[:, 1:]) ** 2).sum(axis=1) + bent, distance

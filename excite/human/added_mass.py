@@ -1,0 +1,188 @@
+"""Where a weight is worn, and how heavy it is, from trials without and with it.
+
+The trials without say what the body is like, as far as its motions show it and the tables elsewhere; the trials
+with it are then explained by that body and one more mass on one segment. The body's parameters are eliminated, so
+that whatever is as wrong with the one as with the other - skin, joints, filters - does not look like a weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from excite.errors import LogError
+from excite.human.segments import NAMES
+from excite.identification.problem import IdentificationProblem, build_problem
+from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.identification.settings import ProblemSettings
+from excite.logs.log import Log
+from excite.robot.robot import Array, Robot
+from excite.threads import one_blas_thread
+
+_PRIOR_SPREAD = 0.3
+# A belt is worn around a segment: its mass lies at this radius of gyration about its own centre [m].
+_BELT_RADIUS = 0.06
+_MARGIN = 0.03
+_MOST = 0.5
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A weight on one segment.
+
+    Attributes:
+        segment: segment that carries it.
+        mass: [kg].
+        std: of the mass [kg].
+        place: of its centre in the joint frame of the segment [m].
+        cost: squared residual that it leaves, in units of the noise.
+    """
+
+    segment: str
+    mass: float
+    std: float
+    place: tuple[float, float, float]
+    cost: float
+
+
+@dataclass(frozen=True)
+class AddedMass:
+    """The likeliest weight and the other segments' best.
+
+    Attributes:
+        best: the likeliest.
+        candidates: one for each segment, likeliest first.
+        nothing: squared residual without any weight.
+    """
+
+    best: Candidate
+    candidates: tuple[Candidate, ...]
+    nothing: float
+
+    def to_json(self) -> dict[str, Any]:
+        """``{"segment", "mass_kg", "std_kg", "place_m", "candidates"}``."""
+        listed = [
+            {"segment": c.segment, "mass_kg": c.mass, "std_kg": c.std, "cost": c.cost}
+            for c in self.candidates
+        ]
+        return {
+            "segment": self.best.segment,
+            "mass_kg": self.best.mass,
+            "std_kg": self.best.std,
+            "place_m": list(self.best.place),
+            "candidates": listed,
+        }
+
+    def summary(self) -> str:
+        """One line."""
+        second = self.candidates[1]
+        return (
+            f"weight worn: {self.best.mass:.2f} ± {self.best.std:.2f} kg on {self.best.segment} "
+            f"(next: {second.segment}, {second.mass:.2f} kg)"
+        )
+
+
+@one_blas_thread
+def locate_added_mass(
+    robot: Robot,
+    without: Log,
+    loaded: Log,
+    boxes: Array,
+    *,
+    settings: ProblemSettings | None = None,
+    segments: Sequence[str] = NAMES,
+) -> AddedMass:
+    """Find the weight that makes two logs of one person agree.
+
+    Args:
+        robot: the person's model, calibrated.
+        without: trials without the weight.
+        loaded: trials with it, the same motions for the best result.
+        boxes: where the weight's centre may lie on each of the robot's segments, joint frames
+            ``(n_segments, 2, 3)`` [m].
+        settings: filters.
+        segments: links that may carry it.
+
+    Raises:
+        LogError: a log leaves no rows, or no segment may carry the weight.
+    """
+    first = build_problem(robot, without, settings, role=None)
+    second = build_problem(robot, loaded, settings, role=None)
+    std = np.asarray(iterate_weights(regression(first)).std)
+    rows_without, rows_loaded = (_condensed(problem, std) for problem in (first, second))
+    projected, target = _eliminated(first, rows_without, rows_loaded)
+    links = [segment.link for segment in robot.segments]
+    found = [
+        _weight_on(link, projected[:, 10 * k : 10 * k + 10], target, boxes[k], robot.mass)
+        for k, link in enumerate(links)
+        if link in segments
+    ]
+    if not found:
+        raise LogError("no segment may carry the weight", field="segments")
+    ranked = tuple(sorted(found, key=lambda item: item.cost))
+    degrees = max(len(target) - 4, 1)
+    noise = max(1.0, ranked[0].cost / degrees)
+    ranked = tuple(
+        Candidate(c.segment, c.mass, c.std * float(np.sqrt(noise)), c.place, c.cost) for c in ranked
+    )
+    return AddedMass(ranked[0], ranked, float(target @ target))
+
+
+def _condensed(problem: IdentificationProblem, std: Array) -> Array:
+    rows = np.column_stack([problem.Y, problem.y]) / std[problem.channel, None]
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def _eliminated(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:
+    """Rows of the loaded trials with the body's parameters eliminated: columns and target."""
+    scale = prior_std(problem, _PRIOR_SPREAD)
+    for k in problem.unmeasured:
+        scale[10 * k : 10 * k + 10] = 1e-9
+    n = problem.n_params
+    body = np.vstack([np.eye(n), without[:, :n] * scale, loaded[:, :n] * scale])
+    measured = np.concatenate(
+        [
+            np.zeros(n),
+            without[:, n] - without[:, :n] @ problem.prior,
+            loaded[:, n] - loaded[:, :n] @ problem.prior,
+        ]
+    )
+    extra = np.vstack([np.zeros((n + len(without), n)), loaded[:, :n]])
+    q, _ = np.linalg.qr(body, mode="complete")
+    rest = q[:, n:]
+    return rest.T @ extra, rest.T @ measured
+
+
+def _weight_on(link: str, columns: Array, target: Array, box: Array, body_mass: float) -> Candidate:
+    lower, upper = box[0] - _MARGIN, box[1] + _MARGIN
+
+    def residual(x: Array) -> Array:
+        return columns @ _ten(x[0], x[1:]) - target
+
+    best = None
+    for start in (0.5 * (lower + upper), np.clip(np.zeros(3), lower + 1e-6, upper - 1e-6)):
+        fit = least_squares(
+            residual,
+            np.concatenate([[1.0], start]),
+            bounds=(np.concatenate([[0.0], lower]), np.concatenate([[_MOST * body_mass], upper])),
+            x_scale=np.array([1.0, 0.1, 0.1, 0.1]),
+        )
+        if best is None or fit.cost < best.cost:
+            best = fit
+    jacobian = best.jac
+    covariance = np.linalg.pinv(jacobian.T @ jacobian)
+    x, y, z = (float(value) for value in best.x[1:])
+    return Candidate(
+        link, float(best.x[0]), float(np.sqrt(covariance[0, 0])), (x, y, z), 2.0 * float(best.cost)
+    )
+
+
+def _ten(mass: float, place: Array) -> Array:
+    """Ten parameters of a belt about the joint frame's origin, pinocchio's order."""
+    inertia = mass * ((place @ place + _BELT_RADIUS**2) * np.eye(3) - np.outer(place, place))
+    six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return np.concatenate([[mass], mass * place, six])

@@ -1,0 +1,293 @@
+"""A virtual person in a virtual motion laboratory: truth from pinocchio, none of it from the room under test.
+
+A man of 70 kg and 1.82 m, whose segments differ from the tables as people's do, swings arms, trunk and legs and
+squats on two force plates. Markers ride on soft tissue and are seen with the noise of a camera system; plates
+have noise and an offset that drifts. Levels: cameras 0.5 mm (Windolf et al. 2008: 0.06-0.5 mm), soft tissue
+2-12 mm by segment (Leardini et al. 2005, Camomilla et al. 2017), plates 1.5 N and 0.3 N·m, zero off by 2 N
+(Kistler 9281: threshold 0.01 N, drift 0.01 N/s).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from excite.human.body import Body, body_of
+from excite.human.inertials import BodyInertia
+from excite.human.joint_angles import frame_turn, pose_of
+from excite.human.markers.landmarks import landmark_place
+from excite.human.markers.marker_set import read_marker_set
+from excite.human.recording import PlateRecording, Recording
+from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS
+from excite.human.skeleton import place
+from excite.human.subject import Subject
+from excite.human.urdf import urdf_text
+
+SOFT_TISSUE_M = {
+    "pelvis": 0.006,
+    "torso": 0.006,
+    "head": 0.002,
+    "upper_arm": 0.007,
+    "forearm": 0.005,
+    "hand": 0.003,
+    "thigh": 0.012,
+    "shank": 0.007,
+    "foot": 0.003,
+}
+CAMERA_M = 0.0005
+PLATE_N, PLATE_NM, PLATE_ZERO_N = 1.5, 0.3, 2.0
+_PLATE_SIZE = (0.6, 0.4)
+
+
+@dataclass(frozen=True)
+class Belt:
+    """A weight worn on a segment: mass [kg] and place in the segment's frame [m]."""
+
+    segment: str
+    mass: float
+    place: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualSubject:
+    """A person whose every number is known.
+
+    Attributes:
+        body: true dimensions and inertial parameters.
+        local: true places of the markers by label, segment frames [m].
+        wobble: by label: direction-by-angle coefficients of the soft tissue ``(3, 4)`` [m].
+    """
+
+    body: Body
+    local: dict[str, np.ndarray]
+    wobble: dict[str, np.ndarray]
+
+
+def draw_subject(rng: np.random.Generator, *, spread: float = 0.12) -> VirtualSubject:
+    """A person whose masses, centres, lengths and marker places differ from the tables' by chance."""
+    subject = Subject(70.0, 1.82, "male")
+    body = body_of(subject)
+    values = body.dimensions.values * (1.0 + 0.03 * rng.standard_normal(16))
+    values[12:16] = values[8:12] * (1.0 + 0.005 * rng.standard_normal(4))
+    dimensions = replace(body.dimensions, values=values)
+    body = body_of(subject, dimensions)
+    masses = np.array([b.mass for b in body.inertias]) * (1.0 + spread * rng.standard_normal(15))
+    masses[9:] = masses[3:9] * (1.0 + 0.03 * rng.standard_normal(6))
+    masses *= subject.mass / masses.sum()
+    inertias = []
+    for b, mass in zip(body.inertias, masses, strict=True):
+        center = b.center * (1.0 + 0.05 * rng.standard_normal()) + 0.005 * rng.standard_normal(3)
+        inertias.append(BodyInertia(mass, center, b.inertia * mass / b.mass))
+    body = replace(body, inertias=tuple(inertias))
+    sites = read_marker_set("jovic").sites
+    local, wobble = {}, {}
+    for label, site in sites.items():
+        place_ = landmark_place(site.landmark, subject, dimensions)
+        local[label] = place_ + 0.008 * rng.standard_normal(3)
+        size = SOFT_TISSUE_M[SEGMENTS[NAMES.index(site.segment)].kind]
+        wobble[label] = size * rng.standard_normal((3, 4)) / 2.0
+    return VirtualSubject(body, local, wobble)
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """True motion: time ``(n,)``, pelvis pose ``(n, 7)``, joint angles ``(n, 34)``, share on the right foot."""
+
+    time: np.ndarray
+    base: np.ndarray
+    angles: np.ndarray
+    right_share: np.ndarray
+
+
+def perform(who: VirtualSubject, seconds: float = 60.0, rate_hz: float = 100.0, seed: int = 0) -> Performance:
+    """Arms, trunk and head all the time; right leg, left leg and squats in turn, weight over the standing foot."""
+    rng = np.random.default_rng(seed)
+    n = round(seconds * rate_hz)
+    time = np.arange(n) / rate_hz
+    angles = np.zeros((n, 34))
+
+    def wave(amplitude: float, low: float = 0.2, high: float = 0.9) -> np.ndarray:
+        parts = [
+            np.sin(2 * np.pi * (f * time + p))
+            for f, p in zip(rng.uniform(low, high, 4), rng.uniform(0, 1, 4), strict=True)
+        ]
+        return amplitude * np.sum(parts, axis=0) / 2.0
+
+    def put(name: str, values: np.ndarray) -> None:
+        angles[:, JOINT_NAMES.index(name)] = values
+
+    for name, amplitude in {
+        "lumbar_flexion": 0.3,
+        "lumbar_bending": 0.2,
+        "lumbar_rotation": 0.3,
+        "neck_flexion": 0.3,
+        "neck_bending": 0.2,
+        "neck_rotation": 0.4,
+    }.items():
+        put(name, wave(amplitude))
+    phase = 2 * np.pi * time / seconds * 3.0
+    right_share = 1.0 / (1.0 + np.exp(-6.0 * np.sin(phase)))
+    squat = np.exp(-4.0 * np.sin(phase) ** 2)
+    for side, share in (("right", right_share), ("left", 1.0 - right_share)):
+        for name, amplitude, center in (
+            ("shoulder_flexion", 0.7, 0.5),
+            ("shoulder_rotation", 0.3, 0.0),
+            ("shoulder_adduction", 0.5, -0.5),
+            ("elbow", 0.6, 0.9),
+            ("wrist_pronation", 0.4, 0.0),
+            ("wrist_deviation", 0.2, 0.0),
+            ("wrist_flexion", 0.3, 0.0),
+        ):
+            values = center + wave(amplitude)
+            put(
+                f"{side}_{name}",
+                0.1 + np.logaddexp(0.0, 4.0 * (values - 0.1)) / 4.0 if name == "elbow" else values,
+            )
+        free = np.clip(1.0 - 2.0 * share, 0.0, 1.0)
+        free = free**3 * (10.0 - 15.0 * free + 6.0 * free**2)
+        down = 0.35 * squat * (1.0 + np.sin(2 * np.pi * 0.45 * time))
+        put(f"{side}_hip_flexion", 0.15 + down + free * (0.4 + wave(0.5)))
+        put(f"{side}_hip_adduction", -free * 0.15 + free * wave(0.2))
+        put(f"{side}_hip_rotation", free * wave(0.25))
+        put(f"{side}_knee", 0.3 + 2.0 * down + free * (0.5 + wave(0.4)))
+        put(f"{side}_ankle_flexion", 0.15 + down + free * wave(0.3))
+        put(f"{side}_ankle_adduction", free * wave(0.15))
+        put(f"{side}_ankle_rotation", free * wave(0.1))
+    return _balanced(who.body, time, angles, right_share)
+
+
+def _balanced(body: Body, time: np.ndarray, angles: np.ndarray, share: np.ndarray) -> Performance:
+    """Put the pelvis so that the weighted feet keep their height and the centre of mass lies over them."""
+    n = len(time)
+    base = np.zeros((n, 7))
+    base[:, 6] = 1.0
+    placed = place(pose_of(base, angles), body.offsets)
+    masses = np.array([b.mass for b in body.inertias])
+    centers = np.stack([b.center for b in body.inertias])
+    points = placed.origin + np.einsum("nkij,kj->nki", placed.rotation, centers)
+    com = np.einsum("k,nki->ni", masses / masses.sum(), points)
+    feet = {side: placed.origin[:, NAMES.index(f"{side}_foot")] for side in ("right", "left")}
+    width = 0.5 * abs(feet["right"][0, 1] - feet["left"][0, 1])
+    target = np.column_stack([0.05 + 0 * time, (1 - 2 * share) * width])
+    base[:, :2] = target - com[:, :2]
+    height = share * feet["right"][:, 2] + (1 - share) * feet["left"][:, 2]
+    base[:, 2] = body.dimensions.ankle_height - height
+    return Performance(time, base, angles, share)
+
+
+def true_model(body: Body, belt: Belt | None = None) -> pin.Model:
+    """Pinocchio model of a body, with a belt as a point mass on its segment."""
+    model = pin.buildModelFromXML(urdf_text(body), pin.JointModelFreeFlyer())
+    if belt is not None:
+        k = NAMES.index(belt.segment)
+        frame = model.getFrameId(belt.segment)
+        joint = model.frames[frame].parentJoint
+        place_ = model.frames[frame].placement.act(frame_turn(k) @ np.array(belt.place))
+        model.inertias[joint] = model.inertias[joint] + pin.Inertia(belt.mass, place_, np.zeros((3, 3)))
+    return model
+
+
+def ground_wrench(model: pin.Model, show: Performance) -> np.ndarray:
+    """Wrench of the ground on the person about the world's origin, ``(n, 6)``, by inverse dynamics."""
+    order = [model.joints[model.getJointId(name)].idx_q for name in JOINT_NAMES]
+    q = np.tile(pin.neutral(model), (len(show.time), 1))
+    q[:, :7] = show.base
+    q[:, order] = show.angles
+    rate = 1.0 / (show.time[1] - show.time[0])
+    v = np.array([pin.difference(model, a, b) for a, b in zip(q[:-2], q[2:], strict=True)]) * rate / 2
+    v = np.vstack([v[:1], v, v[-1:]])
+    a = np.gradient(v, axis=0) * rate
+    data = model.createData()
+    wrench = np.empty((len(q), 6))
+    for i in range(len(q)):
+        tau = pin.rnea(model, data, q[i], v[i], a[i])
+        rotation = pin.Quaternion(q[i, 3:7]).toRotationMatrix()
+        force, moment = rotation @ tau[:3], rotation @ tau[3:6]
+        wrench[i] = np.concatenate([force, moment + np.cross(q[i, :3], force)])
+    return wrench
+
+
+def record(
+    who: VirtualSubject,
+    show: Performance,
+    rng: np.random.Generator,
+    belt: Belt | None = None,
+    *,
+    noise: float = 1.0,
+    name: str = "virtual",
+) -> Recording:
+    """What the laboratory's cameras and plates say of a performance."""
+    placed = place(pose_of(show.base, show.angles), who.body.offsets)
+    markers = {}
+    for label, site in read_marker_set("jovic").sites.items():
+        k = NAMES.index(site.segment)
+        skin = _soft_tissue(who.wobble[label], show, k, rng)
+        local = who.local[label] + noise * skin
+        point = placed.origin[:, k] + np.einsum("nij,nj->ni", placed.rotation[:, k], local)
+        markers[label] = point + noise * CAMERA_M * rng.standard_normal(point.shape)
+    wrench = ground_wrench(true_model(who.body, belt), show)
+    plates = _plates(wrench, show, placed, rng, noise)
+    return Recording(Path(f"{name}.c3d"), show.time, markers, plates)
+
+
+def _soft_tissue(
+    coefficients: np.ndarray, show: Performance, segment: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Skin slides with the angles of the joints at either end, and swings a little by itself."""
+    near = [segment] + [k for k in range(len(NAMES)) if PARENTS[k] == segment][:1]
+    columns = []
+    for k in near:
+        joint = SEGMENTS[k].joint
+        if joint is not None:
+            first = next(i for i, name in enumerate(JOINT_NAMES) if name.startswith(joint))
+            columns.append(np.sin(show.angles[:, first]))
+    columns = (columns + [np.zeros(len(show.time))] * 2)[:2]
+    rate = 1.0 / (show.time[1] - show.time[0])
+    noise = rng.standard_normal((len(show.time), 2))
+    kernel = np.hanning(int(0.4 * rate))
+    slow = np.column_stack([np.convolve(column, kernel, "same") for column in noise.T])
+    slow /= np.maximum(slow.std(axis=0), 1e-9)
+    basis = np.column_stack([*columns, 0.3 * slow])
+    return basis @ coefficients.T
+
+
+def _plates(
+    wrench: np.ndarray, show: Performance, placed, rng: np.random.Generator, noise: float
+) -> tuple[PlateRecording, ...]:
+    """Two plates side by side at 1 kHz; the load is shared so that each foot carries its part."""
+    n = len(show.time)
+    share = show.right_share
+    found = []
+    feet = {s: placed.origin[:, NAMES.index(f"{s}_foot")] for s in ("right", "left")}
+    ground = {s: np.column_stack([p[:, 0] + 0.05, p[:, 1], 0 * p[:, 2]]) for s, p in feet.items()}
+    part = {"right": share, "left": 1.0 - share}
+    rest = wrench[:, 3:] - sum(
+        np.cross(ground[s], part[s][:, None] * wrench[:, :3]) for s in ("right", "left")
+    )
+    for side in ("right", "left"):
+        y = float(np.median(feet[side][:, 1]))
+        lx, ly = _PLATE_SIZE
+        corners = np.array([[lx, ly, 0], [-lx, ly, 0], [-lx, -ly, 0], [lx, -ly, 0]]) / 2 + [0.05, y, 0]
+        force = part[side][:, None] * wrench[:, :3]
+        moment = np.cross(ground[side], force) + part[side][:, None] * rest
+        time = np.arange(10 * n - 9) * (show.time[1] - show.time[0]) / 10
+        values = np.column_stack(
+            [np.interp(time, show.time, column) for column in np.hstack([force, moment]).T]
+        )
+        zero = noise * PLATE_ZERO_N * rng.standard_normal(3)
+        values[:, :3] += zero + noise * PLATE_N * rng.standard_normal((len(time), 3))
+        values[:, 3:] += np.cross(corners.mean(axis=0), zero)
+        values[:, 3:] += noise * PLATE_NM * rng.standard_normal((len(time), 3))
+        found.append(PlateRecording(f"plate_{side}", time, values[:, :3], values[:, 3:], corners))
+    return tuple(found)
+
+
+def standing(who: VirtualSubject, rng: np.random.Generator, noise: float = 1.0) -> Recording:
+    """Two seconds of quiet standing."""
+    n = 200
+    angles = np.zeros((n, 34))
+    show = _balanced(who.body, np.arange(n) / 100.0, angles, np.full(n, 0.5))
+    return replace(record(who, show, rng, noise=noise, name="static"), plates=())
