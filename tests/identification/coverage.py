@@ -85,6 +85,7 @@ class Experiment:
         self.kept = len(filtered[0])
         self.values = np.concatenate(filtered)
         self.trials = trials
+        self._last: tuple[int, IdentificationProblem] | None = None
         self._bases: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = {}
 
     def _motion(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -151,6 +152,11 @@ class Experiment:
         )
 
     @cached_property
+    def _signal(self) -> np.ndarray:
+        """What the true parameters cause, ``(n, n_channels)``."""
+        return self.values @ self.robot.nominal_parameters
+
+    @cached_property
     def _condensed(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Orthonormal basis and triangle of each channel's rows."""
         problem = self.blank
@@ -165,10 +171,15 @@ class Experiment:
         return rng.standard_normal((len(self.time), self.n_channels)) * self.sigma
 
     def problem(self, seed: int) -> IdentificationProblem:
-        """The problem with a measurement."""
+        """The problem with a measurement; the last one is kept, as peers look at it too."""
+        if self._last is None or self._last[0] != seed:
+            self._last = seed, self._measured(seed)
+        return self._last[1]
+
+    def _measured(self, seed: int) -> IdentificationProblem:
         rng = np.random.default_rng(seed)
         noise = np.concatenate([self._filter(self.noise(rng)) for _ in range(self.trials)])
-        y = (self.values @ self.robot.nominal_parameters + noise).ravel()
+        y = (self._signal + noise).ravel()
         if self.encoder == 0.0:
             return replace(self.blank, y=y)
         measured = self._measured_rows(rng)
@@ -197,7 +208,7 @@ class Experiment:
     def true_base(self, columns: np.ndarray) -> np.ndarray:
         """True base parameters for given independent columns."""
         q, r = self.orthonormal(columns, weighted=False)
-        return np.linalg.solve(r, q.T @ (self.blank.Y @ self.robot.nominal_parameters))
+        return np.linalg.solve(r, q.T @ self._signal.ravel())
 
     def orthonormal(self, columns: np.ndarray, *, weighted: bool) -> tuple[np.ndarray, np.ndarray]:
         """``Q`` and ``R`` of some columns without encoder noise, as they are or over each channel's own noise."""
