@@ -68,10 +68,16 @@ def _conflict(estimate: Estimate, statistics: BaseStatistics) -> list[Finding]:
         return []
     order = np.argsort(-distance, kind="stable")[: int(far.sum())]
     names = tuple(statistics.base.labels[i] for i in order)
+    inertial = estimate.regression.problem.n_inertial
+    in_bodies = any(statistics.base.independent[i] < inertial for i in order[:_MOST_NAMED])
+    cause = (
+        "the rows hold something that no rigid body does, or the torque scale is off"
+        if in_bodies
+        else "friction does not follow the terms that were fitted (it may fall with speed, or differ by direction)"
+    )
     text = (
         f"{estimate.method} and plain least squares differ by up to {distance.max():.0f} standard deviations "
-        f"in {listed(names, _MOST_NAMED)}: the rows hold something that no rigid body does, or the torque "
-        "scale is off"
+        f"in {listed(names, _MOST_NAMED)}: {cause}"
     )
     return [Finding("conflict", text, {"standard_deviations": float(distance.max())}, names)]
 

@@ -72,6 +72,7 @@ def _of_solution(result: Identification) -> list[Finding]:
             "of links that the sensors do not see"
         )
         found.append(Finding("outside_bounds", text, {"parameters": float(len(names))}, names))
+    found += _weightless(result)
     dispersion = result.changes.dispersion
     if result.changes.segments and dispersion > _LARGE_DISPERSION:
         text = (
@@ -80,6 +81,24 @@ def _of_solution(result: Identification) -> list[Finding]:
         )
         found.append(Finding("unexplained", text, {"dispersion": dispersion}))
     return found
+
+
+def _weightless(result: Identification) -> list[Finding]:
+    """Changed segments that would weigh less than nothing: a scapegoat for something else."""
+    nominal = dict(zip(result.links, result.nominal[::10].tolist(), strict=True))
+    light = {
+        item.link: (item.mass_change_kg, nominal[item.link])
+        for item in result.changes.segments
+        if item.mass_change_kg + 2.0 * item.std_kg < -nominal[item.link]
+    }
+    if not light:
+        return []
+    said = [f"{link} ({change:+.2f} kg of {mass:.2f} kg)" for link, (change, mass) in light.items()]
+    text = (
+        f"named as changed, {listed(said)} would weigh less than nothing: no body has changed there, the torque "
+        "scale, the drives or the nominal model's geometry are off"
+    )
+    return [Finding("weightless", text, {"segments": float(len(light))}, tuple(light))]
 
 
 def _of_prediction(result: Identification) -> list[Finding]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from excite.identification.changes import ChangedSegment
 from excite.identification.doubts import find_doubts
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
@@ -55,6 +56,9 @@ def test_friction_that_drives_puts_constraints_in_conflict_with_least_squares(ur
     found = doubts(ur10, driven, "qp")
     assert found["conflict"].figures["standard_deviations"] > 5.0
     assert any("viscous" in name for name in found["conflict"].places)
+    assert ("friction does not follow" in found["conflict"].text) == all(
+        name.startswith(("viscous", "coulomb", "offset", "armature")) for name in found["conflict"].places[:4]
+    )
     assert any("viscous" in name for name in found["at_bound"].places)
     assert "conflict" not in doubts(ur10, log, "qp")
 
@@ -88,3 +92,20 @@ def test_a_sound_log_is_not_talked_down(ur10):
     found = identify(ur10, arm_log(ur10, 0, trials=4), "wls", problem_settings=SETTINGS).findings
     odd = {"degrees", "order", "torque_sign", "torque_scale", "torque_side", "conflict", "no_better"}
     assert not odd & {item.kind for item in found}
+
+
+def test_a_changed_segment_that_would_weigh_less_than_nothing_is_called_no_body(ur10):
+    result = identify(ur10, arm_log(ur10, 0, trials=2), "wls", problem_settings=SETTINGS)
+    link, mass = result.links[-1], float(result.nominal[-10])
+
+    def said(change: float, std: float) -> list[str]:
+        segment = ChangedSegment("tool", link, change, std, 50.0, ())
+        changes = replace(result.changes, segments=(segment,))
+        return [
+            item.text for item in find_warnings(replace(result, changes=changes)) if item.kind == "weightless"
+        ]
+
+    assert said(-0.5 * mass, 0.01) == said(-1.2 * mass, 0.2 * mass) == said(3.0 * mass, 0.01) == []
+    (text,) = said(-2.0 * mass, 0.01)
+    assert link in text
+    assert "torque scale" in text
