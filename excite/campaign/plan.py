@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.campaign import optimised
 from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.campaign.rehearsal import rehearse
 from excite.errors import InputError, NoSolutionError
@@ -18,6 +19,7 @@ from excite.excitation.ranking import rank
 from excite.excitation.selection import Selection, best_three_per_dof
 from excite.json_document import write_json
 from excite.motion.files import save_motion
+from excite.motion.generators.generator import child_seed
 from excite.motion.generators.registry import plan_candidates
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
@@ -142,6 +144,7 @@ def plan(
     *,
     n_candidates: int = 140,
     targets: Sequence[str] = (),
+    generator: str | None = None,
     seed: int | np.random.SeedSequence = 0,
     prefix: str = "",
     jobs: int = 1,
@@ -155,6 +158,8 @@ def plan(
         robot: the robot.
         n_candidates: how many candidate motions to generate.
         targets: joints to aim at; all, if empty.
+        generator: the only one to use: a name of the registry, or ``optimised_fourier``, of which each candidate
+            is a start of the search; None for the robot's mixture.
         seed: of all random numbers.
         prefix: put before the name of every motion.
         jobs: number of processes; the plan does not depend on it.
@@ -165,14 +170,19 @@ def plan(
 
     Raises:
         NoSolutionError: no candidate was accepted; the error says why they were refused.
-        UnknownNameError: a target is no joint of the robot.
+        UnknownNameError: a target is no joint of the robot, or the generator is unknown.
         InputError: fewer than one candidate asked for.
     """
     if n_candidates < 1:
         raise InputError(f"{n_candidates} candidates", field="n_candidates", remedy="ask for at least one")
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     started = time.perf_counter()
-    candidates = plan_candidates(robot, n_candidates, root, targets=targets)
+    if generator == optimised.NAME:
+        number = child_seed(root, 0)
+        candidates = optimised.optimised_candidates(robot, n_candidates, number, jobs=jobs, progress=progress)
+    else:
+        mix = {generator: 1.0} if generator else None
+        candidates = plan_candidates(robot, n_candidates, root, mix=mix, targets=targets)
     generated = time.perf_counter()
     report: FilterReport = filter_candidates(robot, candidates, jobs=jobs, progress=progress)
     filtered = time.perf_counter()

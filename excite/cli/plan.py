@@ -22,6 +22,13 @@ def command(
     target: Annotated[
         list[str] | None, typer.Option("--joint", help="Aim at this joint (may be repeated).")
     ] = None,
+    generator: Annotated[
+        str | None,
+        typer.Option(
+            "--generator",
+            help="Use this generator alone; optimised_fourier: --candidates is the number of starts, of seconds each.",
+        ),
+    ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -34,6 +41,7 @@ def command(
             excite.load_robot(robot),
             n_candidates=candidates,
             targets=tuple(target or ()),
+            generator=generator,
             seed=seed,
             jobs=jobs,
             progress=progress,

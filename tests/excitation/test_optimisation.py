@@ -1,0 +1,293 @@
+"""Optimised excitation: derivatives against differences, limits against the independent check, repeatability."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, NoSolutionError, UnknownNameError
+from excite.excitation.conditioning import motion_factor
+from excite.excitation.optimisation.amplitudes import AmplitudeSums
+from excite.excitation.optimisation.clearance import Clearance
+from excite.excitation.optimisation.criterion import CRITERIA, make_criterion
+from excite.excitation.optimisation.family import FourierFamily, MotionFamily, WaypointFamily
+from excite.excitation.optimisation.limits import JointLimits, linear_rows, peak_shares
+from excite.excitation.optimisation.objective import Objective
+from excite.excitation.optimisation.program import solve
+from excite.excitation.optimisation.search import SearchResult, SearchSettings, optimise
+from excite.excitation.optimisation.segments import closest_points
+from excite.excitation.optimisation.task import ExcitationTask
+from excite.excitation.optimisation.torques import TorqueLimits
+from excite.regressor.adjoint import regressor_gradient, torque_gradient
+from excite.regressor.kernels import base_link_regressor, inverse_dynamics, joint_torque_regressor
+from excite.robot.loading import load_robot
+from excite.robot.robot import Array, Robot
+from excite.safety.check import check_motion
+
+_STEP = 1e-6
+FAMILY = FourierFamily(8.0, 3)
+
+
+@pytest.fixture(scope="module")
+def iiwa() -> Robot:
+    return load_robot("iiwa14")
+
+
+@pytest.fixture(scope="module")
+def found(iiwa: Robot) -> SearchResult:
+    return optimise(ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=0, seed=1), jobs=1)
+
+
+def _slope(function: Callable[[Array], Array | float], x: Array, way: Array) -> Array:
+    """Derivative along ``way`` by central differences."""
+    up, down = function(x + _STEP * way), function(x - _STEP * way)
+    return (np.asarray(up) - np.asarray(down)) / (2.0 * _STEP)
+
+
+def _limits(robot: Robot, **changed: Array) -> JointLimits:
+    own = robot.limits
+    values = {
+        "lower": own.position_lower,
+        "upper": own.position_upper,
+        "velocity": own.velocity,
+        "acceleration": own.acceleration,
+        "torque": own.torque,
+    }
+    return JointLimits(**{**values, **changed})
+
+
+@pytest.mark.parametrize("name", ["iiwa14", "g1"])
+def test_regressor_gradients_against_differences(name: str, request: pytest.FixtureRequest) -> None:
+    robot = load_robot(name)
+    rng, first = np.random.default_rng(0), robot.n_base_v
+    q, v = np.tile(robot.rest, (2, 1)), np.zeros((2, robot.model.nv))
+    a = v.copy()
+    q[:, robot.n_base_q :] += 0.3 * rng.normal(size=(2, robot.n_joints))
+    v[:, first:], a[:, first:] = rng.normal(size=(2, 2, robot.n_joints))
+    regressor = base_link_regressor if robot.floating else joint_torque_regressor
+    weights = rng.normal(size=regressor(robot.model, q, v, a).shape)
+    pull = rng.normal(size=(2, robot.n_joints))
+    cases = (
+        (
+            regressor_gradient(robot.model, q, v, a, weights),
+            lambda *x: (weights * regressor(robot.model, *x)).sum(),
+        ),
+        (
+            torque_gradient(robot.model, q, v, a, pull),
+            lambda *x: (pull * inverse_dynamics(robot.model, *x)[:, first:]).sum(),
+        ),
+    )
+    ways = rng.normal(size=(3, 2, robot.n_joints))
+    for gradient, function in cases:
+        for k, exact in enumerate((gradient.q, gradient.v, gradient.a)):
+            steps = [np.zeros_like(x) for x in (q, v, a)]
+            steps[k][:, -robot.n_joints :] = ways[k]
+            up = function(*(x + _STEP * d for x, d in zip((q, v, a), steps, strict=True)))
+            down = function(*(x - _STEP * d for x, d in zip((q, v, a), steps, strict=True)))
+            assert (exact[:, first:] * ways[k]).sum() == pytest.approx(
+                (up - down) / (2 * _STEP), rel=1e-6, abs=1e-6
+            )
+
+
+def test_gradients_refuse_what_they_cannot_differentiate(iiwa: Robot, g1: Robot) -> None:
+    q, v = np.zeros((1, 7)), np.zeros((1, 7))
+    with pytest.raises(InputError, match="weights"):
+        regressor_gradient(iiwa.model, q, v, v, np.zeros((1, 7, 3)))
+    moving = np.ones((1, g1.model.nv))
+    with pytest.raises(InputError, match="base moves"):
+        regressor_gradient(
+            g1.model, g1.rest[None], moving, moving, np.zeros((1, 6, 10 * (g1.model.njoints - 1)))
+        )
+
+
+@pytest.mark.parametrize("name", sorted(CRITERIA))
+@pytest.mark.parametrize("family", [FAMILY, WaypointFamily(2.0, 4)], ids=["fourier", "waypoints"])
+def test_objective_gradient_against_differences(name: str, family: MotionFamily, iiwa: Robot) -> None:
+    rng = np.random.default_rng(3)
+    layout = ExcitationTask(iiwa, family).layout()
+    # A time off the start, where the speed vanishes and friction's smoothed sign is all curvature.
+    objective = Objective(layout, make_criterion(name), family.grid(16.0) + 0.05, ("viscous", "coulomb"))
+    x, way = 0.5 * rng.normal(size=(2, layout.size))
+    gradient = objective.smooth(x, 4.0)[1]
+    numeric = _slope(lambda y: objective.smooth(y, 4.0)[0], x, way)
+    # The information matrix squares the condition number: differences of it are good to some 1e-4 of the gradient.
+    assert gradient @ way == pytest.approx(
+        float(numeric), abs=1e-4 * np.linalg.norm(gradient) * np.linalg.norm(way)
+    )
+
+
+def test_constraint_gradients_against_differences(iiwa: Robot) -> None:
+    rng = np.random.default_rng(4)
+    task = ExcitationTask(iiwa, FAMILY)
+    layout, time = task.layout(), FAMILY.grid(12.0)
+    x, way = 0.7 * rng.normal(size=(2, layout.size))
+    clearance = Clearance(layout, time, 0.0)
+    value, slope = clearance.smooth(x)
+    assert np.allclose(slope @ way, _slope(lambda y: clearance.smooth(y)[0], x, way), atol=1e-6)
+    assert value.min() <= clearance.least(x)
+    torques = TorqueLimits(layout, task.joint_limits, time)
+    left, slope = torques.rows(x, np.arange(7))
+    assert np.allclose(slope @ way, _slope(lambda y: torques.rows(y, np.arange(7))[0], x, way), atol=1e-6)
+    assert (1.0 - left >= torques.peaks(x)).all()
+    fixed = ExcitationTask(iiwa, FAMILY, start=np.zeros(7)).layout()
+    sums = AmplitudeSums(fixed, task.joint_limits)
+    x, way = rng.normal(size=(2, fixed.size))
+    left, slope = sums.rows(x)
+    assert np.allclose(slope @ way, _slope(lambda y: sums.rows(y)[0], x, way), atol=1e-6)
+    assert np.allclose((1.0 - left).reshape(2, -1).max(axis=0), sums.shares(x), rtol=1e-3)
+
+
+def test_clearance_of_segments_against_coal(iiwa: Robot) -> None:
+    """Distances of capsules and the table are the ones that the independent check finds."""
+    import pinocchio as pin
+
+    from excite.robot.collision import collision_model
+
+    layout = ExcitationTask(iiwa, FAMILY).layout()
+    x = 0.6 * np.random.default_rng(8).normal(size=layout.size)
+    time = FAMILY.grid(8.0)
+    geometry, data = collision_model(iiwa), iiwa.model.createData()
+    state = geometry.createData()
+    offset, table = layout.parts(x)
+    least = np.inf
+    for q in layout.family.curve(offset, table).evaluate(time):
+        pin.updateGeometryPlacements(iiwa.model, data, geometry, state, q)
+        pairs = range(len(geometry.collisionPairs))
+        least = min(least, *(pin.computeDistance(geometry, state, k).min_distance for k in pairs))
+    assert Clearance(layout, time, -iiwa.description.collision.margin).least(x) == pytest.approx(
+        least, abs=1e-5
+    )
+
+
+def test_closest_points_of_segments_against_a_grid() -> None:
+    rng = np.random.default_rng(5)
+    p0, p1, q0, q1 = rng.normal(size=(4, 40, 3))
+    p1[0], q1[1] = p0[0], q0[1]
+    q0[2], q1[2] = p0[2] + 1.0, p1[2] + 1.0
+    one, two = closest_points(p0, p1, q0, q1)
+    u = np.linspace(0.0, 1.0, 201)[:, None, None]
+    first, second = p0 + u * (p1 - p0), q0 + u * (q1 - q0)
+    grid = np.linalg.norm(first[:, None] - second[None], axis=3).min(axis=(0, 1))
+    found = np.linalg.norm(one - two, axis=1)
+    assert (found <= grid + 1e-9).all()
+    assert np.allclose(found, grid, atol=0.02)
+
+
+def test_motion_is_safe_by_the_independent_check_and_uses_its_limits(
+    found: SearchResult, iiwa: Robot
+) -> None:
+    assert found.found
+    for item in found.found:
+        assert check_motion(iiwa, item.motion).safe
+        ends = np.array([0.0, item.curve.length])
+        assert np.allclose(item.curve.evaluate(ends, 1), 0.0, atol=1e-9)
+        assert np.allclose(item.curve.evaluate(ends, 2), 0.0, atol=1e-9)
+        speed = np.abs(item.motion.v).max(axis=0) / iiwa.limits.velocity
+        assert speed.max() > 0.95
+
+
+def test_value_is_the_condition_number_of_the_motion(found: SearchResult, iiwa: Robot) -> None:
+    """Recomputed from the samples by another route: one R factor, the structural base parameters."""
+    from excite.excitation.conditioning import conditioning
+
+    report = conditioning(iiwa, [motion_factor(iiwa, found.best.motion, 200.0)])
+    assert found.n_base == report.n_base_parameters
+    assert found.best.value == pytest.approx(report.full, rel=0.02)
+
+
+def test_optimised_beats_the_best_of_many_random_series(found: SearchResult, iiwa: Robot) -> None:
+    rng = np.random.default_rng(6)
+    task = ExcitationTask(iiwa, FAMILY)
+    layout = task.layout()
+    objective = Objective(layout, make_criterion("condition"), FAMILY.grid(40.0), task.drives)
+    values = []
+    for _ in range(60):
+        x = rng.normal(size=layout.size)
+        x[: layout.n_offsets] = rng.uniform(-0.3, 0.3, layout.n_offsets)
+        table = x[layout.n_offsets :].reshape(7, -1) / peak_shares(layout, task.joint_limits, x)[:, None]
+        values.append(objective.value(np.concatenate([x[: layout.n_offsets], table.ravel()])))
+    assert found.best.value < 0.6 * min(values)
+
+
+def test_solver_keeps_linear_rows_and_reaches_a_known_minimum(iiwa: Robot) -> None:
+    layout = ExcitationTask(iiwa, FAMILY).layout()
+    rows = linear_rows(layout, _limits(iiwa), FAMILY.grid(12.0))
+    target = 3.0 * np.random.default_rng(7).normal(size=layout.size)
+    solution = solve(
+        lambda x: (0.5 * float((x - target) @ (x - target)), x - target),
+        rows,
+        np.zeros(layout.size),
+        iterations=60,
+    )
+    assert solution.feasible
+    assert rows.excess(solution.x) <= 1e-6
+    # Optimality: the gradient is a non-negative combination of the active rows.
+    from scipy.optimize import nnls
+
+    value = rows.matrix @ solution.x
+    active = np.vstack([rows.matrix[value > rows.upper - 1e-5], -rows.matrix[value < rows.lower + 1e-5]])
+    assert nnls(active.T, target - solution.x)[1] < 1e-3 * np.linalg.norm(target - solution.x)
+
+
+def test_interrupt_keeps_the_best_so_far(iiwa: Robot) -> None:
+    def interrupt(stage: str, done: int, total: int) -> None:
+        if done == 1:
+            raise KeyboardInterrupt
+
+    result = optimise(ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=4), progress=interrupt)
+    assert result.interrupted
+    assert len(result.found) == 1
+    assert result.best.verdict.safe
+
+
+def test_interrupt_inside_the_solver_reaches_the_caller(iiwa: Robot) -> None:
+    layout = ExcitationTask(iiwa, FAMILY).layout()
+    calls = []
+
+    def objective(x: Array) -> tuple[float, Array]:
+        calls.append(x)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return float(x @ x), 2.0 * x
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(
+            objective,
+            linear_rows(layout, _limits(iiwa), FAMILY.grid(8.0)),
+            np.ones(layout.size),
+            iterations=9,
+        )
+
+
+@pytest.mark.slow
+def test_result_does_not_depend_on_the_number_of_processes(found: SearchResult, iiwa: Robot) -> None:
+    other = optimise(ExcitationTask(iiwa, FAMILY), SearchSettings(starts=2, kicks=0, seed=1), jobs=2)
+    for one, two in zip(found.found, other.found, strict=True):
+        assert one.motion.q.tobytes() == two.motion.q.tobytes()
+        assert one.value == two.value
+
+
+def test_limits_without_room_are_one_clear_error(iiwa: Robot) -> None:
+    velocity = iiwa.limits.velocity.copy()
+    velocity[2] = 0.0
+    with pytest.raises(NoSolutionError, match=r"joint3.*velocity"):
+        optimise(ExcitationTask(iiwa, FAMILY, limits=_limits(iiwa, velocity=velocity)))
+    start = np.zeros(7)
+    start[1] = 3.0
+    with pytest.raises(NoSolutionError, match=r"joint2.*starts at 3"):
+        optimise(ExcitationTask(iiwa, FAMILY, start=start))
+
+
+def test_bad_settings_are_named(iiwa: Robot) -> None:
+    with pytest.raises(UnknownNameError, match="beauty"):
+        ExcitationTask(iiwa, FAMILY, criterion="beauty")
+    with pytest.raises(InputError, match="starts"):
+        SearchSettings(starts=0)
+    with pytest.raises(InputError, match="harmonics"):
+        FourierFamily(8.0, 2)
+    with pytest.raises(InputError, match="amplitude_sums"):
+        optimise(ExcitationTask(iiwa, FAMILY, amplitude_sums=True))
+    with pytest.raises(InputError, match="independent"):
+        optimise(ExcitationTask(iiwa, FAMILY, independent=np.arange(57)))
