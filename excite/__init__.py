@@ -64,6 +64,8 @@ _PUBLIC = {
     "MeasureSettings": "excite.human.measure",
     "measure_person": "excite.human.measure",
     "write_person": "excite.human.measure",
+    "identify_person": "excite.human.identified",
+    "added_mass": "excite.human.identified",
     "diagnose": "excite.diagnosis.diagnose",
     "Diagnosis": "excite.diagnosis.result",
     "campaign": "excite.campaign.loop",

@@ -53,6 +53,20 @@ def command(
         float,
         typer.Option("--hold-out", min=0.0, max=0.9, help="Share of a single trial kept for validation."),
     ] = 0.3,
+    identify: Annotated[
+        str | None,
+        typer.Option(
+            "--identify",
+            metavar="METHOD",
+            help="Identify at once (lmi, hqp, …): table of segment masses, URDF and OpenSim model.",
+        ),
+    ] = None,
+    loaded: Annotated[
+        int,
+        typer.Option(
+            "--loaded", min=0, help="How many of the last trials were done wearing a weight: find it."
+        ),
+    ] = 0,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = DEFAULT_JOBS,
@@ -70,5 +84,14 @@ def command(
         person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
     excite.write_person(person, out)
     document = person.to_json()
+    summary = f"{person.summary()}\nwrote {out}"
+    if loaded:
+        weight = excite.added_mass(out, loaded)
+        document["added_mass"] = weight.to_json()
+        summary += f"\n{weight.summary()}"
+    if identify is not None:
+        found = excite.identify_person(person, out, identify)
+        document["identification"] = found.identification.to_json()
+        summary += f"\n\n{found.summary()}"
     write_json(document, out / "human.json")
-    emit(f"{person.summary()}\nwrote {out}", document, as_json=as_json)
+    emit(summary, document, as_json=as_json)

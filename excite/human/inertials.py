@@ -58,7 +58,7 @@ def body_inertias(subject: Subject, dimensions: Dimensions, table: Anthropometry
     """The fifteen segments' inertial parameters, in the order of the segments.
 
     The table's percentages are scaled so that they add up to the subject's mass (de Leva's men add up to
-    99.98 %, Dumas' women to 99.9 %).
+    100.00 %, Dumas' to 100.2 and 99.9 %).
 
     Args:
         subject: mass and sex.

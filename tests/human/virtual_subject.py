@@ -237,7 +237,7 @@ def _soft_tissue(
     coefficients: np.ndarray, show: Performance, segment: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Skin slides with the angles of the joints at either end, and swings a little by itself."""
-    near = [segment] + [k for k in range(len(NAMES)) if PARENTS[k] == segment][:1]
+    near = [segment, *[k for k in range(len(NAMES)) if PARENTS[k] == segment][:1]]
     columns = []
     for k in near:
         joint = SEGMENTS[k].joint

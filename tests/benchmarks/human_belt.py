@@ -1,0 +1,97 @@
+"""The belt experiment on a virtual subject (Jovic et al., T-RO 2016, table IV): which segment, how heavy.
+
+The paper's subject of 70 kg and 1.82 m wears 2 kg at the pelvis, the right hand and the left foot, after a session
+without; ours is virtual, so the truth is known. In the blind draws person, motion, soft tissue, marker and plate
+noise, the segment (any of the fifteen), the weight (1 to 3 kg) and where on the segment it sits are drawn, and
+nothing of it is handed over.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from excite.human.added_mass import AddedMass, locate_added_mass
+from excite.human.body import segment_box
+from excite.human.measure import MeasureSettings, measure_recordings, write_person
+from excite.human.segments import NAMES
+from excite.logs.files import load_log
+from excite.robot.com_box import com_boxes
+from excite.robot.loading import load_robot
+from tests.benchmarks.table import Row
+from tests.human.virtual_subject import Belt, draw_subject, perform, record, standing
+
+DRAWS = int(os.environ.get("EXCITE_BELT_DRAWS", "100"))
+SECONDS = 40.0
+_PAPER = {"pelvis": 0.5, "right_hand": 0.5, "left_foot": 0.0}
+_ALLOWED = 0.5
+
+
+def rows() -> list[Row]:
+    """The paper's three places, then the blind draws."""
+    found = []
+    for number, segment in enumerate(_PAPER):
+        belt, result = experiment(np.random.default_rng([number, 1]), number, segment, 2.0)
+        error = result.best.mass - belt.mass
+        text = f"{result.best.segment}, {result.best.mass:.2f} kg"
+        what = f"Belt of 2 kg on a virtual person: {segment} (paper's error {_PAPER[segment]:g} kg)"
+        found.append(
+            Row.holds(
+                what,
+                f"{segment}, within {_ALLOWED:g} kg",
+                text,
+                result.best.segment == segment and abs(error) <= _ALLOWED,
+            )
+        )
+    return [*found, *blind_rows(DRAWS)]
+
+
+def blind_rows(draws: int) -> list[Row]:
+    """The blind draws."""
+    right, errors = 0, []
+    for number in range(draws):
+        belt, result = experiment(np.random.default_rng([number, 7]), number)
+        error = result.best.mass - belt.mass
+        hit = result.best.segment == belt.segment and abs(error) <= _ALLOWED
+        right += hit
+        errors.append(abs(error))
+    share = 100.0 * right / max(draws, 1)
+    return [
+        Row.at_least(
+            f"Blind belts, right segment of fifteen and within 0.5 kg ({draws} draws)", share, 95.0, "%"
+        ),
+        Row("Blind belts, median error of the mass", "", f"{np.median(errors):.2f} kg", None),
+    ]
+
+
+def experiment(
+    rng: np.random.Generator, motion: int, segment: str | None = None, mass: float | None = None
+) -> tuple[Belt, AddedMass]:
+    """A session without and one with a belt; returns the truth and what was found."""
+    who = draw_subject(rng)
+    show = perform(who, SECONDS, seed=motion)
+    segment = NAMES[rng.integers(len(NAMES))] if segment is None else segment
+    mass = float(rng.uniform(1.0, 3.0)) if mass is None else mass
+    box = segment_box(who.body, NAMES.index(segment))
+    place = box.mean(axis=0) + 0.25 * (box[1] - box[0]) * rng.uniform(-1.0, 1.0, 3)
+    belt = Belt(segment, mass, tuple(place.tolist()))
+    sessions = [record(who, show, rng, name="without"), record(who, show, rng, belt, name="with")]
+    person = measure_recordings(who.body.subject, sessions, [standing(who, rng)], MeasureSettings())
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "log"
+        write_person(person, folder)
+        robot = load_robot(folder / "robot.yaml")
+        log = load_log(folder, robot)
+        parts = [
+            replace(
+                log,
+                header=log.header.model_copy(update={"trials": (log.header.trials[i],)}),
+                trials=(log.trials[i],),
+            )
+            for i in (0, 1)
+        ]
+        return belt, locate_added_mass(robot, parts[0], parts[1], com_boxes(robot))
