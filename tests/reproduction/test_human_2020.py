@@ -11,7 +11,7 @@ from excite.identification.inertia import pseudo_inertia_matrices
 from tests.reproduction.human_2020 import N_BODIES, Recording
 
 
-@pytest.mark.parametrize("regulariser", ["entropic", "pullback"])
+@pytest.mark.parametrize("regulariser", ["entropic", pytest.param("pullback", marks=pytest.mark.slow)])
 def test_regularised_is_better_than_prior_and_least_squares(
     regulariser: str, data_dir: Path, tmp_path: Path
 ) -> None:
