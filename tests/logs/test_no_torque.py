@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.diagnosis.samples import arm_samples
 from excite.errors import LogError
+from excite.identification.explanation import explain_signals
 from excite.identification.identify import identify
 from excite.identification.problem import build_problem
 from excite.identification.settings import ProblemSettings
@@ -70,3 +72,12 @@ def test_rows_and_drives_are_those_of_the_other_joints() -> None:
     result = identify(panda, quiet, problem_settings=settings)
     assert list(result.validation) == kept
     assert all(fit.rmse < 0.1 * fit.reference_rmse for fit in result.validation.values())
+
+
+def test_what_needs_every_torque_refuses_and_what_does_not_goes_on() -> None:
+    panda = load_robot("panda")
+    quiet = declared(moving_arm(panda, trials=2), "panda_joint1")
+    with pytest.raises(LogError, match="no_torque"):
+        arm_samples(panda, quiet, quiet.trials)
+    trace = explain_signals(panda, quiet, ProblemSettings(cutoff_hz=5.0))
+    assert trace.channel != "panda_joint1"
