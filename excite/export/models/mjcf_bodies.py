@@ -90,7 +90,8 @@ def segment_bodies(
         if carrier[body] == 0:
             continue
         inside = [(base * pose.joints[carrier[body]]).actInv(pose.bodies[body]) for pose in poses]
-        name = model.body(body).name
+        # A body without a name is still named in notes and errors.
+        name = model.body(body).name or f"body number {body}"
         apart = max(float(np.linalg.norm(pin.log6(inside[0].actInv(other)).vector)) for other in inside)
         if apart > _SAME_FRAME:
             raise InputError(
