@@ -233,7 +233,8 @@ class Attributor:
         first, last = self.baseline.judged(before.residual), self.baseline.judged(item.fit.residual)
         # Of what this hypothesis leaves: what another has left to explain would count for correlated noise.
         counts = effective_counts(last, samples.identification, samples.trial_of_row)
-        judge = Judge(samples.identification, counts, self.spectral)
+        # Repeated trials may show less noise than the spectrum above the band makes one expect.
+        judge = Judge(samples.identification, counts, np.minimum(self.spectral, floor))
         ratio = judge.ratio(first, last)
         price = 0.5 * item.n_parameters * np.log(max(judge.count.sum(), 2.0)) + np.log(200.0)
         left_over = judge.power(last)

@@ -265,12 +265,16 @@ _MAKERS: dict[str, Callable[[_Site], Hidden]] = {
 }
 
 
-def background(virtual: VirtualRobot, arm: Arm, rng: np.random.Generator, size: float = 0.1) -> VirtualRobot:
-    """A little of something on every joint."""
+def background(
+    virtual: VirtualRobot, arm: Arm, rng: np.random.Generator, size: float = 0.06
+) -> tuple[VirtualRobot, tuple[HiddenEffect, ...]]:
+    """A little of something on every joint; the robot with it, and what it is."""
     some = ("stribeck", "torque_ripple", "load_dependent_friction", "joint_spring")
+    made: list[HiddenEffect] = []
     for joint in range(virtual.robot.n_joints):
         effect = str(rng.choice(some))
         # A spring acts all the time, the others by turns.
         share = 0.3 if effect == "joint_spring" else 1.0
-        virtual, _ = hide(virtual, arm, effect, "plain", joint, share * size, rng)
-    return virtual
+        virtual, what = hide(virtual, arm, effect, "plain", joint, share * size, rng)
+        made.append(what)
+    return virtual, tuple(made)

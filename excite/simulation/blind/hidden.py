@@ -36,7 +36,7 @@ class Answer:
         effects: hidden effects, the stronger first; none where there is none.
         noise: factor on the usual noise.
         faults: faults of the record, by kind.
-        background: whether every joint has a little of something else.
+        background: what every joint has a little of beside them; empty where the robot has nothing else.
     """
 
     kind: str
@@ -45,7 +45,7 @@ class Answer:
     effects: tuple[HiddenEffect, ...]
     noise: float
     faults: tuple[str, ...] = ()
-    background: bool = False
+    background: tuple[HiddenEffect, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """As it stands in the file of answers."""
@@ -54,6 +54,8 @@ class Answer:
     @staticmethod
     def from_json(document: dict[str, Any]) -> Answer:
         """From the file of answers."""
-        effects = tuple(HiddenEffect(**item) for item in document["effects"])
+        hidden = {
+            name: tuple(HiddenEffect(**item) for item in document[name]) for name in ("effects", "background")
+        }
         lists = {name: tuple(document[name]) for name in ("modelled", "faults")}
-        return Answer(**{**document, **lists, "effects": effects})
+        return Answer(**{**document, **lists, **hidden})

@@ -107,19 +107,17 @@ def build_case(plan: Draft, rng: np.random.Generator) -> tuple[Log, Answer]:
         Its log and what is hidden in it.
     """
     arm = arm_of(load_robot(plan.robot), plan.fixed, rng)
-    virtual, hidden, modelled = _prepare(arm, plan, rng)
+    virtual, hidden, modelled, others = _prepare(arm, plan, rng)
     trials, headers = _session(virtual, arm, plan, rng)
     header = log_header(virtual.robot, headers).model_copy(update={"modelled": modelled})
     log = Log(header=header, trials=trials, robot_text=virtual.robot.urdf)
-    kind = plan.kind
-    answer = Answer(kind, plan.robot, modelled, hidden, plan.noise, plan.faults, kind == "weak")
-    return log, answer
+    return log, Answer(plan.kind, plan.robot, modelled, hidden, plan.noise, plan.faults, others)
 
 
 def _prepare(
     arm: Arm, plan: Draft, rng: np.random.Generator
-) -> tuple[VirtualRobot, tuple[HiddenEffect, ...], tuple[str, ...]]:
-    """The robot with everything hidden in it."""
+) -> tuple[VirtualRobot, tuple[HiddenEffect, ...], tuple[str, ...], tuple[HiddenEffect, ...]]:
+    """The robot with everything in it, what is hidden, what the log says is modelled, and the background."""
     virtual, n = arm.virtual, arm.virtual.robot.n_joints
     hidden: list[HiddenEffect] = []
     modelled = ["rigid_body_fixed" if plan.fixed else "rigid_body", *OWN_TERMS]
@@ -130,13 +128,14 @@ def _prepare(
             modelled.remove(effect)
         virtual, what = hide(virtual, arm, effect, form, _fit(arm, effect, int(joint)), size, rng)
         hidden.append(what)
+    others: tuple[HiddenEffect, ...] = ()
     if plan.kind == "weak":
-        virtual = background(virtual, arm, rng)
+        virtual, others = background(virtual, arm, rng)
     if plan.bristles and "coulomb_friction" in modelled:
         taken = {law.joint for law in virtual.laws if isinstance(law, BristleLaw)}
         for j in set(range(n)) - taken:
             virtual = virtual.with_law(BristleLaw(j, float(virtual.drives.coulomb[j]), breakaway=1.5e-3))
-    return virtual, tuple(hidden), tuple(modelled)
+    return virtual, tuple(hidden), tuple(modelled), others
 
 
 def _fit(arm: Arm, effect: str, joint: int) -> int:

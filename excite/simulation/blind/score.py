@@ -65,13 +65,19 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         placed = right and (not names or answer.effects[0].location in places)
         hits, extras, wrong = int(right), len(effects), verdict == "effect"
     else:
+        # What is truly there, in the background, is no mistake, though not what was asked for.
+        there = {(_canonical(item.effect), item.location) for item in answer.background}
+        real = [(_canonical(item["effect"]), item["location"]) in there for item in effects]
         hits = sum(any(_match(name, other) for other in said) for name in names)
-        extras = sum(not any(_match(name, other) for name in names) for other in said)
+        extras = sum(
+            not known and not any(_match(name, other) for name in names)
+            for other, known in zip(said, real, strict=True)
+        )
         right = verdict in {"effect", "ambiguous"} and any(n in options for n in names)
         places = {p for item in effects for p in (item["location"], *item.get("tied_locations", []))}
         places |= {item["location"] for item in _tied(document)} if verdict == "ambiguous" else set()
         placed = any(item.location in places for item in answer.effects)
-        wrong = verdict == "effect" and not (said and any(said[0] == n for n in names))
+        wrong = verdict == "effect" and not (said and (real[0] or said[0] in names))
     first = document["candidates"][0] if document["candidates"] else {}
     interval = document["gap"].get("share_closed_90")
     text = f"{verdict}: " + ", ".join(f"{item['effect']}@{item['location']}" for item in effects)
