@@ -12,6 +12,8 @@ from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array, Robot
 
 _STEP = 1e-5
+# What turns speeds of sliding joints into those of turning ones [m].
+_DRUM_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +26,8 @@ class JointSamples:
         v: ``(m, nv)``.
         a: ``(m, nv)``.
         joints: indices into ``v`` of the joints that have rows, ``(n_joints,)``.
-        width: velocity over which Coulomb friction changes sign [rad/s].
+        width: velocity over which Coulomb friction changes sign [rad/s]; joints that slide take a tenth of it in
+            m/s, as if they were driven over a drum of 10 cm.
         motors: matrix ``C`` from joint to motor velocities, ``(n_joints, n_joints)``; None for the identity.
     """
 
@@ -35,6 +38,12 @@ class JointSamples:
     joints: list[int]
     width: float
     motors: Array | None = None
+
+    @property
+    def widths(self) -> Array:
+        """Velocities over which the joints' Coulomb friction changes sign, ``(n_joints,)`` [rad/s, m/s]."""
+        model = self.robot.model
+        return self.width * np.where([slides(model, column) for column in self.joints], _DRUM_M, 1.0)
 
     @property
     def velocity(self) -> Array:
@@ -101,9 +110,15 @@ class DriveTerm:
         return tuple(f"{self.name}.{joint}{axis}" for joint in joints for axis in self.axes)
 
 
-def smooth_sign(velocity: Array, width: float) -> Array:
-    """``tanh(velocity / width)``, the plain sign for width 0."""
-    return np.sign(velocity) if width == 0.0 else np.tanh(velocity / width)
+def slides(model: pin.Model, column: int) -> bool:
+    """Whether the joint of one coordinate to which a velocity belongs translates."""
+    joint = int(np.searchsorted(model.idx_vs, column, side="right")) - 1
+    return bool(np.any(np.reshape(model.joints[joint].createData().S, (6, -1))[:3]))
+
+
+def smooth_sign(velocity: Array, width: float | Array) -> Array:
+    """``tanh(velocity / width)``, the plain sign for width 0; one width for all or one a column."""
+    return np.where(np.equal(width, 0.0), np.sign(velocity), np.tanh(velocity / np.maximum(width, 1e-300)))
 
 
 def encoder_columns(samples: JointSamples) -> Array:
@@ -165,7 +180,7 @@ DRIVE_TERMS: dict[str, DriveTerm] = {
     for term in (
         DriveTerm("viscous", "N·m·s/rad", ("viscous_friction",), lambda s: s.driven(s.velocity)),
         DriveTerm(
-            "coulomb", "N·m", ("coulomb_friction",), lambda s: s.driven(smooth_sign(s.velocity, s.width))
+            "coulomb", "N·m", ("coulomb_friction",), lambda s: s.driven(smooth_sign(s.velocity, s.widths))
         ),
         DriveTerm(
             "offset",
@@ -179,11 +194,11 @@ DRIVE_TERMS: dict[str, DriveTerm] = {
             "root",
             "N·m·(s/rad)^½",
             (),
-            lambda s: s.driven(smooth_sign(s.velocity, s.width) * np.sqrt(np.abs(s.velocity))),
+            lambda s: s.driven(smooth_sign(s.velocity, s.widths) * np.sqrt(np.abs(s.velocity))),
         ),
         # Friction behind a gear that two motors drive, which turns with the joint and not with its motor.
         DriveTerm("joint_viscous", "N·m·s/rad", (), lambda s: s.own(s.shared_velocity)),
-        DriveTerm("joint_coulomb", "N·m", (), lambda s: s.own(smooth_sign(s.shared_velocity, s.width))),
+        DriveTerm("joint_coulomb", "N·m", (), lambda s: s.own(smooth_sign(s.shared_velocity, s.widths))),
         # Likewise the inertia of that gear's wheels.
         DriveTerm("joint_armature", "kg·m²", (), lambda s: s.own(s.shared_acceleration)),
         # Zero of an encoder as it is calibrated, about a quarter of a degree.

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.errors import LogError
-from excite.identification.drive_terms import DRIVE_TERMS, JointSamples
+from excite.identification.drive_terms import DRIVE_TERMS, JointSamples, slides
 from excite.identification.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
 from excite.identification.settings import Filters, ProblemSettings
@@ -55,8 +54,8 @@ class JointRows:
     def channel_units(self) -> tuple[str, ...]:
         """``N`` for joints that slide, ``N·m`` for those that turn."""
         model = self.robot.model
-        slides = (_slides(model, model.getJointId(name)) for name in self.channel_names)
-        return tuple("N" if flag else "N·m" for flag in slides)
+        columns = (model.idx_vs[model.getJointId(name)] for name in self.channel_names)
+        return tuple("N" if slides(model, column) else "N·m" for column in columns)
 
     @property
     def drive_names(self) -> tuple[str, ...]:
@@ -168,11 +167,6 @@ class JointRows:
                 remedy="state torque_constants in log.yaml, or drive_gains in the settings [N·m/A]",
             )
         return trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
-
-
-def _slides(model: pin.Model, joint: int) -> bool:
-    """Whether a joint of one coordinate translates."""
-    return bool(np.any(np.reshape(model.joints[joint].createData().S, (6, -1))[:3]))
 
 
 def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ class ProblemSettings:
         kinematics_cutoff_hz: None takes ``cutoff_hz`` for a floating base, twice that for joint torques.
         order: order of the single pass of both Butterworth filters.
         rate_hz: None takes twice ``cutoff_hz``, at which rows are about independent.
-        coulomb_width: 0 takes the plain sign.
+        coulomb_width: 0 takes the plain sign; joints that slide take a tenth of it [m/s].
         standstill_velocity: trials are cut to the span in which some joint is faster.
         longest_gap_s: samples interpolated over longer gaps are left out.
         drive_terms: names among ``DRIVE_TERMS``; None takes those that ``modelled`` in the log names, else

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from excite.identification.drive_terms import slides
 from excite.identification.torque_samples import TorqueSamples, mean_left
 from excite.robot.robot import Array
 
@@ -47,7 +48,8 @@ def best_zeros(samples: TorqueSamples, start: float) -> ZeroPositions:
     """
     n = len(samples.places)
     few = _thinned(samples)
-    turning = [j for j in range(n) if _turns(samples, j)]
+    # A joint that slides has no quarter turns.
+    turning = [j for j in range(n) if not slides(samples.robot.model, samples.places[j])]
     moves = [{j: a} for j in turning for a in _QUARTERS]
     near = [(j, k) for j in turning for k in turning if 0 < k - j <= _TOGETHER]
     moves += [{j: a, k: b} for j, k in near for a, b in product(_QUARTERS, repeat=2)]
@@ -89,10 +91,3 @@ def _moved(samples: TorqueSamples, quarters: Array) -> TorqueSamples:
     q = samples.q.copy()
     q[:, samples.places + samples.q.shape[1] - samples.v.shape[1]] += 0.5 * np.pi * quarters
     return replace(samples, q=q)
-
-
-def _turns(samples: TorqueSamples, joint: int) -> bool:
-    """Whether a joint turns; one that slides has no quarter turns."""
-    model = samples.robot.model
-    index = int(np.searchsorted(model.idx_vs, samples.places[joint], side="right")) - 1
-    return bool(np.any(np.reshape(model.joints[index].createData().S, (6, -1))[3:]))
