@@ -361,8 +361,7 @@ def extended(item: Hypothesis) -> Baseline:
         added=added,
         added_drive=drive,
     )
-    new = solver.fit()
-    return replace(fixed.updated(new), fit=new)
+    return fixed.updated(solver.fit())
 
 
 def torque_of(item: Hypothesis) -> Array:

@@ -66,7 +66,7 @@ class Baseline:
     added_drive: Array
 
     def updated(self, fit: Fit) -> Baseline:
-        """The same equations with predictions at another fit's parameters."""
+        """The same equations with another fit and predictions at its parameters."""
         n = self.basis.shape[1]
         phi = self.phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
         s, index = self.samples, list(self.samples.index)
@@ -79,7 +79,7 @@ class Baseline:
             own_signals(s, names, j, self.widths[j], self.breakaways[j]) @ o for j, o in enumerate(fit.own)
         ]
         total = rigid + np.column_stack(own) + self.added_drive
-        return replace(self, phi=phi, rigid=rigid, total=total)
+        return replace(self, fit=fit, phi=phi, rigid=rigid, total=total)
 
     def own_rows(self, names: tuple[str, ...], joint: int, width: float, breakaway: float = 0.0) -> Array:
         """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
@@ -112,7 +112,7 @@ class Baseline:
         solver = Solver(replace(self.solver.equations, own=tuple(own)))
         fit = solver.fit()
         moved = replace(self, widths=widths, breakaways=breakaways, solver=solver)
-        return replace(moved.updated(fit), fit=fit)
+        return moved.updated(fit)
 
     @property
     def n_joints(self) -> int:

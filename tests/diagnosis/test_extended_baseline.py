@@ -1,0 +1,51 @@
+"""A baseline with an accepted effect in it predicts what its own fit says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.attribute import extended, polished
+from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.hypotheses import Search
+from excite.diagnosis.noise_floor import spectral_floor
+from excite.diagnosis.samples import arm_samples
+from excite.logs.files import load_log
+from excite.logs.robot import nominal_robot
+
+
+@pytest.fixture(scope="module")
+def baseline(gap_dir: Path) -> Baseline:
+    log = load_log(gap_dir / "arm" / "case_006")
+    samples = arm_samples(nominal_robot(log), log, [*log.trials[:3], log.trials[5]])
+    return fit_baseline(samples, log.header.modelled, spectral_floor(samples))
+
+
+def left(baseline: Baseline) -> np.ndarray:
+    """Measured torque less the baseline's prediction at the rows, ``(n_joints, n_rows)`` [N·m]."""
+    samples = baseline.samples
+    rest = np.concatenate([t.tau for t in samples.trials]) - baseline.total
+    return samples.rows(samples.split(rest)).T
+
+
+def test_a_fit_is_the_one_that_its_predictions_belong_to(baseline: Baseline):
+    np.testing.assert_allclose(left(baseline), baseline.plain(baseline.fit.residual), atol=1e-6)
+
+
+@pytest.mark.parametrize("polish", [False, True])
+@pytest.mark.parametrize("name", ["torque_bias", "torque_gain"])
+def test_predictions_with_an_effect_are_those_of_the_fit_with_it(
+    baseline: Baseline, name: str, polish: bool
+):
+    item = Search(Context(baseline), baseline.solver).coarse(EFFECTS[name], "panda_joint4")
+    assert item is not None
+    item = polished(item) if polish else item
+    after = extended(item)
+    scale = np.array([[t.tau.std(axis=0) for t in baseline.samples.trials][0]]).T
+    # The effect's size moves a little in the common fit: its column stays where it was.
+    off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
+    assert off.max() < 0.02
