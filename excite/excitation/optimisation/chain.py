@@ -21,20 +21,20 @@ from excite.robot.robot import Array
 from excite.threads import one_blas_thread
 
 # Samples in a cycle of the fastest harmonic while searching, for limits, and at the end.
-_SEARCH, _LIMITS, _FINE = 16.0, 20.0, 40.0
+_SEARCH, _LIMITS, _FINE = 16.0, 20.0, 24.0
 # Sharpness of the smooth criterion and iterations, stage by stage; of the kicks; of the end.
-_STAGES = ((4.0, 80), (4.0, 40), (32.0, 80), (32.0, 80))
+_STAGES = ((4.0, 80), (32.0, 100), (32.0, 100))
 _KICK_STAGES = ((4.0, 25), (32.0, 60), (32.0, 60))
 _LAST = ((64.0, 40), (64.0, 40))
 _MERIT = 64.0
 # Weight of the augmented Lagrangian's penalty, on violations in shares of limits.
 _WEIGHT = 60.0
-# Starts drawn for each one that is solved.
-_DRAWS = 60
+# Starts drawn for each one that is solved, and how many of them have their collisions looked at.
+_DRAWS, _JUDGED = 60, 12
 # Standard deviation of a kick, in units of the variables.
 _KICK = 0.25
 # Distance beyond the collision margin while searching and at the end, for what happens between samples [m].
-_EXTRA, _EXTRA_FINE = 0.012, 0.003
+_EXTRA, _EXTRA_FINE = 0.012, 0.006
 # Clearance that counts as much as a whole limit [m].
 _CLEARANCE_UNIT = 0.05
 # Torque limits enter for joints that come this near to them.
@@ -63,14 +63,15 @@ class Chain:
 
     Args:
         task: the task.
+        effort: factor on the iterations of every solve.
 
     Raises:
         NoSolutionError: limits leave no room.
         InputError: the criterion needs noise that the robot does not state, or columns do not fit.
     """
 
-    def __init__(self, task: ExcitationTask) -> None:
-        self.task = task
+    def __init__(self, task: ExcitationTask, effort: float = 1.0) -> None:
+        self.task, self._effort = task, effort
         self.layout: Layout = task.layout()
         self._sums = AmplitudeSums(self.layout, task.joint_limits) if task.amplitude_sums else None
 
@@ -113,8 +114,7 @@ class Chain:
     def begin(self, rng: np.random.Generator) -> Point:
         """The best of some random motions, solved."""
         draws = [self._draw(rng) for _ in range(_DRAWS)]
-        costs = [self._coarse.cost(x) for x in draws]
-        best = draws[int(np.argmin(costs))]
+        best = self._coarse.choose(draws)
         return self._staged(best, np.zeros(self._coarse.n_rows), self._coarse, _STAGES)
 
     @one_blas_thread
@@ -144,7 +144,7 @@ class Chain:
         evaluations = 0
         for sharpness, iterations in stages:
             program = grid.program(x, sharpness, multipliers)
-            found = solve(program, grid.linear, x, iterations=iterations)
+            found = solve(program, grid.linear, x, iterations=max(1, round(self._effort * iterations)))
             evaluations += found.evaluations
             if found.feasible:
                 x, multipliers = found.x, program.updated(found.x)
@@ -172,12 +172,14 @@ class _Grid:
         self._torques = TorqueLimits(layout, limits, time)
         self._n_moved = len(layout.joints)
 
-    def cost(self, x: Array) -> float:
-        """By which random motions are compared: the criterion, and what they collide by."""
-        cost = self.objective.smooth(x, 1.0)[0]
+    def choose(self, draws: list[Array]) -> Array:
+        """The draw with the best criterion, less what it collides by; of all but the best few the first alone."""
+        values = np.array([self.objective.smooth(x, 1.0)[0] for x in draws])
+        order = np.argsort(values, kind="stable")[:_JUDGED]
+        lack = np.zeros(len(order))
         if self._clearance is not None:
-            cost -= 10.0 * min(0.0, self._clearance.least(x))
-        return cost
+            lack = np.array([min(0.0, self._clearance.least(draws[k])) for k in order])
+        return draws[int(order[np.argmin(values[order] - 10.0 * lack)])]
 
     @property
     def n_rows(self) -> int:

@@ -111,8 +111,8 @@ class WaypointFamily(MotionFamily):
 
     @property
     def fastest_hz(self) -> float:
-        """A segment's acceleration is much like one period of a sine."""
-        return 1.0 / self._segment
+        """A segment is half a period there and back."""
+        return 0.5 / self._segment
 
     def basis(self, time: Array, order: int) -> Array:
         """Values or derivatives, by evaluating the curves of the unit vectors."""

@@ -33,17 +33,21 @@ class SearchSettings:
     Attributes:
         starts: independent starts.
         kicks: times that each start's best is kicked and solved anew.
+        effort: factor on the iterations of every solve.
         seed: of all random numbers.
     """
 
     starts: int = 4
     kicks: int = 3
+    effort: float = 1.0
     seed: int = 0
 
     def __post_init__(self) -> None:
         """Check the bounds; raises InputError naming the setting."""
         if self.starts < 1:
             raise InputError(f"is {self.starts}", field="starts", remedy="give at least 1")
+        if not 0.0 < self.effort < np.inf:
+            raise InputError(f"is {self.effort}", field="effort", remedy="give a positive number")
         if self.kicks < 0 or self.seed < 0:
             raise InputError(
                 "is negative", field="kicks" if self.kicks < 0 else "seed", remedy="give 0 or more"
@@ -124,7 +128,7 @@ def optimise(
     settings = settings or SearchSettings()
     if jobs < 1:
         raise InputError(f"{jobs} jobs", field="jobs", remedy="ask for at least one")
-    chain = Chain(task)
+    chain = Chain(task, settings.effort)
     points: list[Point | None] = [None] * settings.starts
     history: list[list[float]] = []
     interrupted = False
