@@ -288,6 +288,7 @@ class Diagnosis:
                 "location": self.location,
                 "tied_locations": list(self.tied_locations),
                 "candidates": [item.to_json() for item in self.candidates],
+                "n_tied": len(self.ambiguous_with),
                 "effects": [item.to_json() for item in self.effects],
                 "gap": self.gap.to_json(),
                 "simulation": None if self.simulation is None else self.simulation.to_json(),

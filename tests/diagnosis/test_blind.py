@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,16 +12,24 @@ import yaml
 from excite.diagnosis.diagnose import diagnose
 from excite.errors import InputError
 from excite.logs.files import save_log
+from excite.robot.loading import load_robot
+from excite.simulation.blind.arm import arm_of
+from excite.simulation.blind.detectability import DETECTABLE, detectability
 from excite.simulation.blind.draw import Draft
+from excite.simulation.blind.forms import hide
 from excite.simulation.blind.hidden import Answer, HiddenEffect
-from excite.simulation.blind.make import answers_file, build_case, load_answers, make_cases
+from excite.simulation.blind.make import answers_file, build_case, load_answers, make_cases, recordings_of
 from excite.simulation.blind.score import score, score_case
 
 
 @pytest.mark.parametrize(
     ("plan", "seed"),
     [
-        (Draft("iiwa14", "single", (("torque_gain", "plain"),), False, 1.0, (), False), 5),
+        pytest.param(
+            Draft("iiwa14", "single", (("torque_gain", "plain"),), False, 1.0, (), False),
+            5,
+            marks=pytest.mark.slow,
+        ),
         (Draft("panda", "none", (), False, 2.0, ("repeated_rows",), False), 6),
     ],
 )
@@ -56,7 +65,7 @@ def _document(verdict: str, *effects: tuple[str, str], tied: int = 0) -> dict:
         "candidates": made,
         "effects": made[: max(1, len(made) - tied + 1)] if verdict == "ambiguous" else made,
         "gap": {"share_closed": 0.9, "share_closed_90": None},
-        "next_experiment": {"separates": [f"{e}@{p}" for e, p in effects]} if tied else None,
+        "n_tied": tied,
     }
 
 
@@ -85,3 +94,37 @@ def test_two_effects_are_counted_each() -> None:
     assert (both.found, both.hidden, both.extras) == (2, 2, 0)
     figures = score({"a": answer}, {"a": _document("effect", ("backlash", "joint2"))}, {}).figures()
     assert figures["double_found"] == 0.5
+
+
+def test_an_effect_below_the_noise_is_called_hardly_detectable() -> None:
+    lost, clear = (
+        Answer(
+            "single",
+            "panda",
+            ("rigid_body",),
+            (HiddenEffect("torque_bias", "joint2", 1.0, detectability=d),),
+            1.0,
+        )
+        for d in (0.01, 3.0)
+    )
+    documents = {"a": _document("none"), "b": _document("effect", ("torque_bias", "joint2"))}
+    result = score({"a": lost, "b": clear}, documents, {})
+    assert result.figures()["single_named"] == 0.5
+    assert result.detectable.figures()["single_named"] == 1.0
+    assert result.to_json()["figures_detectable"]["cases"] == 1
+
+
+def test_detectability_grows_with_the_effect_and_falls_with_noise() -> None:
+    def clear(size: float, noise: float) -> float:
+        changed, _ = hide(arm.virtual, arm, "torque_gain", "plain", 1, size, np.random.default_rng(4))
+        sigma = noise * (0.01 * plain[0].tau_motor.std(axis=0) + 1e-3)
+        return detectability(arm.virtual.robot, recordings_of(changed, arm), plain, modelled, sigma)
+
+    arm = arm_of(load_robot("iiwa14"), True, np.random.default_rng(3))
+    arm = replace(arm, motions=arm.motions[:1])
+    plain = recordings_of(arm.virtual, arm)
+    modelled = ("rigid_body_fixed", "viscous_friction", "coulomb_friction", "armature")
+    strong, weak, loud, none = clear(1.0, 1.0), clear(0.3, 1.0), clear(1.0, 10.0), clear(0.0, 1.0)
+    assert strong > 2.0 * weak > 2.0 * DETECTABLE
+    assert loud < 0.3 * strong
+    assert none < 1e-6

@@ -55,7 +55,8 @@ FORMS: dict[str, tuple[str, ...]] = {
     "unknown": ("push", "stop"),
 }
 NEEDS_GIVEN_INERTIA = frozenset({"payload", "link_inertia", "link_length_error", "encoder_offset"})
-OWN_TERMS = ("viscous_friction", "coulomb_friction", "armature")
+_DRIVE_FIELDS = {"viscous_friction": "viscous", "coulomb_friction": "coulomb", "armature": "armature"}
+OWN_TERMS = tuple(_DRIVE_FIELDS)
 WHOLE = {"time_delay": "torque", "actuator_lag": "torque", "base_tilt": "base"}
 
 
@@ -118,9 +119,29 @@ def hide(
     return _MAKERS[effect](site)
 
 
+def left_out(before: VirtualRobot, after: VirtualRobot, effect: str, joint: int) -> VirtualRobot:
+    """The robot that has all but an effect just hidden; of what the log leaves out, no joint has any.
+
+    Args:
+        before: the robot before the effect was hidden.
+        after: the robot after it.
+        effect: its name.
+        joint: index of its joint.
+
+    Returns:
+        The robot.
+    """
+    field = _DRIVE_FIELDS.get(effect)
+    if field is None:
+        return before
+    values = getattr(after.drives, field).copy()
+    values[joint] = values.min()
+    return replace(before, drives=replace(before.drives, **{field: values}))
+
+
 def _own_term(s: _Site) -> Hidden:
     """The one joint that has what ``modelled`` leaves out; the others have none."""
-    field = {"viscous_friction": "viscous", "coulomb_friction": "coulomb", "armature": "armature"}[s.effect]
+    field = _DRIVE_FIELDS[s.effect]
     full = getattr(s.virtual.drives, field)
     value = full[s.joint] * max(s.size, 0.5)
     # A rotor is never weightless.

@@ -16,6 +16,8 @@ class HiddenEffect:
         value: its main parameter, in the unit of that effect.
         form: which of the forms of the same physics it has; ``plain`` is the textbook's.
         details: further parameters.
+        detectability: rest that the modelled terms cannot take, over the channel's noise in the band
+            (:mod:`excite.simulation.blind.detectability`); None where it was not computed.
     """
 
     effect: str
@@ -23,6 +25,7 @@ class HiddenEffect:
     value: float
     form: str = "plain"
     details: dict[str, float] = field(default_factory=dict)
+    detectability: float | None = None
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +16,12 @@ from excite.logs.files import save_log
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.progress import Progress, silent
 from excite.robot.loading import load_robot
+from excite.robot.robot import Array
 from excite.simulation.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
+from excite.simulation.blind.detectability import detectability
 from excite.simulation.blind.draw import ROBOTS, Draft, draft
 from excite.simulation.blind.faults import FAULTS
-from excite.simulation.blind.forms import OWN_TERMS, background, hide
+from excite.simulation.blind.forms import OWN_TERMS, background, hide, left_out
 from excite.simulation.blind.hidden import Answer, HiddenEffect
 from excite.simulation.effects.bristles import BristleLaw
 from excite.simulation.execution import execute
@@ -107,26 +110,40 @@ def build_case(plan: Draft, rng: np.random.Generator) -> tuple[Log, Answer]:
         Its log and what is hidden in it.
     """
     arm = arm_of(load_robot(plan.robot), plan.fixed, rng)
+    start = deepcopy(rng)
     virtual, hidden, modelled, others = _prepare(arm, plan, rng)
-    trials, headers = _session(virtual, arm, plan, rng)
+    recordings = recordings_of(virtual, arm)
+    spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
+    sigma = plan.noise * (_NOISE_TAU * spread + 2e-4 * spread.max())
+    trials, headers = _session(recordings, arm, plan, sigma, rng)
     header = log_header(virtual.robot, headers).model_copy(update={"modelled": modelled})
     log = Log(header=header, trials=trials, robot_text=virtual.robot.urdf)
-    return log, Answer(plan.kind, plan.robot, modelled, hidden, plan.noise, plan.faults, others)
+    known = []
+    for k, item in enumerate(hidden):
+        twin = _prepare(arm, plan, deepcopy(start), without=k)[0]
+        clear = detectability(arm.virtual.robot, recordings, recordings_of(twin, arm), modelled, sigma)
+        known.append(replace(item, detectability=clear))
+    return log, Answer(plan.kind, plan.robot, modelled, tuple(known), plan.noise, plan.faults, others)
 
 
 def _prepare(
-    arm: Arm, plan: Draft, rng: np.random.Generator
+    arm: Arm, plan: Draft, rng: np.random.Generator, without: int | None = None
 ) -> tuple[VirtualRobot, tuple[HiddenEffect, ...], tuple[str, ...], tuple[HiddenEffect, ...]]:
-    """The robot with everything in it, what is hidden, what the log says is modelled, and the background."""
+    """The robot with everything in it, what is hidden, what the log says is modelled, and the background.
+
+    ``without``: position of a hidden effect that is drawn but left out.
+    """
     virtual, n = arm.virtual, arm.virtual.robot.n_joints
     hidden: list[HiddenEffect] = []
     modelled = ["rigid_body_fixed" if plan.fixed else "rigid_body", *OWN_TERMS]
     joints = rng.permutation(np.arange(1, n - 1) if plan.fixed else np.arange(n))
     size = 0.6 if plan.kind == "weak" else 1.0
-    for (effect, form), joint in zip(plan.effects, joints, strict=False):
+    for k, ((effect, form), drawn) in enumerate(zip(plan.effects, joints, strict=False)):
         if effect in modelled:
             modelled.remove(effect)
-        virtual, what = hide(virtual, arm, effect, form, _fit(arm, effect, int(joint)), size, rng)
+        joint = _fit(arm, effect, int(drawn))
+        changed, what = hide(virtual, arm, effect, form, joint, size, rng)
+        virtual = changed if k != without else left_out(virtual, changed, effect, joint)
         hidden.append(what)
     others: tuple[HiddenEffect, ...] = ()
     if plan.kind == "weak":
@@ -146,10 +163,8 @@ def _fit(arm: Arm, effect: str, joint: int) -> int:
     return n - 1 if effect == "payload" and joint % 2 else joint
 
 
-def _session(
-    virtual: VirtualRobot, arm: Arm, plan: Draft, rng: np.random.Generator
-) -> tuple[tuple[Trial, ...], tuple[TrialHeader, ...]]:
-    """Identification trials, validation trials, then the first command again."""
+def recordings_of(virtual: VirtualRobot, arm: Arm) -> list[Recording]:
+    """Identification trials, validation trials, then the first command again, without noise."""
     runs = [*arm.motions, replace(arm.motions[0], name=f"trial_{N_TRIALS + N_VALIDATION:02d}")]
     memory: dict = {}
     recordings: list[Recording] = []
@@ -158,12 +173,17 @@ def _session(
         for reading in virtual.readings:
             recording = reading(recording)
         recordings.append(recording)
-    spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
-    sigma = plan.noise * (_NOISE_TAU * spread + 2e-4 * spread.max())
+    return recordings
+
+
+def _session(
+    recordings: list[Recording], arm: Arm, plan: Draft, sigma: Array, rng: np.random.Generator
+) -> tuple[tuple[Trial, ...], tuple[TrialHeader, ...]]:
+    """The trials as sensors and logger give them."""
     trials, headers = [], []
     for k, recording in enumerate(recordings):
         role = "validation" if N_TRIALS <= k < N_TRIALS + N_VALIDATION else "identification"
-        repeats = f"{arm.motions[0].name}.parquet" if k == len(runs) - 1 else None
+        repeats = f"{arm.motions[0].name}.parquet" if k == len(recordings) - 1 else None
         file = f"{recording.name}.parquet"
         headers.append(TrialHeader(file=file, role=role, start_s=k * (TRIAL_S + PAUSE_S), repeats=repeats))
         shape = recording.q.shape

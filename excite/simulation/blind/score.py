@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from excite.simulation.blind.detectability import DETECTABLE
 from excite.simulation.blind.hidden import Answer
 
 _SAME = {"payload": "link_inertia"}
@@ -28,6 +29,8 @@ class CaseScore:
         found: hidden effects that are among its effects.
         hidden: number of hidden effects.
         extras: effects that are not there.
+        faults: faults of the record, by kind.
+        detectable: whether all that is hidden stands far enough above the noise; where nothing is, True.
         probability: that it states for its first candidate, None where it states none.
         share_closed: of the gap.
         interval: 90 % interval of that, None where it states none.
@@ -43,6 +46,8 @@ class CaseScore:
     found: int
     hidden: int
     extras: int
+    faults: tuple[str, ...]
+    detectable: bool
     probability: float | None
     share_closed: float
     interval: tuple[float, float] | None
@@ -97,6 +102,8 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         hits,
         max(len(names), 1),
         extras,
+        answer.faults,
+        all(item.detectability is None or item.detectability >= DETECTABLE for item in answer.effects),
         first.get("probability"),
         float(document["gap"]["share_closed"]),
         None if interval is None else (float(interval[0]), float(interval[1])),
@@ -117,8 +124,7 @@ class BlindScore:
 
     def share(self, what: str, *kinds: str) -> float | None:
         """Share of the cases of these kinds (all without any) that are ``named``, ``placed`` or ``firm_wrong``."""
-        chosen = [case for case in self.cases if not kinds or case.kind in kinds]
-        return sum(bool(getattr(case, what)) for case in chosen) / len(chosen) if chosen else None
+        return _share([bool(getattr(case, what)) for case in self.cases if not kinds or case.kind in kinds])
 
     @property
     def found(self) -> float | None:
@@ -151,6 +157,12 @@ class BlindScore:
                 lines.append({"stated": mean, "right": right, "count": len(inside)})
         return lines
 
+    @property
+    def detectable(self) -> BlindScore:
+        """The cases whose effects all stand far enough above the noise; those without any are among them."""
+        cases = tuple(case for case in self.cases if case.detectable)
+        return BlindScore(cases, {c.case: self.seconds[c.case] for c in cases if c.case in self.seconds})
+
     def figures(self) -> dict[str, float | None]:
         """The battery in numbers."""
         seconds = sorted(self.seconds.values())
@@ -163,6 +175,9 @@ class BlindScore:
             "double_found": self.found,
             "double_extras": sum(c.extras for c in self.cases if c.kind == "double"),
             "none_kept": self.share("named", "none"),
+            "none_of_faulty_records_kept": _share(
+                [c.named for c in self.cases if c.kind == "none" and c.faults]
+            ),
             "unknown_recognised": self.share("named", "unknown"),
             "unknown_placed": self.share("placed", "unknown"),
             "firm_wrong": self.share("firm_wrong"),
@@ -170,15 +185,13 @@ class BlindScore:
         }
 
     def summary(self) -> str:
-        """Figures, then the cases that went wrong."""
-        lines = []
+        """Figures of all cases and of the detectable ones, then the cases that went wrong."""
+        lines = [f"{'':28} {'all':>8} {'detectable':>12}"]
+        clear = self.detectable.figures()
         for name, value in self.figures().items():
-            if value is None:
-                continue
-            share = name.split("_")[-1] in {"named", "placed", "found", "kept", "recognised", "wrong"}
-            lines.append(
-                f"{name.replace('_', ' '):22} " + (f"{100 * value:.0f} %" if share else f"{value:.3g}")
-            )
+            if value is not None:
+                columns = f"{_figure(name, value):>8} {_figure(name, clear[name]):>12}"
+                lines.append(f"{name.replace('_', ' '):28} {columns}")
         for case in self.cases:
             marks = [
                 mark
@@ -187,10 +200,11 @@ class BlindScore:
                     ("place", not case.placed),
                     ("firm wrong", case.firm_wrong),
                     ("extra", case.extras > 0),
+                    ("hardly detectable", not case.detectable),
                 )
                 if bad
             ]
-            if marks:
+            if marks and marks != ["hardly detectable"]:
                 lines.append(f"{case.case}: {case.truth} | {case.said} | {', '.join(marks)}")
         return "\n".join(lines)
 
@@ -199,23 +213,10 @@ class BlindScore:
         return {
             "schema": "excite.blind_score/1",
             "figures": self.figures(),
+            "figures_detectable": self.detectable.figures(),
             "confusion": self.confusion,
             "calibration": self.calibration,
-            "cases": [
-                {
-                    "case": c.case,
-                    "kind": c.kind,
-                    "truth": c.truth,
-                    "said": c.said,
-                    "named": c.named,
-                    "placed": c.placed,
-                    "firm_wrong": c.firm_wrong,
-                    "found": c.found,
-                    "hidden": c.hidden,
-                    "extras": c.extras,
-                }
-                for c in self.cases
-            ],
+            "cases": [asdict(case) for case in self.cases],
         }
 
 
@@ -228,9 +229,22 @@ def score(
 
 
 def _tied(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Candidates that an ambiguous diagnosis cannot tell apart: those that the next experiment separates."""
-    proposal = document.get("next_experiment") or {}
-    return list(document["candidates"][: max(2, len(proposal.get("separates", ())))])
+    """Candidates that an ambiguous diagnosis cannot tell apart; a document that does not count them has two."""
+    return list(document["candidates"][: int(document.get("n_tied", 2))])
+
+
+_SHARES = frozenset({"named", "placed", "found", "kept", "recognised", "wrong"})
+
+
+def _share(marks: list[bool]) -> float | None:
+    return sum(marks) / len(marks) if marks else None
+
+
+def _figure(name: str, value: float | None) -> str:
+    """A figure for people: shares in percent."""
+    if value is None:
+        return "-"
+    return f"{100 * value:.0f} %" if name.split("_")[-1] in _SHARES else f"{value:.3g}"
 
 
 def _canonical(name: str | None) -> str:
