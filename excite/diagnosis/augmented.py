@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.diagnosis.augmented_effects import FORMS, Draft, Found, tilted
+from excite.diagnosis.augmented_effects import FORMS, Draft, Found, presliding, tilted
 from excite.diagnosis.augmented_plant import Plant, fitted_plant, physical_plant
 from excite.diagnosis.baseline import Baseline
 from excite.robot.robot import Array, Robot
@@ -74,12 +74,20 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
             f"{plant.mismatch:.1f} times the residual"
         )
     draft = Draft(robot, baseline.samples.joints, _spec(robot, baseline.samples.index, plant))
+    _formed(draft, baseline, effects)
+    draft.spec.compile()
+    return AugmentedModel(draft.spec.to_xml(), tuple(warnings))
+
+
+def _formed(draft: Draft, baseline: Baseline, effects: Sequence[Found]) -> None:
+    """Presliding of the baseline's friction, and what effects change in the XML."""
+    for joint, breakaway in zip(baseline.samples.joints, baseline.breakaways, strict=True):
+        if breakaway > 0.0 and "coulomb_friction" in baseline.modelled:
+            presliding(draft, joint, float(breakaway))
     for item in effects:
         form = FORMS.get(item.effect)
         if form is not None and form.model is not None:
             form.model(draft, item)
-    draft.spec.compile()
-    return AugmentedModel(draft.spec.to_xml(), tuple(warnings))
 
 
 def _spec(robot: Robot, index: Sequence[int], plant: Plant) -> mujoco.MjSpec:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 NOTE = "excite"
 DEFLECTION = ".deflection"
+PRESLIDING = "presliding"
 _LEAST_ROTOR = 1e-4
 _TEN = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
@@ -104,7 +105,17 @@ def _spring(draft: Draft, item: Found) -> None:
     joint.stiffness = [stiffness, 0.0, 0.0]
     joint.springref = -item.value("torque_at_zero") / stiffness
     if {"quadratic", "cubic", "rubbing"} & set(item.values):
-        draft.note(item, "quadratic", "cubic", "rubbing")
+        draft.note(item, "quadratic", "cubic", "rubbing", "breakaway")
+
+
+def _dry(draft: Draft, item: Found) -> None:
+    if "breakaway" in item.values:
+        presliding(draft, item.location, item.value("breakaway"))
+
+
+def presliding(draft: Draft, joint: str, breakaway: float) -> None:
+    """Leave to the runner that a joint's dry friction builds up over a deflection [rad]."""
+    draft.note(Found(PRESLIDING, joint, {"breakaway": breakaway}), "breakaway")
 
 
 def _gain(draft: Draft, item: Found) -> None:
@@ -167,7 +178,7 @@ def _soft(draft: Draft, item: Found) -> None:
     harder = stiffness / item.value("hardening_at") ** 2 if "hardening_at" in item.values else 0.0
     _behind(draft, item).stiffness = [stiffness, 0.0, harder]
     draft.spec.joint(item.location + DEFLECTION).damping = [damping, 0.0, 0.0]
-    draft.note(item, "stiffness")
+    draft.note(item, "stiffness", "hardening_at")
 
 
 def _loose(draft: Draft, item: Found) -> None:
@@ -199,7 +210,7 @@ def _noted(*names: str) -> Form:
 
 FORMS: dict[str, Form] = {
     "viscous_friction": Form(plant=_drive("viscous", "coefficient")),
-    "coulomb_friction": Form(plant=_drive("coulomb", "level")),
+    "coulomb_friction": Form(plant=_drive("coulomb", "level"), model=_dry),
     "armature": Form(plant=_drive("armature", "inertia")),
     "torque_bias": Form(plant=_drive("bias", "bias")),
     "coulomb_asymmetry": Form(plant=_drive("bias", "bias")),
@@ -213,7 +224,7 @@ FORMS: dict[str, Form] = {
     "base_tilt": Form(model=_tilt, noted=True),
     "joint_elasticity": Form(model=_soft),
     "backlash": Form(model=_loose),
-    "stribeck": _noted("excess", "velocity", "exponent"),
+    "stribeck": _noted("excess", "velocity", "exponent", "presliding", "breakaway"),
     "load_dependent_friction": _noted("coefficient"),
     "friction_drift": _noted("coulomb_change", "viscous_change", "time_constant", "session_end"),
     "torque_ripple": _noted(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.diagnosis.baseline import Baseline, own_names
+from excite.diagnosis.baseline import Baseline, own_names, sign_of_motion
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Array
@@ -175,7 +175,9 @@ def _rows(baseline: Baseline, gravity: Array | None) -> Array:
     bodies = joint_torque_regressor(model, q, v, a)[:, index]
     drives = np.zeros((len(q), n, 3, n))
     for j, i in enumerate(index):
-        drives[:, j, 0, j], drives[:, j, 1, j] = v[:, i], np.tanh(v[:, i] / baseline.widths[j])
+        signs = s.split(sign_of_motion(s, j, baseline.widths[j], baseline.breakaways[j]))
+        dry = np.concatenate([x[t.rows] for x, t in zip(signs, s.trials, strict=True) if t.identification])
+        drives[:, j, 0, j], drives[:, j, 1, j] = v[:, i], dry[take]
         drives[:, j, 2, j] = a[:, i]
     rows = np.concatenate([bodies, drives.reshape(len(q), n, 3 * n)], axis=2)
     return rows / baseline.fit.sigma[None, :, None]

@@ -2,104 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.diagnosis.augmented_effects import DEFLECTION, NOTE
+from excite.diagnosis.rollout_drives import Drive, LoggedTorque, PositionServo, Window
+from excite.diagnosis.rollout_friction import DryFriction
 from excite.robot.robot import Array
 
 if TYPE_CHECKING:
     import mujoco
 
-
-@dataclass(frozen=True, eq=False)
-class Window:
-    """A piece of a record to be simulated.
-
-    Attributes:
-        q: ``(n_joints,)`` positions at its start [rad].
-        v: velocities at its start [rad/s].
-        load: torque that the links need at its start [N·m]; sets how far soft and loose gears are deflected.
-        time: ``(n_steps,)`` of the steps [s] since the trial's start.
-        session_s: time of its start within the session [s].
-        growth: by joint, how far friction that drifts has come at its start; from the session's clock where it
-            is not given.
-    """
-
-    q: Array
-    v: Array
-    load: Array
-    time: Array
-    session_s: float
-    growth: Mapping[str, float] = field(default_factory=dict)
-
-
-class Drive(Protocol):
-    """Where a simulation's torques come from."""
-
-    def torque(self, time: float, q: Array, v: Array) -> Array:
-        """Torques of the motors [N·m] at a time of the trial [s] and a state, all ``(n_joints,)``."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class LoggedTorque:
-    """The record's own torques, no feedback.
-
-    Attributes:
-        time: ``(n,)`` [s].
-        tau: ``(n, n_joints)`` [N·m].
-    """
-
-    time: Array
-    tau: Array
-
-    def torque(self, time: float, q: Array, v: Array) -> Array:
-        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
-        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
-        return (1.0 - share) * self.tau[k] + share * self.tau[k + 1]
-
-
-@dataclass(frozen=True, eq=False)
-class PositionServo:
-    """``kp (q_cmd − q) + kd (v_cmd − v) + feedforward``, commands interpolated.
-
-    Attributes:
-        time: ``(n,)`` [s].
-        q_cmd: ``(n, n_joints)``, v_cmd and feedforward alike.
-        v_cmd: commanded velocities [rad/s].
-        feedforward: torque added to it [N·m].
-        kp: ``(n_joints,)`` [N·m/rad].
-        kd: ``(n_joints,)`` [N·m·s/rad].
-        undamped: leave ``−kd v`` to the one who asks.
-    """
-
-    time: Array
-    q_cmd: Array
-    v_cmd: Array
-    feedforward: Array
-    kp: Array
-    kd: Array
-    undamped: bool = False
-
-    def torque(self, time: float, q: Array, v: Array) -> Array:
-        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
-        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
-        qc, vc, ff = (
-            (1.0 - share) * x[k] + share * x[k + 1] for x in (self.q_cmd, self.v_cmd, self.feedforward)
-        )
-        return self.kp * (qc - q) + self.kd * (vc if self.undamped else vc - v) + ff
+_FRICTION = {"stribeck", "load_dependent_friction", "friction_drift", "presliding", "joint_spring"}
 
 
 class Simulator:
     """A loaded model.
 
-    The runner applies, at every step: Stribeck and load-dependent friction and friction that drifts, by setting
-    ``dof_frictionloss`` and ``dof_damping``; periodic torques (ripple; a tilted base's part on the first joint)
-    in ``qfrc_applied``; a delay of the torque channel, by taking the logged torque of a later time.
+    The runner applies, at every step: Stribeck and load-dependent friction, friction that drifts and friction that
+    builds up over a deflection, by setting ``dof_frictionloss`` and ``dof_damping``; periodic torques (ripple; a
+    tilted base's part on the first joint) and springs that harden in ``qfrc_applied``; a delay of the torque
+    channel, by taking the logged torque of a later time.
     """
 
     def __init__(self, xml: str, joints: tuple[str, ...]):
@@ -119,13 +44,11 @@ class Simulator:
         self._motor = np.array([self.model.actuator(name).id for name in joints])
         self._friction = self.model.dof_frictionloss.copy()
         self._damping = self.model.dof_damping.copy()
-        self._notes = [
-            (effect, place, values)
-            for effect, place, values in _notes(self.model)
-            if effect != "time_delay" and (place in joints)
-        ]
-        self._delay = sum(v["delay"] for effect, _, v in _notes(self.model) if effect == "time_delay")
-        self._before = sum(v["before"] for e, _, v in _notes(self.model) if e == "actuator_lag")
+        every = _notes(self.model)
+        self._notes = [item for item in every if item[0] != "time_delay" and item[1] in joints]
+        self._delay = sum(v["delay"] for effect, _, v in every if effect == "time_delay")
+        self._before = sum(v["before"] for e, _, v in every if e == "actuator_lag")
+        self._dry = DryFriction([item for item in self._notes if item[0] in _FRICTION], joints)
         self._load = np.zeros(len(joints))
 
     def run(self, window: Window, drive: Drive, keep: int) -> Array:
@@ -142,6 +65,11 @@ class Simulator:
         data.qpos[self._qpos], data.qvel[self._dof] = window.q, window.v
         self._load = window.load.copy()
         self._deflect(window.load)
+        self._dry.start(window)
+        delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
+        filtered, lagged = self._filtered(window, drive, delay)
+        if model.na:
+            data.act[:] = lagged[: model.na]
         # Damping by the servo is part of the implicit step where no lag stands between it and the joint.
         implicit = isinstance(drive, PositionServo) and model.na == 0
         added = np.zeros(model.nv)
@@ -149,24 +77,36 @@ class Simulator:
             added[self._dof] = drive.kd * model.actuator_gainprm[self._motor, 0]
             drive = replace(drive, undamped=True)
         model.dof_damping[:] = self._damping + added
-        delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
-        share = -np.expm1(-model.opt.timestep / self._before) if self._before > 0.0 else 1.0
-        filtered = drive.torque(float(window.time[0]), window.q, window.v)
-        if model.na:
-            data.act[:] = drive.torque(float(window.time[0]), window.q, window.v)[: model.na]
+        share = _share(model.opt.timestep, self._before)
         kept = [window.q]
         for step, time in enumerate(window.time):
             q, v = data.qpos[self._qpos], data.qvel[self._dof]
-            asked = drive.torque(float(time) + delay, q, v)
-            data.ctrl[self._motor] = filtered = (
-                asked if self._before == 0.0 else filtered + share * (asked - filtered)
-            )
+            filtered = filtered + share * (drive.torque(float(time) + delay, q, v) - filtered)
+            data.ctrl[self._motor] = filtered
             if self._notes:
                 self._apply(q, v, window, float(time - window.time[0]), added)
             mujoco.mj_step(model, data)
+            if self._dry.bristles:
+                self._dry.move(data.qvel[self._dof], model.opt.timestep)
             if (step + 1) % keep == 0:
                 kept.append(data.qpos[self._qpos].copy())
         return np.array(kept)
+
+    def _filtered(self, window: Window, drive: Drive, delay: float) -> tuple[Array, Array]:
+        """What the two filters of a lag have come to at the window's start: before the motor, in the motor."""
+        past = window.past
+        slow = float(self.model.actuator_dynprm[self._motor[0], 0]) if self.model.na else 0.0
+        if past is None or not self.model.na:
+            now = drive.torque(float(window.time[0]) + delay, window.q, window.v)
+            return now, now
+        period = float(past.time[1] - past.time[0])
+        first, second = _share(period, self._before), _share(period, slow)
+        one = two = drive.torque(float(past.time[0]) + delay, past.q[0], past.v[0])
+        for t, q, v in zip(past.time[:-1], past.q, past.v, strict=False):
+            # Half a period on: the command of an interval, not of its start.
+            one = one + first * (drive.torque(float(t) + 0.5 * period + delay, q, v) - one)
+            two = two + second * (one - two)
+        return one, two
 
     def _deflect(self, load: Array) -> None:
         """Soft and loose gears start where their load puts them."""
@@ -177,37 +117,39 @@ class Simulator:
             torque = load[self.joints.index(place)]
             soft = effect == "joint_elasticity"
             self.data.qpos[address] = (
-                -torque / values["stiffness"] if soft else -0.5 * np.sign(torque) * values["width"]
+                _stretch(-torque / values["stiffness"], values.get("hardening_at", np.inf))
+                if soft
+                else -0.5 * np.sign(torque) * values["width"]
             )
 
     def _apply(self, q: Array, v: Array, window: Window, elapsed: float, added: Array) -> None:
-        model, data = self.model, self.data
-        model.dof_frictionloss[:] = self._friction
+        model, data, dof = self.model, self.data, self._dof
+        growth = self._growth(window, elapsed)
+        level, viscous = self._dry.levels(self._friction[dof], v, self._carried(), growth)
+        bent, stiff = self._dry.bent(level, v, model.opt.timestep)
+        model.dof_frictionloss[dof] = level
         model.dof_damping[:] = self._damping + added
+        model.dof_damping[dof] += viscous + stiff
         data.qfrc_applied[:] = 0.0
+        data.qfrc_applied[dof] = bent
         for effect, place, p in self._notes:
             j = self.joints.index(place)
-            dof = self._dof[j]
-            if effect == "stribeck":
-                model.dof_frictionloss[dof] += p["excess"] * np.exp(
-                    -(abs(v[j] / p["velocity"]) ** p.get("exponent", 2.0))
-                )
-            elif effect == "load_dependent_friction":
-                model.dof_frictionloss[dof] += p["coefficient"] * abs(self._carried(j))
-            elif effect == "friction_drift":
-                session, slow = window.session_s + elapsed, p["time_constant"]
-                clock = np.expm1(-session / slow) / np.expm1(-p["session_end"] / slow)
-                growth = window.growth.get(place, clock)
-                model.dof_frictionloss[dof] += growth * p["coulomb_change"]
-                model.dof_damping[dof] += growth * p["viscous_change"]
-            elif "periods_per_rev" in p:
-                data.qfrc_applied[dof] -= self._wave(j, q[j], p)
+            if "periods_per_rev" in p:
+                data.qfrc_applied[dof[j]] -= self._wave(j, q[j], p)
             elif effect == "joint_spring":
-                model.dof_frictionloss[dof] += abs(p.get("rubbing", 0.0))
-                data.qfrc_applied[dof] -= (
+                data.qfrc_applied[dof[j]] -= (
                     p.get("quadratic", 0.0) * q[j] ** 2 + p.get("cubic", 0.0) * q[j] ** 3
                 )
-        np.maximum(model.dof_frictionloss, 0.0, out=model.dof_frictionloss)
+
+    def _growth(self, window: Window, elapsed: float) -> dict[str, float]:
+        """How far friction that drifts has come, by joint."""
+        found = {}
+        for effect, place, p in self._notes:
+            if effect == "friction_drift":
+                session, slow = window.session_s + elapsed, p["time_constant"]
+                clock = np.expm1(-session / slow) / np.expm1(-p["session_end"] / slow)
+                found[place] = float(window.growth.get(place, clock))
+        return found
 
     def _wave(self, j: int, q: float, p: dict[str, float]) -> float:
         """Periodic torque of a joint, with its second harmonic and the part that grows with the load."""
@@ -216,16 +158,30 @@ class Simulator:
         wave = p["cosine"] * c + p["sine"] * s
         if "cosine_2" in p:
             wave += p["cosine_2"] * np.cos(2.0 * phase) + p["sine_2"] * np.sin(2.0 * phase)
-            wave += abs(self._carried(j)) * (p["cosine_load"] * c + p["sine_load"] * s)
+            wave += abs(self._carried()[j]) * (p["cosine_load"] * c + p["sine_load"] * s)
         return float(wave)
 
-    def _carried(self, j: int) -> float:
-        """Torque that a joint's gear carries: what the last step's motor gave less friction and rotor."""
-        data, dof = self.data, self._dof[j]
+    def _carried(self) -> Array:
+        """Torques that the gears carry: what the last step's motors gave less friction and rotors."""
+        data, dof = self.data, self._dof
         if data.time == 0.0:
-            return float(self._load[j])
+            return self._load
         force = data.qfrc_actuator[dof] + data.qfrc_passive[dof] + data.qfrc_constraint[dof]
-        return float(force - self.model.dof_armature[dof] * data.qacc[dof])
+        return force + data.qfrc_applied[dof] - self.model.dof_armature[dof] * data.qacc[dof]
+
+
+def _share(period: float, time_constant: float) -> float:
+    """Share of a step that a first-order filter follows within a period."""
+    return float(-np.expm1(-period / time_constant)) if time_constant > 0.0 else 1.0
+
+
+def _stretch(linear: float, hardening_at: float) -> float:
+    """Deflection ``x (1 + (x/x₀)²) = linear`` of a spring that hardens, by Newton's method."""
+    x = linear
+    for _ in range(30):
+        r = x / hardening_at
+        x -= (x * (1.0 + r * r) - linear) / (1.0 + 3.0 * r * r)
+    return x
 
 
 def _notes(model: mujoco.MjModel) -> list[tuple[str, str, dict[str, float]]]:

@@ -38,14 +38,12 @@ def test_a_fit_is_the_one_that_its_predictions_belong_to(baseline: Baseline):
 
 @pytest.mark.parametrize("polish", [False, True])
 @pytest.mark.parametrize("name", ["torque_bias", "torque_gain"])
-def test_predictions_with_an_effect_are_those_of_the_fit_with_it(
-    baseline: Baseline, name: str, polish: bool
-):
+def test_predictions_with_an_effect_are_those_of_the_fit_with_it(baseline: Baseline, name: str, polish: bool):
     item = Search(Context(baseline), baseline.solver).coarse(EFFECTS[name], "panda_joint4")
     assert item is not None
     item = polished(item) if polish else item
     after = extended(item)
-    scale = np.array([[t.tau.std(axis=0) for t in baseline.samples.trials][0]]).T
+    scale = baseline.samples.trials[0].tau.std(axis=0)[:, None]
     # The effect's size moves a little in the common fit: its column stays where it was.
     off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
     assert off.max() < 0.02

@@ -20,7 +20,8 @@ from excite.diagnosis.hypotheses import Hypothesis, at_rows
 from excite.diagnosis.next_experiment import expected_evidence
 from excite.diagnosis.next_experiment_paths import retraced
 from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.rollout import PositionServo, Simulator, Window
+from excite.diagnosis.rollout import Simulator
+from excite.diagnosis.rollout_drives import PositionServo, Window
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.augmented_effects import FORMS, Found, tilted
-from excite.diagnosis.rollout import LoggedTorque, PositionServo, Simulator, Window
+from excite.diagnosis.rollout import Simulator
+from excite.diagnosis.rollout_drives import LoggedTorque, Past, PositionServo, Window
 
 INERTIA = 0.5
 MODEL = """
@@ -55,6 +56,49 @@ def test_drift_uses_the_session_clock_or_what_it_is_told():
     told = sim.run(window(session_s=0.0, growth={"j": 1.0}), constant(0.35), 1000)
     assert abs(held[-1, 0]) < 1e-3 and abs(told[-1, 0]) < 1e-3
     assert moving[-1, 0] == pytest.approx(0.5 * 0.25 / INERTIA, rel=0.02)
+
+
+def test_bristles_bend_before_they_slip_and_remember_the_past():
+    """A joint held below the level is a spring of level/breakaway; beyond it, it slips against the level."""
+    level, breakaway, push = 0.5, 0.02, 0.2
+    sim = simulator(f'frictionloss="{level}"', presliding=f"breakaway={breakaway}")
+    stiffness = level / breakaway
+    damped = simulator(f'frictionloss="{level}" damping="5"', presliding=f"breakaway={breakaway}")
+    held = damped.run(window(duration=3.0), constant(push), 1000)[-1, 0]
+    # z = x/δ while hardly anything slips: Dahl's z = 1 − exp(−x/δ) to all orders.
+    assert held == pytest.approx(-breakaway * np.log(1.0 - push / level), rel=0.01)
+    assert held == pytest.approx(push / stiffness, rel=0.4)
+    slipping = sim.run(window(v=1.0, duration=0.4), constant(level + 0.3), 100)
+    assert np.diff(slipping[:, 0], 2)[-1] == pytest.approx(0.3 / INERTIA * 0.01, rel=0.02)
+    # Bent all the way by the past, it drives the joint back with its level.
+    time = np.linspace(-1.0, 0.0, 201)
+    past = Past(time, np.zeros((201, 1)), np.ones((201, 1)))
+    back = sim.run(window(duration=0.01, past=past), constant(0.0), 10)
+    assert back[-1, 0] == pytest.approx(-0.5 * level / INERTIA * 0.01**2, rel=0.15)
+
+
+def test_stribeck_with_bristles_takes_over_its_share_of_the_level():
+    excess, velocity, speed, level = 0.3, 0.2, 0.1, 0.4
+    note = f"excess={excess} velocity={velocity} presliding={level} breakaway=0.0005"
+    sim = simulator(f'frictionloss="{level}"', stribeck=note)
+    time = np.linspace(-1.0, 0.0, 201)
+    past = Past(time, np.zeros((201, 1)), np.full((201, 1), speed))
+    friction = level + excess * np.exp(-((speed / velocity) ** 2))
+    path = sim.run(window(v=speed, duration=0.05, past=past), constant(friction), 10)
+    assert np.diff(path[:, 0]) == pytest.approx(np.full(len(path) - 1, speed * 0.01), rel=0.02)
+
+
+def test_a_lag_starts_from_what_the_record_asked_before():
+    motor = 'dyntype="filterexact" dynprm="0.1" gainprm="1"'
+    time = np.linspace(0.0, 2.0, 401)
+    ramp = LoggedTorque(time, time[:, None])
+    past = Past(time[:201], np.zeros((201, 1)), np.zeros((201, 1)))
+    steps = np.arange(1.0, 1.2, 1e-3)
+    start = Window(np.zeros(1), np.zeros(1), np.zeros(1), steps, 0.0, {}, past)
+    path = simulator(motor=motor).run(start, ramp, 200)
+    # A ramp through a lag is the ramp, later by the time constant.
+    expected = (0.9 * 0.2**2 / 2.0 + 0.2**3 / 6.0) / INERTIA
+    assert path[-1, 0] == pytest.approx(expected, rel=0.01)
 
 
 def test_ripple_spring_and_bias_balance_a_torque():

@@ -23,8 +23,9 @@ from excite.diagnosis.result import (
     Rollout,
     share_closed,
 )
-from excite.diagnosis.rollout import Drive, PositionServo
-from excite.diagnosis.rollout_compare import MODEL, Plan, compared
+from excite.diagnosis.rollout_compare import MODEL, compared
+from excite.diagnosis.rollout_drives import Drive, PositionServo
+from excite.diagnosis.rollout_windows import Plan
 from excite.errors import InputError, LogError
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial

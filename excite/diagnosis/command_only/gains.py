@@ -145,7 +145,7 @@ def _rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]]) -> _Rows:
         }
         for name, values in made.items():
             stacked.setdefault(name, []).append(lowpass(values, rate, min(_FIT_HZ, 0.2 * rate))[take])
-        motion = []
+        motion: list[Array] = []
         for values in (s.measured.value, s.measured.first, s.measured.second):
             full = (
                 np.tile(robot.rest, (len(values), 1))
@@ -219,7 +219,7 @@ def _bodies(rows: _Rows, x: dict[str, Array], asked: Array) -> tuple[Array, Arra
         a = (rows.bodies[:, j] - q @ (q.T @ rows.bodies[:, j])) / scale
         gram += a.T @ a
         right += a.T @ (asked[:, j] - q @ (q.T @ asked[:, j])) / scale
-    delta = np.linalg.solve(gram, right)
+    delta: Array = np.linalg.solve(gram, right)
     rest = asked - rows.bodies @ delta
     return delta, np.column_stack([r - q @ (q.T @ r) for r, q in zip(rest.T, beside, strict=True)])
 

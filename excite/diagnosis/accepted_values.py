@@ -1,0 +1,72 @@
+"""Sizes of the accepted effects as a simulator needs them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from excite.diagnosis.attribute import Attribution, Scored
+from excite.diagnosis.augmented_effects import Found
+from excite.diagnosis.effects.deflection import link_inertia
+from excite.diagnosis.effects.effect import Context
+from excite.robot.robot import Array
+
+_SMOOTH = 201
+
+
+def found_effects(attribution: Attribution) -> tuple[Found, ...]:
+    """The accepted effects with their sizes as fitted all together."""
+    last, place, made = attribution.final, 0, []
+    columns = last.solver.equations.shared
+    first = attribution.stages[0].context.baseline.basis.shape[1]
+    for item in attribution.accepted:
+        extra = item.hypothesis.columns.extra
+        count = 0 if extra is None else extra.shape[2]
+        here = slice(first + place, first + place + count)
+        beta = item.hypothesis.fit.extra
+        if extra is not None:
+            scale = np.linalg.norm(columns[:, :, here], axis=(0, 1)) / np.linalg.norm(extra, axis=(0, 1))
+            beta = last.fit.shared[here] * scale
+        place += count
+        made.append(_found(item, beta))
+    return tuple(made)
+
+
+def _found(item: Scored, beta: Array) -> Found:
+    h = item.hypothesis
+    context = Context(h.baseline)
+    fit = replace(h.fit, extra=beta)
+    values = {name: e.value for name, e in h.effect.estimates(context, h.location, h.theta, fit).items()}
+    values |= {p.name: float(b) for p, b in zip(h.effect.linear, beta, strict=True)}
+    values |= {p.name: float(t) for p, t in zip(h.effect.searched, h.theta, strict=True)}
+    if item.name == "joint_elasticity":
+        inertia = float(link_inertia(context, context.row(h.location)).mean())
+        values["damping"] = 2.0 * values["damping_ratio"] * float(np.sqrt(values["stiffness"] * inertia))
+    if item.name == "friction_drift":
+        values["session_end"] = float(context.session.max())
+    return Found(item.name, item.location, values)
+
+
+def drift_growth(attribution: Attribution) -> dict[str, list[Array]]:
+    """How far friction that drifts has come at every sample, by joint: its Coulomb column over the sign of motion."""
+    grown = {}
+    for item in attribution.accepted:
+        if item.name != "friction_drift":
+            continue
+        h = item.hypothesis
+        context = Context(h.baseline)
+        j = context.row(item.location)
+        columns = h.effect.shape(context, item.location, h.theta).columns[j]
+        made = []
+        for column, unit in zip(columns.T, (context.sign(j), context.v[:, j]), strict=True):
+            parts = zip(*(h.baseline.samples.split(x) for x in (column * unit, unit**2)), strict=True)
+            made = [
+                uniform_filter1d(a, _SMOOTH) / np.maximum(uniform_filter1d(b, _SMOOTH), 1e-12)
+                for a, b in parts
+            ]
+            if column.any():
+                break
+        grown[item.location] = made
+    return grown

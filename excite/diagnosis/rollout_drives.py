@@ -1,0 +1,107 @@
+"""What a simulation starts from and what drives it: windows of a record, logged torques, position servos."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The record before a window: what bristles, filters and soft gears remember.
+
+    Attributes:
+        time: ``(n,)`` of the trial [s], evenly spaced; the last one is the window's start.
+        q: ``(n, n_joints)`` positions [rad].
+        v: ``(n, n_joints)`` velocities [rad/s].
+    """
+
+    time: Array
+    q: Array
+    v: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A piece of a record to be simulated.
+
+    Attributes:
+        q: ``(n_joints,)`` positions at its start [rad].
+        v: velocities at its start [rad/s].
+        load: torque that the links need at its start [N·m]; sets how far soft and loose gears are deflected.
+        time: ``(n_steps,)`` of the steps [s] since the trial's start.
+        session_s: time of its start within the session [s].
+        growth: by joint, how far friction that drifts has come at its start; from the session's clock where it
+            is not given.
+        past: the record before it; without it the robot was at rest.
+    """
+
+    q: Array
+    v: Array
+    load: Array
+    time: Array
+    session_s: float
+    growth: Mapping[str, float] = field(default_factory=dict)
+    past: Past | None = None
+
+
+class Drive(Protocol):
+    """Where a simulation's torques come from."""
+
+    def torque(self, time: float, q: Array, v: Array) -> Array:
+        """Torques of the motors [N·m] at a time of the trial [s] and a state, all ``(n_joints,)``."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedTorque:
+    """The record's own torques, no feedback.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        tau: ``(n, n_joints)`` [N·m].
+    """
+
+    time: Array
+    tau: Array
+
+    def torque(self, time: float, q: Array, v: Array) -> Array:
+        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
+        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
+        return (1.0 - share) * self.tau[k] + share * self.tau[k + 1]
+
+
+@dataclass(frozen=True, eq=False)
+class PositionServo:
+    """``kp (q_cmd − q) + kd (v_cmd − v) + feedforward``, commands interpolated.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        q_cmd: ``(n, n_joints)``, v_cmd and feedforward alike.
+        v_cmd: commanded velocities [rad/s].
+        feedforward: torque added to it [N·m].
+        kp: ``(n_joints,)`` [N·m/rad].
+        kd: ``(n_joints,)`` [N·m·s/rad].
+        undamped: leave ``−kd v`` to the one who asks.
+    """
+
+    time: Array
+    q_cmd: Array
+    v_cmd: Array
+    feedforward: Array
+    kp: Array
+    kd: Array
+    undamped: bool = False
+
+    def torque(self, time: float, q: Array, v: Array) -> Array:
+        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
+        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
+        qc, vc, ff = (
+            (1.0 - share) * x[k] + share * x[k + 1] for x in (self.q_cmd, self.v_cmd, self.feedforward)
+        )
+        return self.kp * (qc - q) + self.kd * (vc if self.undamped else vc - v) + ff

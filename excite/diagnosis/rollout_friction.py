@@ -1,0 +1,124 @@
+"""Dry friction of a simulated joint beyond a constant level: it decays with speed, grows with load, bends first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.diagnosis.presliding import bend
+from excite.diagnosis.rollout_drives import Window
+from excite.robot.robot import Array
+
+# An effect, the joint that it is at, its values.
+Note = tuple[str, str, Mapping[str, float]]
+
+
+@dataclass(eq=False)
+class Bristle:
+    """Friction that builds up over a deflection, ``z' = (v − |v| z)/δ`` (Dahl 1968), stepped implicitly.
+
+    Attributes:
+        joint: index of its joint.
+        breakaway: δ [rad].
+        z: its state, −1 … 1.
+        kept: share of the state that a step at the present speed leaves.
+    """
+
+    joint: int
+    breakaway: float
+    z: float = 0.0
+    kept: float = 1.0
+
+    def start(self, window: Window) -> None:
+        """Bend it as the record before the window did."""
+        self.z = 0.0
+        if window.past is None:
+            return
+        v = np.ascontiguousarray(window.past.v[:, self.joint])
+        starts = np.zeros(len(v), dtype=np.bool_)
+        starts[0] = True
+        period = float(window.past.time[1] - window.past.time[0])
+        self.z = float(bend(v, starts, period, self.breakaway)[-1])
+
+    def force(self, level: float, v: float, step: float) -> tuple[float, float]:
+        """Torque [N·m] and damping [N·m·s/rad] of the coming step, together ``−level z`` at its end."""
+        self.kept = 1.0 / (1.0 + step * abs(v) / self.breakaway)
+        return -level * self.kept * self.z, level * self.kept * step / self.breakaway
+
+    def move(self, v: float, step: float) -> None:
+        """Bend it by the step that was made."""
+        self.z = self.kept * (self.z + step * v / self.breakaway)
+
+
+class DryFriction:
+    """Friction levels of all joints at every step, and the bristles of those that have some."""
+
+    def __init__(self, notes: Sequence[Note], joints: tuple[str, ...]):
+        """Pick what is friction from a model's notes.
+
+        Args:
+            notes: all notes.
+            joints: joints in the order of all arrays.
+        """
+        self._notes = [(effect, joints.index(place), place, p) for effect, place, p in notes]
+        self._common: dict[int, Bristle] = {}
+        self._own: list[tuple[Bristle, Mapping[str, float]]] = []
+        for effect, j, _, p in self._notes:
+            if effect == "presliding":
+                self._common[j] = Bristle(j, p["breakaway"])
+            elif "breakaway" in p:
+                self._own.append((Bristle(j, p["breakaway"]), p))
+        self.bristles = (*self._common.values(), *(bristle for bristle, _ in self._own))
+
+    def start(self, window: Window) -> None:
+        """Begin a window."""
+        for bristle in self.bristles:
+            bristle.start(window)
+
+    def levels(
+        self, level: Array, v: Array, carried: Array, growth: Mapping[str, float]
+    ) -> tuple[Array, Array]:
+        """Coulomb levels and added viscous friction of all joints, ``(n_joints,)`` each.
+
+        Args:
+            level: constant levels [N·m].
+            v: velocities [rad/s].
+            carried: torques that the gears carry [N·m].
+            growth: by joint, how far friction that drifts has come.
+        """
+        level, viscous = level.copy(), np.zeros_like(level)
+        for effect, j, place, p in self._notes:
+            if effect == "stribeck":
+                level[j] += -p["presliding"] if "breakaway" in p else _decaying(p, v[j])
+            elif effect == "load_dependent_friction":
+                level[j] += p["coefficient"] * abs(carried[j])
+            elif effect == "friction_drift":
+                level[j] += growth[place] * p["coulomb_change"]
+                viscous[j] += growth[place] * p["viscous_change"]
+        return np.maximum(level, 0.0), viscous
+
+    def bent(self, level: Array, v: Array, step: float) -> tuple[Array, Array]:
+        """Torque and damping of all bristles; levels that they take over are taken off ``level`` in place."""
+        force, damping = np.zeros_like(level), np.zeros_like(level)
+        parts = [(b, level[j]) for j, b in self._common.items()]
+        level[list(self._common)] = 0.0
+        for bristle, p in self._own:
+            own = p["rubbing"] if "rubbing" in p else p["presliding"] + _decaying(p, v[bristle.joint])
+            parts.append((bristle, own))
+        for bristle, size in parts:
+            f, d = bristle.force(max(size, 0.0), float(v[bristle.joint]), step)
+            force[bristle.joint] += f
+            damping[bristle.joint] += d
+        return force, damping
+
+    def move(self, v: Array, step: float) -> None:
+        """Bend all bristles by the step that was made."""
+        for bristle in self.bristles:
+            bristle.move(float(v[bristle.joint]), step)
+
+
+def _decaying(p: Mapping[str, float], v: float) -> float:
+    """Stribeck's excess at a speed [N·m]."""
+    return float(p["excess"] * np.exp(-((abs(v) / p["velocity"]) ** p.get("exponent", 2.0))))

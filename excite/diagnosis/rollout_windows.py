@@ -1,0 +1,118 @@
+"""Which pieces of a record are simulated, and what drives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from excite.diagnosis.rollout_drives import Drive, LoggedTorque, Past, Window
+from excite.diagnosis.samples import ArmSamples, ArmTrial
+from excite.logs.signals.butterworth import lowpass
+from excite.logs.signals.differentiate import central_differences
+from excite.robot.robot import Array
+
+HORIZON_S = 0.5
+_TOTAL_S = 16.0
+_STEP_S = 1.25e-3
+_START_HZ = 10.0
+_EDGE_S = 0.3
+_PAST_S = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """How roll-outs are run.
+
+    Attributes:
+        horizon_s: length of one [s].
+        drives: by name of the trial, where its torques come from.
+        driven_by: the same in words.
+        total_s: simulated time at most: roll-outs are spread evenly over longer records [s].
+        growth: by joint, how far friction that drifts has come, one ``(n,)`` a trial.
+        fitted: simulate the identification trials, not the validation trials.
+    """
+
+    horizon_s: float
+    drives: dict[str, Drive]
+    driven_by: str
+    total_s: float = _TOTAL_S
+    growth: Mapping[str, list[Array]] = field(default_factory=dict)
+    fitted: bool = False
+
+
+def torque_plan(samples: ArmSamples) -> Plan:
+    """Half a second with the logged torques."""
+    drives: dict[str, Drive] = {t.name: LoggedTorque(t.time, t.tau) for t in samples.trials}
+    return Plan(HORIZON_S, drives, "logged torque")
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A window with the torques that drive it and the positions that were recorded.
+
+    Attributes:
+        window: where it starts.
+        drive: what drives it.
+        recorded: ``(n_kept, n_joints)`` [rad].
+        keep: steps between recorded positions.
+    """
+
+    window: Window
+    drive: Drive
+    recorded: Array
+    keep: int
+
+
+def pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
+    """Windows of the trials that the plan asks for, of all trials where there are no such ones.
+
+    Args:
+        samples: the samples.
+        rigid: ``(n_samples, n_joints)`` torque that the gears carry, for their deflection [N·m].
+        plan: horizon and drives.
+    """
+    loads = samples.split(rigid)
+    wanted = [k for k, t in enumerate(samples.trials) if t.identification == plan.fitted]
+    chosen = wanted or list(range(len(samples.trials)))
+    n = round(plan.horizon_s * samples.rate_hz)
+    edge = round(_EDGE_S * samples.rate_hz)
+    starts = [(k, i) for k in chosen for i in range(edge, len(samples.trials[k].time) - edge - n, n)]
+    most = max(1, int(plan.total_s / plan.horizon_s))
+    pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
+    smooth = {k: _smooth(samples, samples.trials[k]) for k in chosen}
+    return [
+        _piece(samples, samples.trials[k], smooth[k], loads[k], i, n, plan)
+        for k, i in (starts[p] for p in pick)
+    ]
+
+
+def _smooth(samples: ArmSamples, trial: ArmTrial) -> tuple[Array, Array]:
+    cut = min(_START_HZ, 0.2 * samples.rate_hz)
+    d = central_differences(lowpass(trial.q[:, list(samples.index)], samples.rate_hz, cut), samples.rate_hz)
+    return d.value, d.first
+
+
+def _piece(
+    samples: ArmSamples,
+    trial: ArmTrial,
+    smooth: tuple[Array, Array],
+    load: Array,
+    i: int,
+    n: int,
+    plan: Plan,
+) -> Piece:
+    period = 1.0 / samples.rate_hz
+    keep = max(1, int(np.ceil(period / _STEP_S - 1e-9)))
+    step = period / keep
+    t0 = float(trial.time[i])
+    v = np.array([np.interp(t0 - 0.5 * step, trial.time, c) for c in smooth[1].T])
+    k = samples.trials.index(trial)
+    growth = {joint: float(values[k][i]) for joint, values in plan.growth.items()}
+    steps = np.asarray(t0 + step * np.arange(n * keep), dtype=np.float64)
+    before = slice(max(0, i - round(_PAST_S * samples.rate_hz)), i + 1)
+    past = Past(trial.time[before], smooth[0][before], trial.v[before][:, list(samples.index)])
+    window = Window(smooth[0][i], v, load[i], steps, float(trial.session_s[i]), growth, past)
+    recorded = trial.q[i : i + n + 1][:, list(samples.index)]
+    return Piece(window, plan.drives[trial.name], recorded, keep)
