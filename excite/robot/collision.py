@@ -23,6 +23,8 @@ Kind = Literal["convex", "box", "capsule", "sphere", "cylinder"]
 
 TABLE = "table"
 _TABLE_SIZE = (4.0, 4.0, 1.0)
+# A hull of 96 corners may have to grow by a hundredth; of a smooth body the growth falls with the corners' square.
+_CORNERS, _SLACK = 96, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,7 @@ _MODELS: dict[str, pin.GeometryModel] = {}
 def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
     """Convex shapes of a robot from what ``collision`` in its ``robot.yaml`` says.
 
-    Meshes become convex hulls of at most 96 corners that contain every corner of the mesh
+    Meshes become convex hulls of at most ``hull_corners`` corners that contain every corner of the mesh
     (:func:`~excite.robot.meshes.convex_hull`). Shapes authored in ``robot.yaml`` are added to those
     of the URDF's ``collision`` or ``visual`` elements, or stand alone with ``geometry: authored``.
     A ``table_height`` adds a 4 m × 4 m × 1 m block below the base.
@@ -203,20 +205,21 @@ def _link_shapes(robot: Robot, link: ElementTree.Element, kind: str) -> list[Sha
             raise RobotError(
                 "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
             )
-        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot.source, where))
+        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot, where))
     return shapes
 
 
 def _solid(
-    name: str, link: str, joint: int, pose: pin.SE3, solid: ElementTree.Element, source: Path, where: str
+    name: str, link: str, joint: int, pose: pin.SE3, solid: ElementTree.Element, robot: Robot, where: str
 ) -> Shape:
     if solid.tag == "mesh":
+        corners = robot.description.collision.hull_corners
         points = mesh_points(Path(solid.get("filename", ""))) * _floats(solid.get("scale", "1 1 1"))
         try:
-            hull = convex_hull(points)
+            hull = convex_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:
             raise RobotError(
-                str(error), source=source, field=where, remedy="author a shape instead"
+                str(error), source=robot.source, field=where, remedy="author a shape instead"
             ) from error
         return Shape(name, link, joint, pose, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
@@ -227,7 +230,10 @@ def _solid(
         size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
         return Shape(name, link, joint, pose, "capsule" if solid.tag == "capsule" else "cylinder", size)
     raise RobotError(
-        f"unknown geometry {solid.tag!r}", source=source, field=where, remedy="use a mesh, box or sphere"
+        f"unknown geometry {solid.tag!r}",
+        source=robot.source,
+        field=where,
+        remedy="use a mesh, box or sphere",
     )
 
 

@@ -128,10 +128,13 @@ class CollisionShape(_Block):
 class CollisionBlock(_Block):
     """Collision geometry: convex hulls of the URDF's meshes, or authored primitives.
 
-    ``ignored_pairs`` are pairs of links that may touch or that cannot reach each other.
+    ``hull_corners`` is how many corners a hull may have; more of them hug the mesh closer, which parts need that
+    pass each other within millimetres. ``ignored_pairs`` are pairs of links that may touch or that cannot reach
+    each other.
     """
 
     geometry: Literal["collision", "visual", "authored"]
+    hull_corners: Annotated[int, Field(ge=32)] = 96
     shapes: tuple[CollisionShape, ...] = ()
     ignored_pairs: tuple[tuple[str, str], ...] = ()
     margin: NonNegative

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from scipy.spatial import ConvexHull
 
 from excite.errors import RobotError
 from excite.robot.catalogue import data_folder, example_robot_data
@@ -15,6 +16,7 @@ from excite.robot.collision import TABLE, collision_model, collision_shapes, sha
 from excite.robot.com_box import com_boxes, shape_bounds
 from excite.robot.ignored_pairs import review_pairs
 from excite.robot.loading import load_robot
+from excite.robot.meshes import mesh_points
 from excite.robot.robot import Robot
 
 
@@ -63,6 +65,34 @@ def test_hulls_are_never_farther_apart_than_the_meshes(ur10: Robot) -> None:
         for pair, result in zip(compared, exact_data.distanceResults, strict=True):
             if result.min_distance > 0.0:
                 assert found[pair] <= result.min_distance + 1e-6
+
+
+@pytest.mark.parametrize("mesh", ["hip_y", "knee", "ankle_X"])
+def test_shapes_of_talos_legs_hold_the_meshes_and_no_more(mesh: str) -> None:
+    """Every corner of the mesh is inside; nothing sticks out of the mesh's exact hull by more than 1 mm."""
+    link = {"hip_y": "leg_right_3_link", "knee": "leg_right_4_link", "ankle_X": "leg_right_6_link"}[mesh]
+    points = mesh_points(example_robot_data() / f"talos_data/meshes/v2/{mesh}_collision.stl")
+    exact = ConvexHull(points * [1, -1, 1])
+    (shape,) = (s for s in collision_shapes(load_robot("talos")) if s.link == link)
+    planes = ConvexHull(shape.vertices).equations
+    assert (exact.points @ planes[:, :3].T + planes[:, 3]).max() < 1e-6
+    assert (shape.vertices @ exact.equations[:, :3].T + exact.equations[:, 3]).max() < 1e-3
+
+
+def test_more_corners_bring_talos_thighs_apart(tmp_path: Path) -> None:
+    """The exact meshes are 11.9 mm apart at rest; the margin of 5 mm leaves nothing to spend on coarse hulls."""
+
+    def gap(**collision: object) -> float:
+        robot = load_robot(edited("talos", tmp_path, **collision))
+        geometry = collision_model(robot)
+        names = [geometry.geometryObjects[k].name for k in range(len(geometry.geometryObjects))]
+        pair = pin.CollisionPair(names.index("leg_left_3_link_0"), names.index("leg_right_3_link_0"))
+        data, state = robot.model.createData(), geometry.createData()
+        pin.updateGeometryPlacements(robot.model, data, geometry, state, robot.rest)
+        return float(pin.computeDistance(geometry, state, geometry.findCollisionPair(pair)).min_distance)
+
+    assert gap(hull_corners=96) < gap() - 0.002
+    assert gap() == pytest.approx(0.0119, abs=2e-4)
 
 
 def test_pairs_leave_out_neighbours_and_ignored_links(g1: Robot) -> None:
@@ -125,6 +155,11 @@ def test_bad_collision_block(change: dict[str, object], message: str, tmp_path: 
     robot = load_robot(edited("ur10", tmp_path, **{"ignored_pairs": [], **change}))
     with pytest.raises(RobotError, match=message):
         collision_model(robot)
+
+
+def test_hulls_of_too_few_corners_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match=r"hull_corners.*32.*got 8"):
+        load_robot(edited("talos", tmp_path, hull_corners=8))
 
 
 def test_missing_mesh_is_named(tmp_path: Path) -> None:

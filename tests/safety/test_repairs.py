@@ -177,6 +177,26 @@ def test_waypoints_redraw_what_collides(g1: Robot, repairs: list[Repair]) -> Non
     assert np.array_equal(outcome.candidate.posture.control[:3], control[:3])
 
 
+def test_talos_swings_its_legs_though_its_hips_are_12_mm_apart() -> None:
+    """Where the lean brings the thighs together it is reduced, and the rest of the motion stays."""
+    talos = load_robot("talos")
+    waypoints, whole_body = make_repairs(talos)[:2]
+    candidates = make_generator("leg_swing").candidates(talos, 12, np.random.SeedSequence(4))[::2]
+    probe, leaned = CollisionProbe(talos), []
+    for candidate in candidates:
+        draft = waypoints.repair(Draft(candidate))
+        assert isinstance(draft, Draft)
+        outcome = whole_body.repair(draft)
+        if isinstance(outcome, Draft):
+            assert outcome.path is not None
+            assert probe.first(outcome.path.sample(np.linspace(0.0, outcome.path.s[-1], 50)).q) is None
+            pelvis = outcome.candidate.pelvis
+            assert pelvis is not None and candidate.pelvis is not None
+            leaned.append(pelvis.control[6, 1] / candidate.pelvis.control[6, 1])
+    assert len(leaned) >= 5
+    assert min(leaned) >= 0.4 and max(leaned) == 1.0
+
+
 def test_unreachable_feet_are_rejected(g1: Robot, repairs: list[Repair]) -> None:
     candidate = make_generator("squat").candidates(g1, 1, np.random.SeedSequence(1))[0]
     pelvis = candidate.pelvis.control.copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 
@@ -26,7 +27,10 @@ _ITERATIONS = 12
 _GROUND = 1e-3
 # Distance from the position limits that the path keeps at its knots [rad or m].
 _LIMIT = 1e-3
+# Shares of a leg motion that are tried in turn; of one on a single leg, for the free foot and for the pelvis, whose
+# lean over the other foot brings the thighs together.
 _SHRINKS = (0.85, 0.7, 0.55)
+_ONE_LEG_SHRINKS = ((0.85, 1.0), (0.7, 1.0), (0.55, 1.0), (0.7, 0.6), (0.55, 0.4))
 
 
 class WholeBody(Repair):
@@ -47,9 +51,8 @@ class WholeBody(Repair):
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft with a path; or ``unreachable``, ``joint_position``, ``self_collision``, ``foot_ground``."""
         outcome = self._attempt(draft)
-        for factor in _SHRINKS:
-            smaller = _shrunk(draft.candidate, factor)
-            if isinstance(outcome, Draft) or smaller is None:
+        for smaller in _shrunk(draft.candidate):
+            if isinstance(outcome, Draft):
                 break
             outcome = self._attempt(replace(draft, candidate=smaller))
         return outcome
@@ -87,15 +90,16 @@ class WholeBody(Repair):
         return None
 
 
-def _shrunk(candidate: Candidate, factor: float) -> Candidate | None:
-    """The candidate with a smaller leg motion, None if it has none: a free leg swings less, else the pelvis."""
+def _shrunk(candidate: Candidate) -> Iterator[Candidate]:
+    """The candidate with ever smaller leg motions; none if it has no leg motion."""
+    pelvis, com = candidate.pelvis, candidate.com
     if candidate.feet:
-        feet = {name: curve.shrunk(factor) for name, curve in candidate.feet.items()}
-        return replace(candidate, feet=feet)
-    if candidate.pelvis is None:
-        return None
-    com = None if candidate.com is None else candidate.com.shrunk(factor)
-    return replace(candidate, pelvis=candidate.pelvis.shrunk(factor), com=com)
+        for swing, lean in _ONE_LEG_SHRINKS:
+            feet = {name: curve.shrunk(swing) for name, curve in candidate.feet.items()}
+            yield replace(candidate, feet=feet, pelvis=pelvis and pelvis.shrunk(lean))
+    elif pelvis is not None:
+        for factor in _SHRINKS:
+            yield replace(candidate, pelvis=pelvis.shrunk(factor), com=com and com.shrunk(factor))
 
 
 def path_grid(candidate: Candidate) -> Array:
