@@ -8,7 +8,7 @@ that whatever is as wrong with the one as with the other - skin, joints, filters
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,13 @@ from scipy.optimize import least_squares
 
 from excite.errors import LogError
 from excite.human.segments import NAMES
+from excite.identification.base_rows import BaseRows
+from excite.identification.kinematics import trial_kinematics
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import iterate_weights, prior_std, regression
 from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
+from excite.logs.robot import robot_in_log
 from excite.robot.robot import Array, Robot
 from excite.threads import one_blas_thread
 
@@ -27,6 +30,8 @@ _PRIOR_SPREAD = 0.3
 # A belt is worn around a segment: its mass lies at this radius of gyration about its own centre [m].
 _BELT_RADIUS = 0.06
 _MARGIN = 0.03
+# Plates' zeros wander from trial to trial by about this much, in force [N] and moment [N·m].
+_ZERO = np.repeat([3.0, 1.0], 3)
 _MOST = 0.5
 
 
@@ -113,7 +118,10 @@ def locate_added_mass(
     first = build_problem(robot, without, settings, role=None)
     second = build_problem(robot, loaded, settings, role=None)
     std = np.asarray(iterate_weights(regression(first)).std)
-    rows_without, rows_loaded = (_condensed(problem, std) for problem in (first, second))
+    rows_without, rows_loaded = (
+        _condensed(problem, std, _zeros(robot, log, settings))
+        for problem, log in ((first, without), (second, loaded))
+    )
     projected, target = _eliminated(first, rows_without, rows_loaded)
     links = [segment.link for segment in robot.segments]
     found = [
@@ -132,9 +140,41 @@ def locate_added_mass(
     return AddedMass(ranked[0], ranked, float(target @ target))
 
 
-def _condensed(problem: IdentificationProblem, std: Array) -> Array:
-    rows = np.column_stack([problem.Y, problem.y]) / std[problem.channel, None]
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+def _condensed(problem: IdentificationProblem, std: Array, zeros: Array) -> Array:
+    """Triangular factor of weighted rows: body's columns, measurement, the plates' zeros eliminated."""
+    rows = np.column_stack([zeros, problem.Y, problem.y]) / std[problem.channel, None]
+    n = zeros.shape[1]
+    known = np.hstack([np.eye(n), np.zeros((n, rows.shape[1] - n))])
+    r = np.asarray(np.linalg.qr(np.vstack([known, rows]), mode="r"))
+    return r[n:, n:]
+
+
+def _zeros(robot: Robot, log: Log, settings: ProblemSettings | None) -> Array:
+    """What wrong zeros of the plates add to each row, six columns a trial, in units of their usual size.
+
+    All plates stand still in one world, so their zeros together are one constant wrench.
+    """
+    settings = settings or ProblemSettings()
+    filters = settings.filters(floating=True, lowpass_hz=log.header.lowpass_hz)
+    inside = robot_in_log(robot, log.header, log.folder)
+    builder = BaseRows(inside, log.header, settings, filters)
+    blocks = []
+    for trial in log.trials:
+        kinematics = trial_kinematics(inside, log.header, trial, settings, filters)
+        columns = []
+        for i in range(6):
+            wrenches = {name: np.zeros_like(values) for name, values in trial.wrenches.items()}
+            next(iter(wrenches.values()))[:, i] = _ZERO[i]
+            rows = builder.measurement(replace(trial, wrenches=wrenches), kinematics)
+            sample, channel = np.nonzero(rows.use)
+            columns.append(rows.values[sample, channel, 0])
+        blocks.append(np.column_stack(columns))
+    whole = np.zeros((sum(len(block) for block in blocks), 6 * len(blocks)))
+    row = 0
+    for place, block in enumerate(blocks):
+        whole[row : row + len(block), 6 * place : 6 * place + 6] = block
+        row += len(block)
+    return whole
 
 
 def _eliminated(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:

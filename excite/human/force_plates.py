@@ -24,6 +24,7 @@ _LOADED_N = 50.0
 # A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres.
 _NEAR, _FAR = 0.15, 0.25
 _FREE_MOMENT_NM = 200.0
+_SHARED = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,9 +257,10 @@ def _assigned(
                 field=plate.name,
                 remedy="check the plate's place, its unit of length, and that markers and forces belong together",
             )
-        both = float((np.minimum(right, left)[loaded] < _NEAR).mean()) if loaded.any() else 1.0
-        share = float((right[loaded] < left[loaded]).mean()) if loaded.any() else 1.0
-        if 0.1 < share < 0.9 and both > 0.5:
+        near = loaded & (np.minimum(right, left) < _NEAR)
+        weight = plate.force[near, 2]
+        share = float(weight[right[near] < left[near]].sum() / max(weight.sum(), 1e-9))
+        if _SHARED < share < 1.0 - _SHARED:
             text = f"{source.name}: both feet step on {plate.name} ({100 * share:.0f} % of its load is the right's)"
             findings.append(Finding("shared_plate", text, {"right_share": share}, (plate.name,)))
         if plate.foot is not None and plate.foot != foot:

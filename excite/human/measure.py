@@ -167,7 +167,7 @@ def measure_recordings(
         findings += recording.findings
     for number, recording in enumerate(upright_trials):
         progress("trials", number, len(upright_trials))
-        findings += [*recording.findings, *absent_markers(recording, _in_trials(wanted, upright_trials))]
+        findings += [*recording.findings, *absent_markers(recording, wanted)]
         trial, report, found = _measured(body, calibration, recording, cutoff)
         measured.append(trial)
         reports[trial.name] = report
@@ -175,13 +175,6 @@ def measure_recordings(
     progress("trials", len(upright_trials), len(upright_trials))
     log = human_log(body, measured, settings.hold_out, cutoff)
     return MeasuredPerson(body, calibration, log, reports, tuple(findings))
-
-
-def _in_trials(wanted: tuple[str, ...], moving: Sequence[Recording]) -> tuple[str, ...]:
-    """Labels that at least half of the trials have: calibration may use more."""
-    return tuple(
-        label for label in wanted if sum(label in trial.markers for trial in moving) >= 0.5 * len(moving)
-    )
 
 
 def _marker_set(settings: MeasureSettings, recordings: Sequence[Recording]) -> MarkerSet:

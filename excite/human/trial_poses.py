@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.robot.robot import Array
 
 # A pair of labels is exchanged when both lie this far [m] from where they belong and the exchange mends it.
-_FAR, _MENDED = 0.05, 0.4
+_FAR, _MENDED = 0.05, 0.5
 _LONGEST_FILL_S = 0.2
 _STRIDE = 4
 _REPAIRS, _FAR_MARKERS = 4, 2
@@ -75,8 +76,15 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
     if not np.isfinite(points).all(axis=2).any():
         raise LogError("shows no marker of the body", source=recording.source)
     rough = _coarse(model, points)
+    swapped: Counter[tuple[str, str]] = Counter()
+    for _ in range(_REPAIRS):
+        points, found = _unswapped(model, points, rough)
+        swapped.update(found)
+        if not found:
+            break
+        rough = _repaired(model, points, solve_poses(model, points, rough.pose, steps=8))
     predicted = model.predicted(rough.pose)
-    points, findings = _unswapped(points, predicted, model.labels, recording)
+    findings = _label_findings(swapped, points, predicted, model.labels, recording)
     if cutoff_hz is not None:
         points = _filtered(points, predicted, recording, cutoff_hz)
     prior, weight, lost = _prior(model, points, rough.pose, recording.time)
@@ -144,24 +152,48 @@ def interpolated(at: Array, pose: Pose, wanted: Array) -> Pose:
 
 
 def _unswapped(
-    points: Array, predicted: Array, labels: tuple[str, ...], recording: Recording
-) -> tuple[Array, list[Finding]]:
-    """Exchange labels back in frames in which each of two markers lies where the other belongs."""
+    model: MarkerModel, points: Array, solution: Solution
+) -> tuple[Array, dict[tuple[str, str], int]]:
+    """Exchange labels back in frames in which each of two markers lies where the other belongs.
+
+    Where they belong is said by the posture of the frame itself, and by postures between frames that fit: markers
+    that are exchanged for a while pull their own frames' postures over.
+    """
     points = points.copy()
+    far = (np.nan_to_num(solution.residual) > _FAR).any(axis=1)
+    good, bad = np.flatnonzero(~far), np.flatnonzero(far)
+    if not len(good) or not len(bad):
+        return points, {}
+    between = interpolated(good.astype(float), solution.pose[good], bad.astype(float))
     swapped: dict[tuple[str, str], int] = {}
-    distance = np.linalg.norm(points - predicted, axis=2)
-    suspects = np.flatnonzero((np.nan_to_num(distance) > _FAR).any(axis=0))
-    for place, a in enumerate(suspects):
-        for b in suspects[place + 1 :]:
-            own = distance[:, a] + distance[:, b]
-            other = np.linalg.norm(points[:, a] - predicted[:, b], axis=1) + np.linalg.norm(
-                points[:, b] - predicted[:, a], axis=1
-            )
-            frames = (distance[:, a] > _FAR) & (distance[:, b] > _FAR) & (other < _MENDED * own)
-            if frames.any():
-                points[np.ix_(frames, [a, b])] = points[np.ix_(frames, [b, a])]
-                distance = np.linalg.norm(points - predicted, axis=2)
-                swapped[labels[a], labels[b]] = int(frames.sum())
+    for predicted in (model.predicted(solution.pose[bad]), model.predicted(between)):
+        shown = points[bad]
+        distance = np.linalg.norm(shown - predicted, axis=2)
+        suspects = np.flatnonzero((np.nan_to_num(distance) > _FAR).any(axis=0))
+        for place, a in enumerate(suspects):
+            for b in suspects[place + 1 :]:
+                own = distance[:, a] + distance[:, b]
+                other = np.linalg.norm(shown[:, a] - predicted[:, b], axis=1) + np.linalg.norm(
+                    shown[:, b] - predicted[:, a], axis=1
+                )
+                chosen = (distance[:, a] > _FAR) & (distance[:, b] > _FAR) & (other < _MENDED * own)
+                if chosen.any():
+                    frames = bad[chosen]
+                    points[np.ix_(frames, [a, b])] = points[np.ix_(frames, [b, a])]
+                    shown = points[bad]
+                    distance = np.linalg.norm(shown - predicted, axis=2)
+                    pair = (model.labels[a], model.labels[b])
+                    swapped[pair] = swapped.get(pair, 0) + int(chosen.sum())
+    return points, swapped
+
+
+def _label_findings(
+    swapped: Mapping[tuple[str, str], int],
+    points: Array,
+    predicted: Array,
+    labels: tuple[str, ...],
+    recording: Recording,
+) -> list[Finding]:
     findings = [
         Finding(
             "swapped_markers",
@@ -171,12 +203,13 @@ def _unswapped(
         )
         for (a, b), count in swapped.items()
     ]
-    stray = tuple(labels[i] for i in range(len(labels)) if (np.nan_to_num(distance[:, i]) > 2 * _FAR).any())
+    distance = np.nan_to_num(np.linalg.norm(points - predicted, axis=2))
+    stray = tuple(label for i, label in enumerate(labels) if (distance[:, i] > 2 * _FAR).any())
     if stray:
-        share = float((np.nan_to_num(distance) > 2 * _FAR).any(axis=1).mean())
+        share = float((distance > 2 * _FAR).any(axis=1).mean())
         text = f"{recording.source.name}: {listed(stray)} lie more than 10 cm off in some frames; they count less there"
         findings.append(Finding("stray_markers", text, {"share_of_frames": share}, stray))
-    return points, findings
+    return findings
 
 
 def _filtered(points: Array, predicted: Array, recording: Recording, cutoff_hz: float) -> Array:

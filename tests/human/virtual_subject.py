@@ -259,10 +259,13 @@ def _plates(
 ) -> tuple[PlateRecording, ...]:
     """Two plates side by side at 1 kHz; the load is shared so that each foot carries its part."""
     n = len(show.time)
-    share = show.right_share
     found = []
     feet = {s: placed.origin[:, NAMES.index(f"{s}_foot")] for s in ("right", "left")}
     ground = {s: np.column_stack([p[:, 0] + 0.05, p[:, 1], 0 * p[:, 2]]) for s, p in feet.items()}
+    # As much on either foot as brings the centre of pressure of the whole between them.
+    pressure = wrench[:, 3] / wrench[:, 2]
+    share = (pressure - ground["left"][:, 1]) / (ground["right"][:, 1] - ground["left"][:, 1])
+    share = np.clip(share, 0.0, 1.0)
     part = {"right": share, "left": 1.0 - share}
     rest = wrench[:, 3:] - sum(
         np.cross(ground[s], part[s][:, None] * wrench[:, :3]) for s in ("right", "left")

@@ -1,0 +1,102 @@
+"""The person's model: 34 joints, the same in pinocchio, in the room's own kinematics and in OpenSim's file."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from excite.errors import InputError
+from excite.human.body import body_of
+from excite.human.joint_angles import base_pose, frame_turn, joint_angles, pose_of
+from excite.human.markers.inverse_kinematics import MarkerModel
+from excite.human.osim import osim_text
+from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS
+from excite.human.skeleton import place, point_jacobian
+from excite.human.subject import Subject
+from excite.human.urdf import robot_yaml, urdf_text
+from excite.robot.loading import load_robot
+
+BODY = body_of(Subject(70.0, 1.82, "male"), table="dumas")
+
+
+def postures(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    base = np.column_stack([rng.normal(size=(n, 3)), Rotation.random(n, random_state=seed).as_quat()])
+    return base, rng.uniform(-1.2, 1.2, (n, 34))
+
+
+def test_segments_and_joints_are_the_papers():
+    kinds = [len(segment.axes) for segment in SEGMENTS]
+    assert (len(SEGMENTS), kinds.count(3), kinds.count(1), sum(kinds)) == (15, 10, 4, 34)
+
+
+def test_pinocchio_and_the_skeleton_agree(tmp_path):
+    (tmp_path / "human.urdf").write_text(urdf_text(BODY))
+    (tmp_path / "robot.yaml").write_text(robot_yaml(BODY, 200.0))
+    robot = load_robot(tmp_path / "robot.yaml")
+    assert robot.n_joints == 34 and robot.mass == pytest.approx(70.0)
+    base, angles = postures(4)
+    placed = place(pose_of(base, angles), BODY.offsets)
+    data = robot.model.createData()
+    order = [7 + robot.joint_names.index(name) for name in JOINT_NAMES]
+    for i in range(4):
+        q = pin.neutral(robot.model)
+        q[:7], q[order] = base[i], angles[i]
+        pin.framesForwardKinematics(robot.model, data, q)
+        for k, name in enumerate(NAMES):
+            frame = data.oMf[robot.model.getFrameId(name)]
+            assert frame.translation == pytest.approx(placed.origin[i, k], abs=1e-9)
+            assert np.allclose(frame.rotation @ frame_turn(k), placed.rotation[i, k], atol=1e-9)
+        center = pin.centerOfMass(robot.model, data, q)
+        masses = np.array([b.mass for b in BODY.inertias])
+        points = [placed.origin[i, k] + placed.rotation[i, k] @ b.center for k, b in enumerate(BODY.inertias)]
+        assert center == pytest.approx(masses @ np.array(points) / 70.0, abs=1e-9)
+
+
+def test_angles_and_rotations_are_each_others_inverse():
+    base, angles = postures(1, seed=3)
+    pose = pose_of(base, angles)
+    assert joint_angles(pose) == pytest.approx(angles, abs=1e-9)
+    assert np.abs(base_pose(pose)) == pytest.approx(np.abs(base), abs=1e-9)
+
+
+def test_jacobian_against_finite_differences():
+    base, angles = postures(2, seed=1)
+    pose = pose_of(base, angles)
+    segment = np.array([2, 5, 14, 8])
+    local = np.random.default_rng(0).normal(size=(4, 3)) * 0.1
+    placed = place(pose, BODY.offsets)
+    exact = point_jacobian(placed, placed.points(segment, local), segment)
+    h = 1e-6
+    for column in range(40):
+        step = np.zeros((2, 40))
+        step[:, column] = h
+        ahead, behind = (
+            place(pose.moved(sign * step), BODY.offsets).points(segment, local) for sign in (1.0, -1.0)
+        )
+        assert exact[..., column] == pytest.approx((ahead - behind) / (2 * h), abs=1e-8)
+
+
+def test_opensim_file_names_every_coordinate_and_keeps_mass_and_markers():
+    model = MarkerModel(("M",), np.array([3]), np.array([[0.01, 0.02, 0.03]]), BODY.offsets)
+    root = ElementTree.fromstring(osim_text(BODY, model))
+    names = [element.get("name") for element in root.iter("Coordinate")]
+    assert len(names) == 40 and set(JOINT_NAMES) < set(names)
+    assert sum(float(m.text) for m in root.iter("mass")) == pytest.approx(70.0)
+    marker = root.find(".//Marker/location")
+    assert [float(v) for v in marker.text.split()] == pytest.approx([0.01, 0.03, -0.02])
+    knee = root.find(".//CustomJoint[@name='right_knee']//PhysicalOffsetFrame/translation")
+    assert float(knee.text.split()[1]) == pytest.approx(-BODY.dimensions["right_thigh"])
+
+
+@pytest.mark.parametrize(
+    ("mass", "height", "sex", "says"),
+    [(0.07, 1.8, "male", "kilograms"), (70, 182, "male", "centimetres"), (70, 1.8, "man", "male or female")],
+)
+def test_absurd_subjects_are_refused(mass, height, sex, says):
+    with pytest.raises(InputError, match=says):
+        Subject(mass, height, sex)

@@ -1,0 +1,96 @@
+"""Files of motion laboratories: what is written comes back, and broken ones say where."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, LogError
+from excite.human.force_plates import pressure_center
+from excite.human.markers.marker_set import MarkerSite, find_marker_set, read_marker_set
+from excite.human.readers.registry import read_recording
+from tests.human.recordings import write_c3d, write_mot, write_trc
+
+FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+
+
+def test_trc(session, tmp_path):
+    trial = session.trial
+    trial.markers["C7"][10] = np.nan
+    read = read_recording(write_trc(trial, tmp_path / "a.trc"))
+    trial.markers["C7"][10] = 0.5 * (trial.markers["C7"][9] + trial.markers["C7"][11])
+    assert np.isnan(read.markers["C7"][10]).all()
+    assert read.turned(FROM_Y_UP).markers["RHND"] == pytest.approx(trial.markers["RHND"], abs=1e-6)
+    assert read.rate_hz == pytest.approx(100.0)
+
+
+def test_mot(session, tmp_path):
+    trial = session.trial
+    read = read_recording(write_mot(trial, tmp_path / "a.mot")).turned(FROM_Y_UP)
+    for plate, was, foot in zip(read.plates, trial.plates, ("right", "left"), strict=True):
+        assert plate.foot == foot
+        assert plate.force == pytest.approx(was.force, abs=1e-5)
+        loaded = was.force[:, 2] > 20.0
+        assert plate.moment[loaded] == pytest.approx(was.moment[loaded], abs=5e-3)
+
+
+def test_c3d(session, tmp_path):
+    trial = session.trial
+    read = read_recording(write_c3d(trial, tmp_path / "a.c3d"))
+    assert read.markers["LHEEL"] == pytest.approx(trial.markers["LHEEL"], abs=1e-6)
+    for plate, was in zip(read.plates, trial.plates, strict=True):
+        n = len(was.force)
+        assert plate.corners == pytest.approx(was.corners, abs=1e-6)
+        assert plate.force[:n] == pytest.approx(was.force, abs=1e-3)
+        assert plate.moment[:n] == pytest.approx(was.moment, abs=1e-3)
+
+
+def test_csv(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text(
+        "time,A.x,A.y,A.z,plate.p.fx,plate.p.fy,plate.p.fz,plate.p.tx,plate.p.ty,plate.p.tz\n"
+        "0,1,2,3,0,0,700,140,-70,0\n0.01,,,,0,0,700,140,-70,0\n"
+    )
+    read = read_recording(file)
+    assert read.markers["A"][0].tolist() == [1, 2, 3] and np.isnan(read.markers["A"][1]).all()
+    plate = read.plates[0]
+    assert pressure_center(plate.force, plate.moment, 0.0)[0] == pytest.approx([0.1, 0.2, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("a.trc", "nothing", "is no TRC file"),
+        ("a.mot", "a\nendheader\ntime x\n1 2\n2 2\n", "ground reaction force"),
+        ("a.mot", "a\nendheader\ntime ground_force_vx\n1 2 3\n1 2\n", "line 4 has 3 numbers for 2"),
+        ("a.csv", "time,A.x\n0,1\n0,2\n", "does not rise"),
+        ("a.csv", "time,A.x\n0,1\n1,2\n", "A.y"),
+        ("a.c3d", "nothing", "cannot be read"),
+        ("a.xyz", "nothing", "no reader"),
+    ],
+)
+def test_broken_files_are_named(tmp_path, name, text, says):
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(LogError, match=says) as error:
+        read_recording(file)
+    assert str(file) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_mapping_file(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "schema: excite.markers/1\nmarkers:\n  K: {landmark: right_lateral_knee}\n  T: {segment: head}\n"
+    )
+    sites = read_marker_set(file).sites
+    assert sites["K"] == MarkerSite("right_thigh", "right_lateral_knee") and sites["T"] == MarkerSite("head")
+    file.write_text("schema: excite.markers/1\nmarkers:\n  K: {landmark: nose}\n")
+    with pytest.raises(InputError, match=r"markers.K: no landmark 'nose'"):
+        read_marker_set(file)
+
+
+def test_the_set_is_found_by_its_labels(session):
+    assert len(read_marker_set("jovic").sites) == 35
+    assert find_marker_set([f"Anna:{label}" for label in session.trial.markers]).name == "jovic"
+    with pytest.raises(InputError, match="mapping file"):
+        find_marker_set(["M1", "M2", "M3"])
