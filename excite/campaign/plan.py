@@ -1,4 +1,4 @@
-"""The verb ``plan``: generate, filter, rank, choose the best three motions for every degree of freedom."""
+"""The verb ``plan``: generate, filter, rank, choose."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ from typing import Any
 import numpy as np
 
 from excite.campaign import optimised
+from excite.campaign.choice import Pool, choose, first_seconds
 from excite.campaign.findings import conditioning_comparison, robot_file
-from excite.campaign.rehearsal import rehearse
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
-from excite.excitation.ranking import rank
-from excite.excitation.selection import Selection, best_three_per_dof
+from excite.excitation.selection import Selection, check_selection
 from excite.json_document import write_json
 from excite.motion.files import save_motion
 from excite.motion.generators.generator import child_seed
 from excite.motion.generators.registry import plan_candidates
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
-from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
+from excite.regressor.base_parameters import structural_base_parameters
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
 from excite.safety.filter import FilterReport, filter_candidates
@@ -32,9 +31,6 @@ SCHEMA = "excite.plan/1"
 
 # Reason for which a motion is refused that topples the robot in simulation.
 FELL = "fell_in_rehearsal"
-
-# Motions kept back for cross-validation.
-_N_VALIDATION = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +141,7 @@ def plan(
     n_candidates: int = 140,
     targets: Sequence[str] = (),
     generator: str | None = None,
+    selection: str = "best_three",
     seed: int | np.random.SeedSequence = 0,
     prefix: str = "",
     jobs: int = 1,
@@ -160,6 +157,8 @@ def plan(
         targets: joints to aim at; all, if empty.
         generator: the only one to use: a name of the registry, or ``optimised_fourier``, of which each candidate
             is a start of the search; None for the robot's mixture.
+        selection: ``best_three`` motions of every segment; or, in as many seconds, greedily those of greatest
+            ``log_det`` (log-determinant) or least ``rsd`` (sum of predicted relative standard deviations).
         seed: of all random numbers.
         prefix: put before the name of every motion.
         jobs: number of processes; the plan does not depend on it.
@@ -170,11 +169,12 @@ def plan(
 
     Raises:
         NoSolutionError: no candidate was accepted; the error says why they were refused.
-        UnknownNameError: a target is no joint of the robot, or the generator is unknown.
+        UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for.
     """
     if n_candidates < 1:
         raise InputError(f"{n_candidates} candidates", field="n_candidates", remedy="ask for at least one")
+    check_selection(selection)
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     started = time.perf_counter()
     if generator == optimised.NAME:
@@ -195,14 +195,14 @@ def plan(
         )
     accepted = tuple(motion.renamed(prefix + motion.name) for motion in report.motions)
     base = structural_base_parameters(robot)
-    pool = _Pool(accepted, _factors(robot, accepted, progress))
+    pool = Pool(accepted, _factors(robot, accepted, progress))
     ranked = time.perf_counter()
-    choice = _choose(robot, pool, base, jobs, progress)
-    pool, selection = choice.pool, choice.selection
-    indices = selection.indices
+    choice = choose(robot, pool, base, selection, jobs, progress)
+    pool = choice.pool
+    indices = choice.selection.indices
     chosen = conditioning(robot, [pool.factors[i] for i in indices], base)
     seconds = sum(pool.motions[i].duration for i in indices)
-    unchosen = conditioning(robot, [pool.factors[i] for i in _first_seconds(pool.motions, seconds)], base)
+    unchosen = conditioning(robot, [pool.factors[i] for i in first_seconds(pool.motions, seconds)], base)
     rejected = {**report.rejected, FELL: choice.fallen} if choice.fallen else report.rejected
     finished = time.perf_counter()
     return Plan(
@@ -211,7 +211,7 @@ def plan(
         rejected=rejected,
         accepted=pool.motions,
         factors=pool.factors,
-        selection=selection,
+        selection=choice.selection,
         validation=choice.validation,
         conditioning=chosen,
         unchosen=unchosen,
@@ -224,85 +224,9 @@ def plan(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Pool:
-    """Motions to choose from, and the R factor of each."""
-
-    motions: tuple[Motion, ...]
-    factors: tuple[MotionFactor, ...]
-
-    def without(self, fallen: set[str]) -> _Pool:
-        """The pool without motions of these names."""
-        kept = [i for i, motion in enumerate(self.motions) if motion.name not in fallen]
-        return _Pool(tuple(self.motions[i] for i in kept), tuple(self.factors[i] for i in kept))
-
-
-@dataclass(frozen=True, eq=False)
-class _Choice:
-    """Motions that were chosen and rehearsed: indices are those of the pool."""
-
-    pool: _Pool
-    selection: Selection
-    validation: tuple[int, ...]
-    fallen: int
-
-
-def _choose(robot: Robot, pool: _Pool, base: BaseParameters, jobs: int, progress: Progress) -> _Choice:
-    """Choose the best motions, rehearse them, and choose again without those that fell; raises NoSolutionError."""
-    fallen: set[str] = set()
-    stood: set[str] = set()
-    while True:
-        left = pool.without(fallen)
-        selection = best_three_per_dof(robot, rank(robot, left.factors, base)) if left.motions else None
-        if selection is None or not selection.indices:
-            raise NoSolutionError(
-                f"none of the {len(left.motions)} safe motions excites any segment of {robot.name} to full rank",
-                best=left.motions,
-                remedy="ask for more candidates",
-            )
-        validation = _unchosen_in_turn(left.motions, selection.indices)
-        new = [
-            left.motions[i] for i in (*selection.indices, *validation) if left.motions[i].name not in stood
-        ]
-        if not new:
-            return _Choice(left, selection, validation, len(fallen))
-        verdicts = rehearse(robot, new, jobs=jobs, progress=progress)
-        for motion, stands in zip(new, verdicts, strict=True):
-            (stood if stands else fallen).add(motion.name)
-
-
 def _factors(robot: Robot, motions: Sequence[Motion], progress: Progress) -> tuple[MotionFactor, ...]:
     factors = []
     for done, motion in enumerate(motions, start=1):
         factors.append(motion_factor(robot, motion))
         progress("rank", done, len(motions))
     return tuple(factors)
-
-
-def _unchosen_in_turn(
-    motions: Sequence[Motion], chosen: Sequence[int], count: int = _N_VALIDATION
-) -> tuple[int, ...]:
-    """Up to ``count`` motions that were not chosen, generators taken in turn."""
-    left = [i for i in _in_turn(motions) if i not in set(chosen)]
-    return tuple(sorted(left[:count]))
-
-
-def _first_seconds(motions: Sequence[Motion], seconds: float) -> list[int]:
-    """The first motions whose durations add up to at least ``seconds``, generators taken in turn."""
-    taken: list[int] = []
-    for index in _in_turn(motions):
-        if sum(motions[i].duration for i in taken) >= seconds:
-            break
-        taken.append(index)
-    return sorted(taken)
-
-
-def _in_turn(motions: Sequence[Motion]) -> list[int]:
-    """Indices of motions with their generators taken in turn."""
-    place: dict[str, int] = {}
-    keys = []
-    for index, motion in enumerate(motions):
-        generator = motion.metadata.generator
-        place[generator] = place.get(generator, 0) + 1
-        keys.append((place[generator], index))
-    return [index for _, index in sorted(keys)]

@@ -29,12 +29,19 @@ def command(
             help="Use this generator alone; optimised_fourier: --candidates is the number of starts, of seconds each.",
         ),
     ] = None,
+    select: Annotated[
+        str,
+        typer.Option(
+            "--select",
+            help="Choose best_three per DoF or, in as many seconds, greedily by log_det or by predicted rsd.",
+        ),
+    ] = "best_three",
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
-    """Plan excitation motions: candidates, safety, ranking, the best three per DoF; writes motions and plan.json."""
+    """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
     folder = out or Path("plan")
     with progress_bars() as progress:
         plan = excite.plan(
@@ -42,6 +49,7 @@ def command(
             n_candidates=candidates,
             targets=tuple(target or ()),
             generator=generator,
+            selection=select,
             seed=seed,
             jobs=jobs,
             progress=progress,

@@ -7,6 +7,7 @@ import numpy as np
 from excite.errors import InputError
 from excite.excitation.conditioning import RANK_TOLERANCE, MotionFactor
 from excite.regressor.base_parameters import BaseParameters
+from excite.regressor.columns import DRIVE_TERMS, measured_columns
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.loading import per_joint
 from excite.robot.robot import Array, Robot
@@ -85,3 +86,22 @@ def predicted_std(
     std = scale * np.sqrt(((vectors[known] / values[known, None]) ** 2).sum(axis=0))
     undetermined = (vectors[~known] ** 2).sum(axis=0) > 1e-12
     return np.where(undetermined, np.inf, std)
+
+
+def nominal_values(robot: Robot, base: BaseParameters) -> Array:
+    """Base parameters of the model and its declared drives, ``(n_base,)`` [SI].
+
+    Raises:
+        InputError: base parameters of other columns than those that the robot's sensors see.
+    """
+    drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in base.names)
+    columns = measured_columns(robot, drives)
+    if columns.names != base.names:
+        raise InputError("base parameters of other columns than the robot's", source=robot.name)
+    blocks = robot.description.drives
+    stated = {"viscous": blocks.viscous, "coulomb": blocks.coulomb, "armature": blocks.armature}
+    zero = np.zeros(robot.n_joints)
+    phi = [robot.nominal_parameters[columns.inertial]]
+    for term in columns.drives:
+        phi.append(per_joint(stated[term], robot.joint_names, zero) if term in stated else zero)
+    return base.values(np.concatenate(phi))

@@ -1,12 +1,29 @@
-"""The choice of motions: the best few for every degree of freedom."""
+"""The choice of motions: the best few for every degree of freedom, or those that say most together."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from excite.errors import InputError
+import numpy as np
+
+from excite.errors import InputError, UnknownNameError
+from excite.excitation.conditioning import MotionFactor
+from excite.excitation.greedy import (
+    Criterion,
+    Information,
+    LogDeterminant,
+    TotalDeviation,
+    greedy_choice,
+    information,
+)
+from excite.excitation.precision import nominal_values
 from excite.excitation.ranking import Ranking
-from excite.robot.robot import Robot
+from excite.regressor.base_parameters import BaseParameters
+from excite.robot.robot import Array, Robot
+
+# A base parameter smaller than this counts as negligible (Xu et al. 2020) [SI]: its RSD is not to decide.
+_NEGLIGIBLE = 0.01
 
 
 @dataclass(frozen=True)
@@ -75,3 +92,82 @@ def best_three_per_dof(robot: Robot, ranking: Ranking, count: int = 3) -> Select
     selected = tuple(SelectedMotion(i, ranking.motions[i], tuple(served[i])) for i in sorted(served))
     unseen = tuple(segment.name for segment in robot.segments if segment.name not in ranking.segments)
     return Selection(selected, tuple(short), tuple(unserved), unseen)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """What motions are chosen from.
+
+    Attributes:
+        robot: the robot.
+        ranking: of the motions.
+        factors: R factor of each.
+        durations: ``(n_motions,)`` [s].
+        base: structural base parameters.
+        weighted: the same factors with rows divided by their noise; made on demand, as few rules need them.
+    """
+
+    robot: Robot
+    ranking: Ranking
+    factors: Sequence[MotionFactor]
+    durations: Array
+    base: BaseParameters
+    weighted: Callable[[], Sequence[MotionFactor]]
+
+
+def by_best_three(candidates: Candidates) -> Selection:
+    """The best three motions of every segment (:func:`best_three_per_dof`)."""
+    return best_three_per_dof(candidates.robot, candidates.ranking)
+
+
+def by_log_det(candidates: Candidates) -> Selection:
+    """Greedy by the log-determinant of the information matrix, in as many seconds as the best three take."""
+    return _greedy(candidates, information(candidates.factors, candidates.base), LogDeterminant())
+
+
+def by_rsd(candidates: Candidates) -> Selection:
+    """Greedy by the sum of predicted relative standard deviations, in as many seconds as the best three take.
+
+    A parameter's deviation is taken relative to its value in the model, or to 0.01 where that is smaller.
+    """
+    base = candidates.base
+    known = information(candidates.weighted(), base)
+    scale = np.maximum(np.abs(nominal_values(candidates.robot, base)), _NEGLIGIBLE)
+    return _greedy(candidates, known, TotalDeviation(known.back, scale))
+
+
+SELECTIONS: dict[str, Callable[[Candidates], Selection]] = {
+    "best_three": by_best_three,
+    "log_det": by_log_det,
+    "rsd": by_rsd,
+}
+
+
+def select(name: str, candidates: Candidates) -> Selection:
+    """Choose motions by a rule of ``SELECTIONS``.
+
+    Raises:
+        UnknownNameError: no such rule.
+    """
+    check_selection(name)
+    return SELECTIONS[name](candidates)
+
+
+def check_selection(name: str) -> None:
+    """Raise UnknownNameError where no rule has this name."""
+    if name not in SELECTIONS:
+        raise UnknownNameError("selection", name, list(SELECTIONS))
+
+
+def _greedy(candidates: Candidates, known: Information, criterion: Criterion) -> Selection:
+    """The greedy choice, each motion with the segments that it is among the best three of the chosen for."""
+    robot, ranking = candidates.robot, candidates.ranking
+    best = best_three_per_dof(robot, ranking)
+    budget = float(candidates.durations[list(best.indices)].sum())
+    chosen = greedy_choice(known, criterion, candidates.durations, budget)
+    served: dict[int, list[str]] = {index: [] for index in chosen}
+    for segment in ranking.segments:
+        for index in [i for i in ranking.best(segment) if i in served][:3]:
+            served[index].append(segment)
+    selected = tuple(SelectedMotion(i, ranking.motions[i], tuple(served[i])) for i in chosen)
+    return Selection(selected, best.short, best.unserved, best.unseen)

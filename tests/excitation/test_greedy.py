@@ -1,0 +1,116 @@
+"""Greedy choices against random and exhaustive ones."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from excite.errors import UnknownNameError
+from excite.excitation.conditioning import MotionFactor, conditioning, motion_factor, stack_factors
+from excite.excitation.greedy import LogDeterminant, TotalDeviation, greedy_choice, information
+from excite.excitation.precision import nominal_values, predicted_std, row_noise
+from excite.excitation.ranking import rank
+from excite.excitation.selection import SELECTIONS, Candidates, select
+from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
+from excite.robot.robot import Robot
+from tests.excitation.conftest import sines
+
+
+@pytest.fixture(scope="module")
+def base(panda: Robot) -> BaseParameters:
+    return structural_base_parameters(panda)
+
+
+@pytest.fixture(scope="module")
+def candidates(panda: Robot, base: BaseParameters) -> Candidates:
+    """Twelve motions of 2, 3 and 4 s, some of which move a few joints only."""
+    motions = [
+        sines(panda, f"motion{i}", i, moving=None if i % 3 else range(i % 7 + 1), duration=2.0 + i % 3)
+        for i in range(12)
+    ]
+    factors = [motion_factor(panda, motion, 25.0) for motion in motions]
+    noise = row_noise(panda)
+    return Candidates(
+        robot=panda,
+        ranking=rank(panda, factors, base),
+        factors=factors,
+        durations=np.array([motion.duration for motion in motions]),
+        base=base,
+        weighted=lambda: [motion_factor(panda, motion, 25.0, row_std=noise) for motion in motions],
+    )
+
+
+def random_choices(durations: np.ndarray, budget_s: float, count: int) -> list[list[int]]:
+    """Motions taken in random order as long as they fit."""
+    random, found = np.random.default_rng(0), []
+    for _ in range(count):
+        chosen: list[int] = []
+        for index in random.permutation(len(durations)):
+            if durations[chosen].sum() + durations[index] <= budget_s:
+                chosen.append(int(index))
+        found.append(chosen)
+    return found
+
+
+def log_det(candidates: Candidates, chosen: list[int]) -> float:
+    return conditioning(candidates.robot, [candidates.factors[i] for i in chosen], candidates.base).log_det
+
+
+@pytest.mark.parametrize("budget_s", [8.0, 13.0, 20.0])
+def test_no_random_choice_of_the_same_duration_has_a_larger_log_determinant(
+    candidates: Candidates, budget_s: float
+) -> None:
+    known = information(candidates.factors, candidates.base)
+    chosen = greedy_choice(known, LogDeterminant(), candidates.durations, budget_s)
+    assert candidates.durations[list(chosen)].sum() <= budget_s + 1e-9
+    greedy = log_det(candidates, list(chosen))
+    others = [log_det(candidates, choice) for choice in random_choices(candidates.durations, budget_s, 100)]
+    assert greedy >= max(others)
+
+
+def test_as_good_as_trying_every_choice(candidates: Candidates) -> None:
+    known = information(candidates.factors, candidates.base)
+    # The last three cost too much.
+    price = np.where(np.arange(12) < 9, 1.0, 9.0)
+    chosen = greedy_choice(known, LogDeterminant(), price, 3.0)
+    best = max(log_det(candidates, list(three)) for three in combinations(range(9), 3))
+    assert len(chosen) == 3
+    assert log_det(candidates, list(chosen)) >= best - 0.5
+
+
+def test_the_choice_by_rsd_has_the_least_of_the_three(candidates: Candidates) -> None:
+    weighted = candidates.weighted()
+    scale = np.maximum(np.abs(nominal_values(candidates.robot, candidates.base)), 0.01)
+
+    def total(factors: list[MotionFactor]) -> float:
+        return float((predicted_std(candidates.robot, stack_factors(factors), candidates.base) / scale).sum())
+
+    totals = {}
+    for rule in SELECTIONS:
+        chosen = select(rule, candidates).indices
+        assert chosen == select(rule, candidates).indices
+        totals[rule] = total([weighted[i] for i in chosen])
+    assert totals["rsd"] <= min(totals.values())
+
+
+def test_gradients_are_those_of_the_criteria(candidates: Candidates) -> None:
+    known = information(candidates.factors, candidates.base)
+    matrix, step = known.of(range(6)), 1e-4 * known.single[7]
+    scale = np.maximum(np.abs(nominal_values(candidates.robot, candidates.base)), 0.01)
+    for criterion in (LogDeterminant(), TotalDeviation(known.back, scale)):
+        change = criterion.value(matrix + step) - criterion.value(matrix - step)
+        assert change == pytest.approx(2.0 * np.sum(criterion.gradient(matrix) * step), rel=1e-3)
+
+
+def test_best_three_is_what_greedy_choices_are_compared_with(candidates: Candidates) -> None:
+    seconds = {
+        rule: candidates.durations[list(select(rule, candidates).indices)].sum() for rule in SELECTIONS
+    }
+    assert max(seconds["log_det"], seconds["rsd"]) <= seconds["best_three"] + 1e-9
+
+
+def test_unknown_rule(candidates: Candidates) -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown selection 'worst'; choose one of best_three"):
+        select("worst", candidates)
