@@ -48,9 +48,7 @@ def explain_signals(robot: Robot, log: Log, settings: ProblemSettings | None = N
     if not trials:
         raise LogError("has no trial with role 'identification'", source=log.folder, field="trials")
     robot = robot_in_log(robot, log.header, log.folder)
-    filters = settings.filters(
-        floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz
-    )
+    filters = settings.filters(floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz)
     trial = trials[0]
     prepared = prepare_trial(trial, settings, filters)
     k = trial_kinematics(robot, log.header, prepared.trial, settings, filters)

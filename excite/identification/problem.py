@@ -140,9 +140,7 @@ def build_problem(
         LogError: robot and log do not fit, no trial has that role, channels are missing, or no rows are left.
     """
     settings = settings or ProblemSettings()
-    filters = settings.filters(
-        floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz
-    )
+    filters = settings.filters(floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz)
     trials = log.trials if role is None else log.role(role)
     if not trials:
         raise LogError(f"has no trial with role {role!r}", source=log.folder, field="trials")
