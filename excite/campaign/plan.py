@@ -13,13 +13,13 @@ import numpy as np
 from excite.campaign import optimised
 from excite.campaign.choice import Pool, choose, first_seconds
 from excite.campaign.findings import conditioning_comparison, robot_file
-from excite.errors import InputError, NoSolutionError
+from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
 from excite.excitation.selection import Selection, check_selection
 from excite.json_document import write_json
 from excite.motion.files import save_motion
 from excite.motion.generators.generator import child_seed
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.registry import GENERATORS, plan_candidates
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
 from excite.regressor.base_parameters import structural_base_parameters
@@ -181,7 +181,9 @@ def plan(
         number = child_seed(root, 0)
         candidates = optimised.optimised_candidates(robot, n_candidates, number, jobs=jobs, progress=progress)
     else:
-        mix = {generator: 1.0} if generator else None
+        if generator is not None and generator not in GENERATORS:
+            raise UnknownNameError("generator", generator, sorted([*GENERATORS, optimised.NAME]))
+        mix = None if generator is None else {generator: 1.0}
         candidates = plan_candidates(robot, n_candidates, root, mix=mix, targets=targets)
     generated = time.perf_counter()
     report: FilterReport = filter_candidates(robot, candidates, jobs=jobs, progress=progress)
