@@ -91,7 +91,7 @@ class DryFriction:
         level, viscous = level.copy(), np.zeros_like(level)
         for effect, j, place, p in self._notes:
             if effect == "stribeck":
-                level[j] += -p["presliding"] if "breakaway" in p else _decaying(p, v[j])
+                level[j] += -_bending(p) if "breakaway" in p else _decaying(p, v[j])
             elif effect == "load_dependent_friction":
                 level[j] += p["coefficient"] * abs(carried[j])
             elif effect == "friction_drift":
@@ -105,7 +105,7 @@ class DryFriction:
         parts = [(b, level[j]) for j, b in self._common.items()]
         level[list(self._common)] = 0.0
         for bristle, p in self._own:
-            own = p["rubbing"] if "rubbing" in p else p["presliding"] + _decaying(p, v[bristle.joint])
+            own = p["rubbing"] if "rubbing" in p else _bending(p) + _decaying(p, v[bristle.joint])
             parts.append((bristle, own))
         for bristle, size in parts:
             f, d = bristle.force(max(size, 0.0), float(v[bristle.joint]), step)
@@ -117,6 +117,11 @@ class DryFriction:
         """Bend all bristles by the step that was made."""
         for bristle in self.bristles:
             bristle.move(float(v[bristle.joint]), step)
+
+
+def _bending(p: Mapping[str, float]) -> float:
+    """Part of the constant level that bristles take over [N·m]: a fit may say less than none, a bristle cannot."""
+    return max(p["presliding"], 0.0)
 
 
 def _decaying(p: Mapping[str, float], v: float) -> float:
