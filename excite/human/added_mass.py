@@ -203,7 +203,7 @@ def _weight_on(link: str, columns: Array, target: Array, box: Array, body_mass: 
     def residual(x: Array) -> Array:
         return columns @ _ten(x[0], x[1:]) - target
 
-    best = None
+    best: Any = None
     for start in (0.5 * (lower + upper), np.clip(np.zeros(3), lower + 1e-6, upper - 1e-6)):
         fit = least_squares(
             residual,

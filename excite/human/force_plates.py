@@ -11,8 +11,9 @@ import numpy as np
 
 from excite.errors import LogError
 from excite.human.body import Body
+from excite.human.pressure import foot_distances, foot_line, pressure_center
 from excite.human.recording import PlateRecording, Recording
-from excite.human.segments import NAMES, SIDES
+from excite.human.segments import SIDES
 from excite.human.skeleton import Placement
 from excite.logs.finding import Finding
 from excite.logs.signals.butterworth import lowpass, settling_samples
@@ -20,7 +21,6 @@ from excite.robot.robot import Array
 
 GRAVITY = 9.81
 _UNLOADED_N = 20.0
-_LOADED_N = 50.0
 # A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres.
 _NEAR, _FAR = 0.15, 0.25
 _FREE_MOMENT_NM = 200.0
@@ -89,7 +89,7 @@ def plate_readings(
     plates, signs = _upward(plates, source)
     ground = _ground_height(plates)
     read = [_at_times(plate, recording.time, cutoff_hz, source) for plate in plates]
-    feet = {side: _foot_line(placement, side, body) for side in SIDES}
+    feet = {side: foot_line(placement, side, body) for side in SIDES}
     read, units = _in_metres(read, feet, ground, source)
     read, swaps = _unswapped_plates(read, feet, ground, source)
     readings, sides = _assigned(read, feet, ground, source)
@@ -131,45 +131,9 @@ def _at_times(plate: PlateRecording, time: Array, cutoff_hz: float | None, sourc
     return replace(plate, time=time, force=at[:, :3], moment=at[:, 3:])
 
 
-def pressure_center(force: Array, moment: Array, height: float) -> Array:
-    """Where a force acts on the plane ``z = height``, ``(n, 3)``; NaN where it is not loaded.
-
-    Args:
-        force: ``(n, 3)`` [N].
-        moment: about the world's origin ``(n, 3)`` [N·m].
-        height: of the plane [m].
-    """
-    vertical = np.where(force[:, 2] > _LOADED_N, force[:, 2], np.nan)
-    x = (-moment[:, 1] + height * force[:, 0]) / vertical
-    y = (moment[:, 0] + height * force[:, 1]) / vertical
-    return np.column_stack([x, y, np.full(len(force), height)])
-
-
-def _foot_line(placement: Placement, side: str, body: Body) -> Array:
-    """Heel and toe of a foot over time, ``(n, 2, 3)``."""
-    k = NAMES.index(f"{side}_foot")
-    d = body.dimensions
-    front = d.foot_length - d.heel
-    ends = np.array([[-d.heel, 0.0, -d.ankle_height], [front, 0.0, -d.ankle_height]])
-    return placement.origin[:, k, None] + np.einsum("nij,ej->nei", placement.rotation[:, k], ends)
-
-
-def _distances(plate: PlateRecording, feet: dict[str, Array], height: float) -> dict[str, Array]:
-    """Horizontal distance of the centre of pressure from each foot's line, ``(n,)``, NaN where not loaded."""
-    point = pressure_center(plate.force, plate.moment, height)[:, :2]
-    found = {}
-    for side, line in feet.items():
-        heel, toe = line[:, 0, :2], line[:, 1, :2]
-        along = toe - heel
-        share = np.einsum("ni,ni->n", point - heel, along) / np.maximum((along**2).sum(axis=1), 1e-6)
-        nearest = heel + np.clip(share, 0.0, 1.0)[:, None] * along
-        found[side] = np.linalg.norm(point - nearest, axis=1)
-    return found
-
-
 def _miss(plate: PlateRecording, feet: dict[str, Array], height: float) -> float:
     """Typical distance of the centre of pressure from the nearer foot [m]."""
-    nearest = np.minimum(*_distances(plate, feet, height).values())
+    nearest = np.minimum(*foot_distances(plate, feet, height).values())
     return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0
 
 
@@ -243,7 +207,7 @@ def _assigned(
     """Each plate with the foot that stands on it."""
     readings, swapped, findings = [], [], []
     for plate in plates:
-        distances = _distances(plate, feet, height)
+        distances = foot_distances(plate, feet, height)
         right, left = distances["right"], distances["left"]
         loaded = np.isfinite(right)
         on_right = bool(np.nansum(right[loaded] < left[loaded]) >= 0.5 * loaded.sum())

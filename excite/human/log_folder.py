@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from excite.logs.log import Log, LogHeader, SensorHeader, Trial, TrialHeader
 from excite.logs.signals.butterworth import settling_samples
 
 _GRAVITY = (0.0, 0.0, -9.81)
+Role = Literal["identification", "validation"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,8 @@ def human_log(body: Body, trials: Sequence[MeasuredTrial], hold_out: float, cuto
                 remedy="make logs of each",
             )
     names = _sensor_names(trials)
-    sensors, parts = [], []
+    sensors: list[SensorHeader] = []
+    parts: list[tuple[dict[str, Any], Role]] = []
     for number, trial in enumerate(trials):
         for reading in trial.readings:
             if all(names[number, reading.name] != sensor.name for sensor in sensors):

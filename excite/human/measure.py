@@ -162,7 +162,9 @@ def measure_recordings(
         subject, markers.sites, [recording.markers for recording in (*still, *upright_trials)]
     )
     body = body_of(subject, calibration.dimensions, settings.table)
-    measured, reports, findings = [], {}, []
+    measured: list[MeasuredTrial] = []
+    reports: dict[str, dict[str, Any]] = {}
+    findings: list[Finding] = []
     for recording in still:
         findings += recording.findings
     for number, recording in enumerate(upright_trials):

@@ -86,7 +86,7 @@ def _joint(joints: ElementTree.Element, segment: Segment, k: int, offset: Array)
     _leaf(joint, "socket_parent_frame", f"{carrier}_offset")
     _leaf(joint, "socket_child_frame", f"{segment.name}_offset")
     if free:
-        names = _FREE
+        names: tuple[str, ...] = _FREE
         axes = [np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])]
     else:
         single = len(segment.axes) == 1

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from excite.human.segments import NAMES, PARENTS, SEGMENTS, ancestors
@@ -49,7 +51,7 @@ class Pose:
     def __len__(self) -> int:
         return len(self.position)
 
-    def __getitem__(self, index: object) -> Pose:
+    def __getitem__(self, index: Any) -> Pose:
         return Pose(self.position[index], self.rotation[index])
 
     def copy(self) -> Pose:
@@ -84,7 +86,7 @@ class Placement:
     rotation: Array
     origin: Array
 
-    def points(self, segment: Array, local: Array) -> Array:
+    def points(self, segment: NDArray[np.int64], local: Array) -> Array:
         """World positions of points ``local`` ``(m, 3)`` fixed to segments ``segment`` ``(m,)``: ``(n, m, 3)``."""
         turned = np.einsum("nmij,mj->nmi", self.rotation[:, segment], local)
         return self.origin[:, segment] + turned
@@ -107,7 +109,7 @@ def place(pose: Pose, offsets: Array) -> Placement:
     return Placement(rotation, origin)
 
 
-def point_jacobian(placement: Placement, points: Array, segment: Array) -> Array:
+def point_jacobian(placement: Placement, points: Array, segment: NDArray[np.int64]) -> Array:
     """Derivative of points on segments with respect to :meth:`Pose.moved`'s step, ``(n, m, 3, 40)``.
 
     Args:

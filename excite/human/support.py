@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.errors import LogError
 from excite.human.body import Body
@@ -102,7 +103,7 @@ def support(
     return Support(span, mass, tuple(findings))
 
 
-def _without_short_runs(flags: Array, shortest: int) -> Array:
+def _without_short_runs(flags: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
     """Runs of False shorter than ``shortest`` become True."""
     flags = flags.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~flags, [False]]).astype(int))).reshape(-1, 2)
@@ -112,7 +113,7 @@ def _without_short_runs(flags: Array, shortest: int) -> Array:
     return flags
 
 
-def _longest_run(flags: Array) -> slice | None:
+def _longest_run(flags: NDArray[np.bool_]) -> slice | None:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int))).reshape(-1, 2)
     if not len(edges):
         return None

@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from excite.errors import LogError
-from excite.human.markers.calibration import Calibration, first_poses
+from excite.human.between_poses import interpolated
+from excite.human.exchanged_labels import FAR, label_findings, unswapped
+from excite.human.markers.calibration import Calibration
+from excite.human.markers.first_poses import first_poses
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
 from excite.human.recording import Recording
 from excite.human.segments import NAMES
 from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, Pose
-from excite.logs.finding import Finding, listed
+from excite.logs.finding import Finding
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.robot.robot import Array
 
-# A pair of labels is exchanged when both lie this far [m] from where they belong and the exchange mends it.
-_FAR, _MENDED = 0.05, 0.5
 _LONGEST_FILL_S = 0.2
 _STRIDE = 4
 _REPAIRS, _FAR_MARKERS = 4, 2
@@ -78,13 +79,13 @@ def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float
     rough = _coarse(model, points)
     swapped: Counter[tuple[str, str]] = Counter()
     for _ in range(_REPAIRS):
-        points, found = _unswapped(model, points, rough)
+        points, found = unswapped(model, points, rough)
         swapped.update(found)
         if not found:
             break
         rough = _repaired(model, points, solve_poses(model, points, rough.pose, steps=8))
     predicted = model.predicted(rough.pose)
-    findings = _label_findings(swapped, points, predicted, model.labels, recording)
+    findings = label_findings(swapped, points, predicted, model.labels, recording)
     if cutoff_hz is not None:
         points = _filtered(points, predicted, recording, cutoff_hz)
     prior, weight, lost = _prior(model, points, rough.pose, recording.time)
@@ -112,7 +113,7 @@ def _repaired(model: MarkerModel, points: Array, solution: Solution) -> Solution
     """
     pose, cost, residual = solution.pose, solution.cost, solution.residual
     for _ in range(_REPAIRS):
-        far = (np.nan_to_num(residual) > _FAR).sum(axis=1) >= _FAR_MARKERS
+        far = (np.nan_to_num(residual) > FAR).sum(axis=1) >= _FAR_MARKERS
         good, bad = np.flatnonzero(~far), np.flatnonzero(far)
         if not len(bad) or not len(good):
             break
@@ -131,87 +132,6 @@ def _repaired(model: MarkerModel, points: Array, solution: Solution) -> Solution
     return Solution(pose, residual, cost)
 
 
-def interpolated(at: Array, pose: Pose, wanted: Array) -> Pose:
-    """Postures between postures: positions linearly, rotations on the shortest arc.
-
-    Args:
-        at: ``(k,)`` rising places of ``pose``.
-        pose: ``k`` postures.
-        wanted: ``(n,)`` places; outside ``at`` the outermost posture holds.
-    """
-    wanted = np.clip(wanted, at[0], at[-1])
-    if len(at) == 1:
-        index = np.zeros(len(wanted), dtype=int)
-        return Pose(pose.position[index], pose.rotation[index])
-    position = np.column_stack([np.interp(wanted, at, pose.position[:, i]) for i in range(3)])
-    rotation = np.stack(
-        [Slerp(at, Rotation.from_matrix(pose.rotation[:, k]))(wanted).as_matrix() for k in range(N_SEGMENTS)],
-        axis=1,
-    )
-    return Pose(position, rotation)
-
-
-def _unswapped(
-    model: MarkerModel, points: Array, solution: Solution
-) -> tuple[Array, dict[tuple[str, str], int]]:
-    """Exchange labels back in frames in which each of two markers lies where the other belongs.
-
-    Where they belong is said by the posture of the frame itself, and by postures between frames that fit: markers
-    that are exchanged for a while pull their own frames' postures over.
-    """
-    points = points.copy()
-    far = (np.nan_to_num(solution.residual) > _FAR).any(axis=1)
-    good, bad = np.flatnonzero(~far), np.flatnonzero(far)
-    if not len(good) or not len(bad):
-        return points, {}
-    between = interpolated(good.astype(float), solution.pose[good], bad.astype(float))
-    swapped: dict[tuple[str, str], int] = {}
-    for predicted in (model.predicted(solution.pose[bad]), model.predicted(between)):
-        shown = points[bad]
-        distance = np.linalg.norm(shown - predicted, axis=2)
-        suspects = np.flatnonzero((np.nan_to_num(distance) > _FAR).any(axis=0))
-        for place, a in enumerate(suspects):
-            for b in suspects[place + 1 :]:
-                own = distance[:, a] + distance[:, b]
-                other = np.linalg.norm(shown[:, a] - predicted[:, b], axis=1) + np.linalg.norm(
-                    shown[:, b] - predicted[:, a], axis=1
-                )
-                chosen = (distance[:, a] > _FAR) & (distance[:, b] > _FAR) & (other < _MENDED * own)
-                if chosen.any():
-                    frames = bad[chosen]
-                    points[np.ix_(frames, [a, b])] = points[np.ix_(frames, [b, a])]
-                    shown = points[bad]
-                    distance = np.linalg.norm(shown - predicted, axis=2)
-                    pair = (model.labels[a], model.labels[b])
-                    swapped[pair] = swapped.get(pair, 0) + int(chosen.sum())
-    return points, swapped
-
-
-def _label_findings(
-    swapped: Mapping[tuple[str, str], int],
-    points: Array,
-    predicted: Array,
-    labels: tuple[str, ...],
-    recording: Recording,
-) -> list[Finding]:
-    findings = [
-        Finding(
-            "swapped_markers",
-            f"{recording.source.name}: {a} and {b} carry each other's label in {count} frames; put back",
-            {"frames": float(count)},
-            (a, b),
-        )
-        for (a, b), count in swapped.items()
-    ]
-    distance = np.nan_to_num(np.linalg.norm(points - predicted, axis=2))
-    stray = tuple(label for i, label in enumerate(labels) if (distance[:, i] > 2 * _FAR).any())
-    if stray:
-        share = float((distance > 2 * _FAR).any(axis=1).mean())
-        text = f"{recording.source.name}: {listed(stray)} lie more than 10 cm off in some frames; they count less there"
-        findings.append(Finding("stray_markers", text, {"share_of_frames": share}, stray))
-    return findings
-
-
 def _filtered(points: Array, predicted: Array, recording: Recording, cutoff_hz: float) -> Array:
     """Low-pass each marker; gaps are bridged by the body's motion while it is filtered, and stay if long."""
     rate = recording.rate_hz
@@ -222,7 +142,7 @@ def _filtered(points: Array, predicted: Array, recording: Recording, cutoff_hz: 
             remedy="record longer, or give a higher --cutoff",
         )
     filled = points.copy()
-    shown = np.isfinite(points).all(axis=2)
+    shown = np.asarray(np.isfinite(points).all(axis=2))
     frames = np.arange(len(points))
     for m in np.flatnonzero(shown.any(axis=0) & ~shown.all(axis=0)):
         missing = ~shown[:, m]
@@ -251,7 +171,7 @@ def _prior(
     model: MarkerModel, points: Array, pose: Pose, time: Array
 ) -> tuple[Pose | None, Array | None, list[Finding]]:
     """Where markers of a joint's whole outer limb are lost for a while, its posture is interpolated and held."""
-    shown = np.isfinite(points).all(axis=2)
+    shown = np.asarray(np.isfinite(points).all(axis=2))
     usual = shown.any(axis=0)
     weight = np.full((len(points), N_SEGMENTS), 0.5)
     rotation = pose.rotation.copy()

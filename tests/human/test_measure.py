@@ -108,14 +108,6 @@ def test_one_command_from_c3d_to_a_table(session, tmp_path):
     assert (out / "human_identified.osim").is_file() and (out / "human_identified.urdf").is_file()
 
 
-def test_missing_markers_are_named(session):
-    markers = {
-        label: values for label, values in session.trial.markers.items() if label not in ("RHND", "TOP")
-    }
-    found = kinds(measured(session, replace(session.trial, markers=markers)))
-    assert "RHND" in found["missing_markers"] and "TOP" in found["missing_markers"]
-
-
 @pytest.mark.slow
 def test_gaps_are_bridged_and_named(session, person):
     trial = session.trial
@@ -132,6 +124,7 @@ def joint_angles_of(person):
     return np.concatenate([trial.q for trial in person.log.trials[:1]])
 
 
+@pytest.mark.slow
 def test_exchanged_labels_are_put_back_and_named(session, person):
     trial = session.trial
     markers = {label: values.copy() for label, values in trial.markers.items()}
@@ -182,10 +175,14 @@ def test_plates_with_each_others_channels_are_named_and_put_back(session, tmp_pa
         assert total[0][:-40] == pytest.approx(total[1][:-40], abs=1.0)
 
 
-def test_a_plate_without_load_is_named(session):
+def test_a_plate_without_load_and_missing_markers_are_named(session):
     plates = session.trial.plates
     dead = replace(plates[0], name="plate_3", force=0 * plates[0].force, moment=0 * plates[0].moment)
-    found = measured(session, replace(session.trial, plates=(*plates, dead)))
+    markers = {
+        label: values for label, values in session.trial.markers.items() if label not in ("RHND", "TOP")
+    }
+    found = measured(session, replace(session.trial, markers=markers, plates=(*plates, dead)))
+    assert all(label in kinds(found)["missing_markers"] for label in ("RHND", "TOP"))
     assert "plate_3 carries no load" in kinds(found)["no_load"]
     assert len(found.log.header.sensors) == 2
     with pytest.raises(LogError, match="no force plate carries load"):

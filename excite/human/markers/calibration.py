@@ -14,16 +14,15 @@ import numpy as np
 
 from excite.errors import InputError
 from excite.human.dimensions import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
+from excite.human.markers.first_poses import first_poses
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
 from excite.human.markers.landmarks import landmark_place
 from excite.human.markers.marker_set import MarkerSite
 from excite.human.segments import NAMES, PARENTS
 from excite.human.skeleton import (
-    COLUMNS,
     N_SEGMENTS,
     N_VELOCITY,
     Pose,
-    neutral,
     place,
     point_jacobian,
 )
@@ -137,65 +136,6 @@ def _trunk_seen(points: Array, segment: Array, guess: Array) -> Array:
     )
 
 
-def first_poses(model: MarkerModel, points: Array) -> Solution:
-    """Postures without a first guess: the pelvis by its own markers, then outwards, then all together.
-
-    Args:
-        model: the markers; those without a known place (NaN) are left out.
-        points: ``(n, m, 3)`` [m].
-    """
-    known = np.isfinite(model.local).all(axis=1)
-    part = replace(
-        model,
-        labels=tuple(np.array(model.labels)[known]),
-        segment=model.segment[known],
-        local=model.local[known],
-    )
-    shown = points[:, known]
-    start = neutral(len(points))
-    rotation, origin = aligned(part, shown, "pelvis")
-    start.rotation[:, 0], start.position[:] = rotation, origin
-    for name in NAMES[1:]:
-        k = NAMES.index(name)
-        if (
-            len(COLUMNS_OF_SPHERICAL)
-            and k in COLUMNS_OF_SPHERICAL
-            and (part.segment == k).sum() >= _FEWEST_MARKERS
-        ):
-            world, _ = aligned(part, shown, name)
-            carrier = place(start, model.offsets).rotation[:, PARENTS[k]]
-            start.rotation[:, k] = carrier.transpose(0, 2, 1) @ world
-    rough = solve_poses(part, shown, start, steps=40, robust=False)
-    return solve_poses(part, shown, rough.pose, steps=10)
-
-
-COLUMNS_OF_SPHERICAL = tuple(k for k in range(1, N_SEGMENTS) if COLUMNS[k].stop - COLUMNS[k].start == 3)
-
-
-def aligned(model: MarkerModel, points: Array, segment: str) -> tuple[Array, Array]:
-    """Rotation ``(n, 3, 3)`` and origin ``(n, 3)`` of a segment by its own markers alone (Kabsch 1976).
-
-    Frames that show fewer than three of them get an upright segment at the mean of what is seen.
-    """
-    own = np.flatnonzero(model.segment == NAMES.index(segment))
-    target, local = points[:, own], model.local[own]
-    seen = np.isfinite(target).all(axis=2)
-    count = np.maximum(seen.sum(axis=1), 1)
-    target = np.where(seen[:, :, None], target, 0.0)
-    middle = target.sum(axis=1) / count[:, None]
-    own_middle = (seen[:, :, None] * local).sum(axis=1) / count[:, None]
-    a = (local[None] - own_middle[:, None]) * seen[:, :, None]
-    b = (target - middle[:, None]) * seen[:, :, None]
-    u, _, vt = np.linalg.svd(a.transpose(0, 2, 1) @ b)
-    sign = np.sign(np.linalg.det(u @ vt))
-    flip = np.tile(np.eye(3), (len(points), 1, 1))
-    flip[:, 2, 2] = np.where(sign == 0.0, 1.0, sign)
-    rotation = vt.transpose(0, 2, 1) @ flip @ u.transpose(0, 2, 1)
-    rotation[seen.sum(axis=1) < _FEWEST_MARKERS] = np.eye(3)
-    origin = middle - np.einsum("nij,nj->ni", rotation, own_middle)
-    return rotation, origin
-
-
 def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) -> MarkerModel:
     """Places of markers without landmark: their median in their segments' frames."""
     placed = place(solution.pose, model.offsets)
@@ -253,7 +193,7 @@ def _shared_equations(
     """Normal equations of dimensions and places with the postures eliminated."""
     placed = place(pose, model.offsets)
     predicted = placed.points(model.segment, model.local)
-    seen = np.isfinite(points).all(axis=2)
+    seen = np.asarray(np.isfinite(points).all(axis=2))
     error = np.where(seen[:, :, None], points - predicted, 0.0)
     distance = np.linalg.norm(error, axis=2)
     scale = seen / (1.0 + (distance / 0.03) ** 2) / _MARKER_SIGMA

@@ -125,7 +125,7 @@ def _solve_block(
     prior: Pose | None,
     prior_weight: Array | None,
 ) -> Solution:
-    seen = np.isfinite(points).all(axis=2)
+    seen = np.asarray(np.isfinite(points).all(axis=2))
     target = np.where(seen[:, :, None], points, 0.0)
     n = len(points)
     weight = np.full((n, N_SEGMENTS), 1.0 / _PRIOR) if prior_weight is None else prior_weight

@@ -231,7 +231,7 @@ def _site(entry: object, label: str, path: Path) -> MarkerSite:
             field=field,
             remedy="choose one of " + ", ".join(LANDMARKS),
         )
-    segment = landmark_segment(landmark) if segment is None else segment
+    segment = landmark_segment(str(landmark)) if segment is None else segment
     if segment not in NAMES:
         raise InputError(
             f"no segment {segment!r}", source=path, field=field, remedy="choose one of " + ", ".join(NAMES)

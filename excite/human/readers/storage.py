@@ -24,7 +24,7 @@ class StorageReader(RecordingReader):
         """See :meth:`RecordingReader.read`."""
         columns = read_storage(path)
         time = checked_time(columns["time"], path)
-        plates = []
+        plates: list[PlateRecording] = []
         for label in columns:
             if not label.endswith("vx"):
                 continue
