@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from excite.campaign import optimised
 from excite.campaign.choice import Pool, choose, first_seconds
 from excite.campaign.findings import conditioning_comparison, robot_file
+from excite.campaign.outlook import Outlook, outlook, predictable
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
 from excite.excitation.selection import Selection, check_selection
@@ -76,6 +78,11 @@ class Plan:
         """R factors of the chosen motions."""
         return tuple(self.factors[i] for i in self.selection.indices)
 
+    @cached_property
+    def outlook(self) -> Outlook | None:
+        """What the chosen motions promise for each base parameter; None where the sensors' noise is not stated."""
+        return outlook(self.robot, self.motions) if predictable(self.robot) else None
+
     @property
     def duration_s(self) -> float:
         """Duration of the chosen motions together [s]."""
@@ -101,6 +108,9 @@ class Plan:
             ],
             "validation": [f"motions/{motion.name}.parquet" for motion in self.validation_motions],
             "conditioning": dict(self.conditioning.to_json()),
+            "base_parameters": []
+            if self.outlook is None
+            else [parameter.to_json() for parameter in self.outlook.parameters],
             "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
         }
 
@@ -113,6 +123,8 @@ class Plan:
             f"chosen:   {self.conditioning.summary()}",
             f"unchosen: {self.unchosen.summary()}",
         ]
+        if self.outlook is not None:
+            lines.append(self.outlook.summary())
         if self.selection.unserved:
             lines.append("excited by no single motion: " + ", ".join(self.selection.unserved))
         return "\n".join(lines)

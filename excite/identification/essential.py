@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from excite.identification.statistics import BaseStatistics, relative_percent
+from excite.identification.statistics import relative_percent
 from excite.robot.robot import Array
 
 VALUE_BELOW = 0.01
 RSD_ABOVE = 40.0
+
+
+class Solved(Protocol):
+    """Least squares on base parameters, found or predicted: see ``BaseStatistics`` for the symbols."""
+
+    @property
+    def estimate(self) -> Array: ...
+    @property
+    def factor(self) -> Array: ...
+    @property
+    def meat(self) -> Array: ...
+    @property
+    def rotated(self) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +49,7 @@ class EssentialParameters:
 
 
 def essential_parameters(
-    statistics: BaseStatistics, *, value_below: float = VALUE_BELOW, rsd_above: float = RSD_ABOVE
+    statistics: Solved, *, value_below: float = VALUE_BELOW, rsd_above: float = RSD_ABOVE
 ) -> EssentialParameters:
     """Remove, one at a time and re-estimating, the worst of the small and poorly determined parameters.
 

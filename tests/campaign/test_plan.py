@@ -70,6 +70,8 @@ def test_bad_arguments_are_refused(ur10: Robot) -> None:
         plan(ur10, n_candidates=0)
     with pytest.raises(UnknownNameError, match="no_such_joint"):
         plan(ur10, n_candidates=1, targets=("no_such_joint",))
+    with pytest.raises(UnknownNameError, match="unknown selection 'no_such_rule'"):
+        plan(ur10, n_candidates=1, selection="no_such_rule")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,148 @@
+"""How precisely motions will determine the parameters, predicted from the noise of the robot's sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from excite.identification.equation_noise import EquationNoise, equation_noise
+from excite.identification.essential import EssentialParameters, essential_parameters
+from excite.identification.noise import trial_grids, triangle
+from excite.identification.problem import IdentificationProblem, build_problem
+from excite.identification.regression import RANK_TOLERANCE, least_squares, regression
+from excite.identification.settings import ProblemSettings
+from excite.identification.statistics import parameter_labels, relative_percent
+from excite.logs.log import Log, Trial, TrialHeader
+from excite.motion.motion import Motion, interpolate
+from excite.regressor.base_parameters import BaseParameters, base_parameters
+from excite.robot.robot import Array, Robot
+from excite.simulation.drives import nominal_drives
+from excite.simulation.sensing import log_header
+from excite.threads import one_blas_thread
+
+# The planned log is sampled so many times as densely as the filter of the kinematics passes.
+_SAMPLES_A_CUTOFF = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedStatistics:
+    """Least squares on the base parameters before the experiment; the model's values stand for the truth.
+
+    Attributes:
+        base: which combinations the rows determine.
+        estimate: ``(n_base,)`` values of the model [SI].
+        factor: ``(n_base, n_base)`` triangular factor of the weighted base columns.
+        meat: ``(n_base, n_base)`` covariance of the weighted noise seen through them.
+        rotated: ``(n_base,)`` what the factor makes of ``estimate``.
+        labels: names of all columns, ``(n_params,)``.
+        whole: ``(k, n_params)`` triangular factor of all weighted columns.
+    """
+
+    base: BaseParameters
+    estimate: Array
+    factor: Array
+    meat: Array
+    rotated: Array
+    labels: tuple[str, ...]
+    whole: Array
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations, ``(n_base,)``."""
+        inverse = solve_triangular(self.factor, np.eye(len(self.factor)))
+        return np.sqrt(np.einsum("ij,jk,ik->i", inverse, self.meat, inverse, optimize=True))
+
+    @property
+    def rsd_percent(self) -> Array:
+        """Relative standard deviations of all base parameters, ``(n_base,)``."""
+        return relative_percent(self.std, self.estimate)
+
+    def essential(self) -> EssentialParameters:
+        """What identification would keep as essential."""
+        return essential_parameters(self)
+
+    def essential_rsd(self) -> dict[str, float]:
+        """Predicted RSD of each essential parameter, by the name of its own column [percent]."""
+        kept = self.essential()
+        labels = self.base.labels
+        return {labels[i]: float(rsd) for i, rsd in zip(kept.kept, kept.rsd_percent, strict=True)}
+
+
+@one_blas_thread
+def predict(
+    robot: Robot, motions: Sequence[Motion], settings: ProblemSettings | None = None
+) -> PredictedStatistics:
+    """What identification would say of its own precision, had the robot run these motions.
+
+    The rows are those of :func:`~excite.identification.problem.build_problem` for a log without noise: same
+    filters, same samples left out at the ends and at standstill, same drive terms. The noise of each sensor
+    reaches them as :mod:`excite.identification.equation_noise` says, and weights are one over what it leaves
+    in each channel. Friction that changes its sign at once, which smoothed columns follow only so far, is an
+    error of the model that adds to an arm's noise.
+
+    Args:
+        robot: the robot; noise and rate of its sensors are those of ``robot.yaml``.
+        motions: all that will be run for identification.
+        settings: of identification; defaults if None.
+
+    Raises:
+        InputError: an arm whose description does not state the noise of its torques.
+        LogError: the motions leave no rows.
+    """
+    settings = settings or ProblemSettings()
+    problem = build_problem(robot, _planned_log(robot, motions, settings), settings)
+    grids = trial_grids(problem)
+    named = {motion.name: motion for motion in motions}
+    noise = equation_noise(robot, problem, grids, named, robot.description.sensors.rate_hz)
+    return _statistics(problem, noise)
+
+
+def _statistics(problem: IdentificationProblem, noise: EquationNoise) -> PredictedStatistics:
+    rows = regression(problem).weighted(noise.channel_std())
+    misfit = np.sqrt(rows.residual_variances(least_squares(rows.factor)))
+    if misfit.any():
+        noise = noise.with_misfit(misfit)
+    std = noise.channel_std()
+    rows = rows.weighted(std)
+    n = problem.n_params
+    labels, whole = parameter_labels(problem), rows.factor[:, :n]
+    base = base_parameters(whole, labels, RANK_TOLERANCE)
+    factor = triangle(whole[:, base.independent])[: base.rank]
+    weighted = problem.Y[:, base.independent] / std[problem.channel, None]
+    q = solve_triangular(factor, weighted.T, trans="T", check_finite=False).T / std[problem.channel, None]
+    values = base.values(problem.prior)
+    return PredictedStatistics(base, values, factor, noise.meat(q), factor @ values, labels, whole)
+
+
+def _planned_log(robot: Robot, motions: Sequence[Motion], settings: ProblemSettings) -> Log:
+    """The log that the motions would leave, without noise, of forces only what the model may fail to explain."""
+    own = robot.description.sensors.rate_hz
+    filters = settings.filters(floating=robot.floating)
+    step = max(1, int(own / (_SAMPLES_A_CUTOFF * min(filters.kinematics_cutoff_hz, own))))
+    rate = own / step
+    headers = tuple(TrialHeader(file=f"{motion.name}.parquet", role="identification") for motion in motions)
+    header = log_header(robot, headers).model_copy(update={"rate_hz": rate})
+    return Log(header=header, trials=tuple(_planned_trial(robot, motion, rate) for motion in motions))
+
+
+def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
+    n = int(motion.duration * rate_hz + 1e-9) + 1
+    sampled = interpolate(motion, robot, motion.time[0] + np.arange(n) / rate_hz)
+    joints = sampled.joint_positions()
+    return Trial(
+        name=motion.name,
+        role="identification",
+        time=sampled.time,
+        q=joints,
+        tau=None if robot.description.sensors.joint_torque is None else _sharp_friction(robot, sampled.v),
+        base=sampled.q[:, :7] if robot.floating else None,
+        wrenches={sensor.name: np.zeros((n, 6)) for sensor in robot.sensors},
+    )
+
+
+def _sharp_friction(robot: Robot, velocity: Array) -> Array:
+    """Coulomb friction of the declared drives, ``(n, n_joints)`` [N·m or N]."""
+    return nominal_drives(robot).coulomb * np.sign(velocity)

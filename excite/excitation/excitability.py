@@ -1,0 +1,100 @@
+"""Which base parameters any motion at all can excite, given joint limits and feet that stay on the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.errors import InputError
+from excite.regressor.base_parameters import BaseParameters
+from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
+from excite.regressor.factor import r_factor
+from excite.robot.robot import Array, Foot, Robot
+
+# Directions with a singular value below this share of the largest say nothing, columns of unit length.
+_SILENT = 1e-8
+# A parameter counts as undetermined when more than this share of it lies in such directions.
+_SHARE = 0.25
+
+
+def excitable(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.bool_]:
+    """Whether some motion within joint limits, with a foot flat on the ground, shows each base parameter.
+
+    Base parameters are those of free motion. Here the regressor is evaluated at random states that a robot on
+    its feet can have: any joint positions within their limits, any velocities and accelerations, one of the feet
+    still and flat on level ground (standing on two is a special case of that). What the rows then lack, no
+    motion with these contacts provides, however long.
+
+    Args:
+        robot: the robot; one without feet is judged within its joint limits alone.
+        base: its structural base parameters.
+        seed: of the random states.
+
+    Returns:
+        ``(n_base,)``.
+
+    Raises:
+        InputError: base parameters of other columns than those that the robot's sensors see.
+    """
+    drives = tuple(term for term in DRIVE_TERMS if f"{term}({robot.joint_names[0]})" in base.names)
+    columns = measured_columns(robot, drives)
+    if columns.names != base.names:
+        raise InputError("base parameters of other columns than the robot's", source=robot.name)
+    random = np.random.default_rng(seed)
+    n = 3 * len(columns.names) // (6 if robot.floating else robot.n_joints) + 1
+    stances: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
+    parts = []
+    for foot in stances:
+        states = [_state(robot, foot, random) for _ in range(n)]
+        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
+        rows = regressor_rows(robot, columns, q, v, a)
+        parts.append(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]))
+    return determined(np.vstack(parts), _SILENT)
+
+
+def determined(factor: Array, tol: float) -> NDArray[np.bool_]:
+    """Which columns of a factor ``(m, n)`` its rows determine, ``(n,)``.
+
+    Args:
+        factor: regressor rows or an R factor of them.
+        tol: directions with a singular value below this share of the largest count as undetermined, once columns
+            have been brought to unit length.
+    """
+    length = np.linalg.norm(factor, axis=0)
+    present = length > 0.0
+    scaled = factor / np.where(present, length, 1.0)
+    _, values, vectors = np.linalg.svd(r_factor(scaled), full_matrices=True)
+    values = np.concatenate([values, np.zeros(len(vectors) - len(values))])
+    share = (vectors[values < tol * values[0]] ** 2).sum(axis=0)
+    return present & (share <= _SHARE)
+
+
+def _state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Random q, v, a, with ``foot`` still and its sole level."""
+    limits, nq, nv = robot.limits, robot.n_base_q, robot.n_base_v
+    q, v, a = robot.rest.copy(), np.zeros(robot.model.nv), np.zeros(robot.model.nv)
+    q[nq:] = random.uniform(limits.position_lower, limits.position_upper)
+    # A joint without any range cannot move.
+    free = limits.position_upper > limits.position_lower
+    v[nv:] = free * random.normal(size=robot.n_joints)
+    a[nv:] = free * 5.0 * random.normal(size=robot.n_joints)
+    if not robot.floating:
+        return q, v, a
+    if foot is None:
+        quaternion = random.normal(size=4)
+        q[3:7] = quaternion / np.linalg.norm(quaternion)
+        v[:6], a[:6] = random.normal(size=6), 5.0 * random.normal(size=6)
+        return q, v, a
+    model, data = robot.model, robot.model.createData()
+    q[:7] = pin.SE3ToXYZQUAT(pin.SE3.Identity())
+    pin.forwardKinematics(model, data, q)
+    sole = data.oMi[foot.joint] * foot.placement
+    q[:7] = pin.SE3ToXYZQUAT(sole.inverse())
+    pin.computeJointJacobians(model, data, q)
+    jacobian = pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL)
+    v[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6:] @ v[6:])
+    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+    bias = data.a[foot.joint].vector
+    a[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6:] @ a[6:] - bias)
+    return q, v, a

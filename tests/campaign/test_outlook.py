@@ -1,0 +1,85 @@
+"""Predicted precision against draws of noise and against simulation and identification."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import excite
+from excite.campaign.outlook import predictable
+from excite.campaign.plan import Plan
+from excite.campaign.prediction import predict
+from excite.identification.equation_noise import equation_noise
+from excite.identification.noise import trial_grids
+from excite.identification.problem import build_problem
+from excite.logs.log import Log, Trial, TrialHeader
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+from excite.simulation.sensing import log_header
+
+
+def test_noise_of_a_standing_humanoids_rows_is_that_of_draws(g1: Robot) -> None:
+    sensors, n = g1.description.sensors, 4000
+    time = np.arange(n) / sensors.rate_hz
+    still = np.zeros((n, g1.model.nv))
+    motion = Motion("still", g1.name, g1.joint_names, time, np.tile(g1.rest, (n, 1)), still, still)
+    random = np.random.default_rng(0)
+    pose = np.tile(g1.rest[:7], (n, 1))
+    pose[:, :3] += sensors.noise_base_position * random.normal(size=(n, 3))
+    turn = sensors.noise_base_orientation * random.normal(size=(n, 3))
+    pose[:, 3:] = [(pin.Quaternion(g1.rest[3:7]) * pin.Quaternion(pin.exp3(w))).coeffs() for w in turn]
+    wrenches = {
+        s.name: random.normal(size=(n, 6)) * np.repeat([s.noise_force, s.noise_moment], 3) for s in g1.sensors
+    }
+    q = g1.rest[7:] + sensors.noise_position * random.normal(size=(n, g1.n_joints))
+    header = log_header(g1, (TrialHeader(file="still.parquet", role="identification"),))
+    trial = Trial("still", "identification", time, q, base=pose, wrenches=wrenches)
+    problem = build_problem(g1, Log(header, (trial,)))
+    errors = problem.residual(problem.prior)
+    drawn = [errors[problem.channel == c].std() for c in range(6)]
+    noise = equation_noise(g1, problem, trial_grids(problem), {"still": motion}, sensors.rate_hz)
+    # Some 190 independent rows a channel know a standard deviation to 5 %.
+    np.testing.assert_allclose(noise.channel_std(), drawn, rtol=0.2)
+    one = np.zeros((problem.n_rows, 1))
+    one[problem.channel == 2] = 1.0
+    # Twice differentiated noise has nothing at zero frequency: a constant force is far better known.
+    assert np.sqrt(noise.meat(one)[0, 0]) < 0.7 * drawn[2] * np.sqrt(one.sum())
+
+
+@pytest.mark.slow
+def test_predicted_rsd_is_found_within_a_factor(ur10: Robot, small_plan: Plan) -> None:
+    expected = small_plan.outlook
+    assert expected is not None
+    roles = {motion.name: "identification" for motion in small_plan.motions}
+    run = excite.simulate(ur10, small_plan.motions, nominal=True, roles=roles, seed=1)
+    found = {item.name: item.rsd_percent for item in excite.identify(ur10, run.log, "wls").essential}
+    both = expected.essential_rsd.keys() & found.keys()
+    assert len(both) >= 20
+    for name in both:
+        assert 1.0 / 1.5 < expected.essential_rsd[name] / found[name] < 1.5, name
+
+
+def test_four_times_the_same_motions_halve_every_deviation(ur10: Robot, small_plan: Plan) -> None:
+    once = small_plan.motions[:3]
+    again = [motion.renamed(f"{motion.name}_{turn}") for turn in range(4) for motion in once]
+    np.testing.assert_allclose(predict(ur10, again).std, 0.5 * predict(ur10, once).std, rtol=1e-6)
+
+
+def test_plan_says_what_to_expect_of_each_base_parameter(ur10: Robot, small_plan: Plan) -> None:
+    entries = small_plan.to_json()["base_parameters"]
+    assert len(entries) == 36 + 12 + 4  # four armatures are no part of an inertia
+    assert all(entry["excitable"] and entry["excited"] for entry in entries)
+    assert "predicted RSD of" in small_plan.summary()
+    essential = [entry for entry in entries if entry["essential"]]
+    assert 20 <= len(essential) < len(entries)
+    assert all(0.0 < entry["predicted_rsd_percent"] < 100.0 for entry in essential)
+
+
+def test_a_robot_that_does_not_state_its_noise_gets_no_prediction(ur10: Robot, small_plan: Plan) -> None:
+    sensors = ur10.description.sensors.model_copy(update={"noise_torque": None})
+    silent = replace(ur10, description=ur10.description.model_copy(update={"sensors": sensors}))
+    assert not predictable(silent)
+    assert replace(small_plan, robot=silent).to_json()["base_parameters"] == []
