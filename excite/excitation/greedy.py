@@ -42,7 +42,7 @@ class Information:
     def of(self, chosen: Sequence[int]) -> Array:
         """Information of several candidates together, ``(k, k)``."""
         start = _START * np.eye(self.single.shape[1])
-        return start + self.single[list(chosen)].sum(axis=0)
+        return np.asarray(start + self.single[list(chosen)].sum(axis=0))
 
 
 class Criterion(Protocol):
@@ -66,7 +66,7 @@ class LogDeterminant:
 
     def gradient(self, information: Array) -> Array:
         """``M⁻¹``."""
-        return np.linalg.inv(information)
+        return np.asarray(np.linalg.inv(information), dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def greedy_choice(
     Returns:
         Indices of the chosen candidates, increasing; empty where none fits.
     """
-    found = []
+    found: list[list[int]] = []
     for price in (durations, np.ones_like(durations)):
         chosen = _forward(information, criterion, durations, budget_s, price, [])
         for _ in range(_ROUNDS):
@@ -159,7 +159,8 @@ def greedy_choice(
                 break
             chosen = better
         found.append(chosen)
-    return tuple(sorted(max(found, key=lambda choice: criterion.value(information.of(choice)))))
+    best = max(found, key=lambda choice: criterion.value(information.of(choice)))
+    return tuple(sorted(best))
 
 
 def _forward(

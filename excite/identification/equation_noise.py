@@ -106,7 +106,7 @@ class EquationNoise:
         for sources, grid in zip(self.sources, self.grids, strict=True):
             x = grid.spread(columns[grid.rows], self.problem.channel, n_channels)
             rate, n_fft = 1.0 / grid.step_s, fft_length(2 * grid.n_samples)
-            frequency = np.fft.rfftfreq(n_fft, grid.step_s)
+            frequency = np.asarray(np.fft.rfftfreq(n_fft, grid.step_s), dtype=float)
             double = np.full(len(frequency), 2.0)
             double[0] = 1.0
             if n_fft % 2 == 0:

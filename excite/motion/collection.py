@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from excite.errors import MotionError
+from excite.errors import InputError, MotionError
 from excite.motion.files import load_motion
+from excite.motion.library import library_folder
 from excite.motion.motion import Motion
+from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 SUFFIXES = (".parquet", ".csv", ".npz")
 
 
-def motion_paths(paths: Iterable[Path]) -> list[Path]:
+def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
     """Expand folders into the motion files in them, sorted by name; ``motions/`` inside a folder counts too.
 
     Raises:
@@ -38,6 +40,28 @@ def motion_paths(paths: Iterable[Path]) -> list[Path]:
     return files
 
 
-def load_motions(paths: Iterable[Path], robot: Robot) -> list[Motion]:
-    """Read motions from files and folders, checked against a robot; raises MotionError."""
-    return [load_motion(path, robot) for path in motion_paths(paths)]
+def load_motions(paths: str | Path | Iterable[str | Path], robot: Robot | None = None) -> list[Motion]:
+    """Read motions from files and folders, or a ready set from the motion library.
+
+    >>> motions = load_motions("ur10")
+    >>> motions[0].robot
+    'ur10'
+
+    Args:
+        paths: files and folders; or, without a robot, the name of a set of the library, which is its robot's.
+        robot: the robot that the motions are checked against.
+
+    Raises:
+        UnknownNameError: the library has no set of that name.
+        MotionError: a file cannot be read, or is no motion of this robot.
+        InputError: files, but no robot.
+    """
+    if robot is None:
+        if not isinstance(paths, str):
+            raise InputError(
+                "files of motions without a robot", field="robot", remedy="hand over the robot too"
+            )
+        folder = library_folder(paths)
+        return load_motions([folder], load_robot(paths))
+    several = [paths] if isinstance(paths, str | Path) else paths
+    return [load_motion(path, robot) for path in motion_paths(several)]

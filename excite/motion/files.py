@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
+from numpy.typing import NDArray
 
 from excite.atomic import atomic_path
 from excite.errors import MotionError
@@ -41,10 +43,16 @@ def motion_columns(motion: Motion) -> dict[str, Array]:
     return columns
 
 
-def save_motion(motion: Motion, path: Path) -> Path:
+def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
     """Write a motion; the format follows the suffix (``.parquet``, ``.csv``, ``.npz``).
 
     The file appears under its name only when it is complete.
+
+    Args:
+        motion: the motion.
+        path: where to.
+        single: write all but the time in single precision, velocities and accelerations to 16 binary digits:
+            for a third of the size in Parquet.
 
     Raises:
         MotionError: unknown suffix.
@@ -53,6 +61,8 @@ def save_motion(motion: Motion, path: Path) -> Path:
     if path.suffix not in {".parquet", ".csv", ".npz"}:
         raise MotionError(f"unknown format {path.suffix!r}", source=path, remedy="use .parquet, .csv or .npz")
     columns = motion_columns(motion)
+    if single:
+        columns = {name: _narrow(name, column) for name, column in columns.items()}
     metadata = {
         "schema": SCHEMA,
         "robot": motion.robot,
@@ -71,7 +81,10 @@ def save_motion(motion: Motion, path: Path) -> Path:
                 pa.csv.write_csv(pa.table(columns), stream)
         else:
             table = pa.table(columns).replace_schema_metadata({"excite": json.dumps(metadata)})
-            pa.parquet.write_table(table, temporary, compression="zstd")
+            # Bytes of equal weight side by side compress where the numbers themselves do not.
+            split = [name for name, column in columns.items() if column.dtype == np.float32]
+            options = {"use_dictionary": False, "use_byte_stream_split": split} if single else {}
+            pa.parquet.write_table(table, temporary, compression="zstd", **options)
     return path
 
 
@@ -140,6 +153,18 @@ def load_motion(path: Path, robot: Robot) -> Motion:
             versions=dict(metadata.get("versions", {})),
         ),
     )
+
+
+def _narrow(name: str, column: NDArray[Any]) -> NDArray[Any]:
+    """A column in as few bytes as a plan needs."""
+    if name == "time":
+        return column
+    if column.dtype != float:
+        return column.astype(np.int8)
+    single = column.astype(np.float32)
+    if name.startswith("q.") or name in BASE_POSE:
+        return single
+    return ((single.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(np.float32)
 
 
 def motion_robot(path: Path) -> str:

@@ -1,0 +1,156 @@
+"""Make the motion library anew: ``python docs/make_motion_library.py [ROBOT …]``.
+
+For each robot, as ``excite plan --select log_det`` does: candidates of a fixed seed, filtered; those that say most
+together within a total duration, rehearsed in simulation. In between the motions are written coarsely, read back,
+and judged by the independent check as they were read; what the written file no longer passes is left out.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import excite
+from excite.atomic import atomic_path
+from excite.campaign.rehearsal import rehearse
+from excite.excitation.conditioning import conditioning, motion_factor
+from excite.excitation.greedy import LogDeterminant, greedy_choice, information
+from excite.json_document import write_json
+from excite.motion.files import load_motion, save_motion
+from excite.motion.generators.registry import plan_candidates
+from excite.motion.motion import Motion
+from excite.regressor.base_parameters import structural_base_parameters
+from excite.report.plots.snapshots import choose_motions, plot_snapshots
+from excite.report.theme import to_png
+from excite.robot.robot import Robot
+from excite.safety.filter import filter_candidates
+
+LIBRARY = Path(__file__).resolve().parents[1] / "motion_library"
+SEED = 1
+LARGEST_PICTURE = 60_000
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a robot's set is made.
+
+    Attributes:
+        candidates: number of candidates.
+        budget_s: total duration at most [s].
+        rate_hz: samples per second of the files, between which motions are interpolated.
+        without: generators whose motions are left out.
+    """
+
+    candidates: int
+    budget_s: float
+    rate_hz: float
+    without: tuple[str, ...] = ()
+
+
+RECIPES = {
+    "ur10": Recipe(40, 60.0, 50.0),
+    "panda": Recipe(40, 60.0, 50.0),
+    "iiwa14": Recipe(40, 60.0, 50.0),
+    "jaco2": Recipe(40, 60.0, 50.0),
+    "g1": Recipe(30, 45.0, 30.0),
+    "hrp2like": Recipe(30, 45.0, 30.0),
+    "talos": Recipe(30, 45.0, 30.0, without=("leg_swing",)),
+}
+
+
+def make(name: str, recipe: Recipe) -> str:
+    """Make one robot's set; returns a line about it."""
+    robot = excite.load_robot(name)
+    candidates = plan_candidates(robot, recipe.candidates, np.random.SeedSequence(SEED))
+    candidates = [candidate for candidate in candidates if candidate.generator not in recipe.without]
+    folder = LIBRARY / name
+    shutil.rmtree(folder, ignore_errors=True)
+    accepted = filter_candidates(robot, candidates).motions
+    read_back = [_written(robot, motion, folder, recipe.rate_hz) for motion in accepted]
+    written = [motion for motion in read_back if motion is not None]
+    base = structural_base_parameters(robot)
+    factors = [motion_factor(robot, motion) for motion in written]
+    durations = np.array([motion.duration for motion in written])
+    known, fallen = information(factors, base), np.zeros(len(written), dtype=bool)
+    stood: set[int] = set()
+    while True:
+        # What fell costs more than there is.
+        price = np.where(fallen, 2.0 * recipe.budget_s, durations)
+        chosen = greedy_choice(known, LogDeterminant(), price, recipe.budget_s)
+        new = [i for i in chosen if i not in stood]
+        if not new:
+            break
+        for i, stands in zip(new, rehearse(robot, [written[i] for i in new]), strict=True):
+            if stands:
+                stood.add(i)
+            else:
+                fallen[i] = True
+    motions = [written[i] for i in chosen]
+    for motion in written:
+        if motion not in motions:
+            (folder / "motions" / f"{motion.name}.parquet").unlink()
+    found = conditioning(robot, [factors[i] for i in chosen], base)
+    write_json(excite.check(robot, motions).to_json(), folder / "check.json")
+    write_json(
+        {
+            "schema": "excite.motion_set/1",
+            "robot": name,
+            "motions": [
+                {
+                    "motion": f"motions/{motion.name}.parquet",
+                    "generator": motion.metadata.generator,
+                    "duration_s": motion.duration,
+                }
+                for motion in motions
+            ],
+            "conditioning": dict(found.to_json()),
+            "candidates": recipe.candidates,
+            "seed": SEED,
+            "without": list(recipe.without),
+        },
+        folder / "conditioning.json",
+    )
+    _draw(robot, motions, folder / "motions.png")
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    seconds = sum(motion.duration for motion in motions)
+    return f"{name}: {len(motions)} motions, {seconds:.0f} s, {size / 1e3:.0f} kB; {found.summary()}"
+
+
+def _written(robot: Robot, motion: Motion, folder: Path, rate_hz: float) -> Motion | None:
+    """Write a motion as the library holds it and read it back; None, and no file, if that is not safe."""
+    path = folder / "motions" / f"{motion.name}.parquet"
+    save_motion(motion.resampled(robot, rate_hz), path, single=True)
+    found = load_motion(path, robot)
+    if excite.check(robot, [found]).safe:
+        return found
+    path.unlink()
+    return None
+
+
+def _draw(robot: Robot, motions: list[Motion], path: Path) -> None:
+    """The picture, as fine as its size allows."""
+    for dpi in range(110, 40, -10):
+        picture = to_png(plot_snapshots(robot, choose_motions(motions, 3)), dpi=dpi)
+        if len(picture) <= LARGEST_PICTURE:
+            break
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(picture)
+
+
+def main() -> None:
+    """Make the sets that are named, or all of them."""
+    names = sys.argv[1:] or list(RECIPES)
+    unknown = [name for name in names if name not in RECIPES]
+    if unknown:
+        raise SystemExit(f"no recipe for {unknown[0]!r}; choose from {', '.join(RECIPES)}")
+    for name in names:
+        sys.stdout.write(make(name, RECIPES[name]) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
