@@ -5,7 +5,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 JOBS ?= 2
 
-.PHONY: demo test test-all test-fast bench reproduce lint format report clean
+.PHONY: demo test test-all test-fast bench bench-all reproduce lint format report clean
 
 # The environment is rebuilt whenever the pins or the project file change.
 $(VENV)/.ready: pyproject.toml constraints.txt
@@ -25,11 +25,13 @@ test: $(VENV)/.ready
 test-fast: $(VENV)/.ready
 	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
 
-test-all: test
-	$(BIN)/python -m pytest tests/benchmarks
+test-all: test reproduce
 
 bench: $(VENV)/.ready
 	$(BIN)/python -m tests.benchmarks
+
+bench-all: $(VENV)/.ready
+	$(BIN)/python -m tests.benchmarks --all
 
 reproduce: $(VENV)/.ready
 	$(BIN)/python -m tests.reproduction
