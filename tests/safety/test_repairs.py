@@ -13,6 +13,7 @@ from excite.motion.generators.registry import make_generator
 from excite.robot.collision import collision_model
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath, foot_displacements
@@ -195,6 +196,34 @@ def test_talos_swings_its_legs_though_its_hips_are_12_mm_apart() -> None:
             leaned.append(pelvis.control[6, 1] / candidate.pelvis.control[6, 1])
     assert len(leaned) >= 5
     assert min(leaned) >= 0.4 and max(leaned) == 1.0
+
+
+def test_broad_feet_let_the_free_leg_swing_fast() -> None:
+    """The edge that faces the free foot may be approached to 2 cm, the others to no less than before."""
+    robot = load_robot("hrp2like")
+    candidate = make_generator("leg_swing").candidates(robot, 1, np.random.SeedSequence(3))[0]
+    motions = []
+    for inwards in (1.0, Shares().zmp_inwards):
+        draft: Draft | Rejection = Draft(candidate)
+        for repair in make_repairs(robot, replace(Shares(), zmp_inwards=inwards)):
+            assert isinstance(draft, Draft)
+            draft = repair.repair(draft)
+        assert isinstance(draft, Draft) and draft.motion is not None
+        motions.append(draft.motion)
+    slow, fast = motions
+    assert fast.duration < 0.7 * slow.duration
+    (stance,) = (foot for foot in robot.feet if fast.contacts[foot.name].all())
+    (free,) = (foot for foot in robot.feet if foot is not stance)
+    alone = ~fast.contacts[free.name]
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    edges = [data.oMi[stance.joint].act(corner)[1] for corner in stance.sole]
+    towards = np.sign(data.oMi[free.joint].translation[1] - data.oMi[stance.joint].translation[1])
+    sweep = Sweep(robot, fast, 1.0)
+    lateral = towards * sweep.zmp[np.interp(sweep.fine.time, fast.time, alone) == 1.0, 1]
+    inner, outer = max(towards * edge for edge in edges), min(towards * edge for edge in edges)
+    assert inner - lateral.max() > 0.018
+    assert lateral.min() - outer > 0.044
 
 
 def test_unreachable_feet_are_rejected(g1: Robot, repairs: list[Repair]) -> None:

@@ -17,6 +17,11 @@ from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
 
+# An edge faces the free foot within this cosine of the angle to it.
+_FACING = 0.7
+# Path parameter about a change of feet over which such an edge keeps the others' distance, before it may be approached.
+_AT_BORDER = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -172,10 +177,8 @@ class PathLimits:
         """ZMP inside the polygon, friction with torsion, enough load; relative to the weight, ``(n, 3, m)``."""
         carried = np.column_stack([self.candidate.supports(s, foot.name) for foot in self._robot.feet])
         # At the border between two phases the smaller support counts.
-        single = [phase for phase in self.candidate.phases if len(phase.feet) < len(self._robot.feet)]
-        for phase in single:
-            inside = (s >= phase.start) & (s <= phase.end)
-            carried[inside] = [foot.name in phase.feet for foot in self._robot.feet]
+        for phase in [phase for phase in self.candidate.phases if len(phase.feet) < len(self._robot.feet)]:
+            carried[(s >= phase.start) & (s <= phase.end)] = [f.name in phase.feet for f in self._robot.feet]
         weight = self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
         patterns, member = np.unique(carried, axis=0, return_inverse=True)
         supports = [self._support(row) for row in patterns]
@@ -186,19 +189,28 @@ class PathLimits:
         for k, support in enumerate(supports):
             at = member.ravel() == k
             w = wrench[at] / weight
-            share = self._zmp_share(int(patterns[k].sum()), bool(single))
-            margin = min(self.shares.zmp, share * narrowest)
-            rows[at, :, : len(support.normals)] = zmp_rows(w, support, margin)
+            margin = self._zmp_margins(s[at], patterns[k], support, narrowest)
+            rows[at, :, : len(support.normals)] = zmp_rows(w, support, margin[:, None])
             rows[at, :, n_edges:-1] = friction_rows(w, support, self.shares.friction)
             rows[at, :, -1] = -w[..., 2]
             rows[at, 0, -1] += self.shares.weight
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
         return rows, labels
 
-    def _zmp_share(self, n_feet: int, lifts_a_foot: bool) -> float:
-        if n_feet == 1:
-            return self.shares.zmp_one_foot
-        return self.shares.zmp_shift if lifts_a_foot else self.shares.zmp_both_feet
+    def _zmp_margins(self, s: Array, carried: Array, support: Support, narrowest: float) -> Array:
+        """Distance of the ZMP from the edges of a support polygon, ``(n, n_edges)`` [m]."""
+        shares, lifts_a_foot = self.shares, any(not pattern.all() for pattern in self._all_patterns())
+        one = carried.sum() == 1
+        share = shares.zmp_one_foot if one else shares.zmp_shift if lifts_a_foot else shares.zmp_both_feet
+        margin = np.full((len(s), len(support.normals)), min(shares.zmp, share * narrowest))
+        free = [foot.name for foot, on in zip(self._robot.feet, carried, strict=True) if not on]
+        if one and free:
+            aside = np.vstack([self._soles[name] for name in free])[:, :2].mean(axis=0) - support.centre
+            facing = support.normals @ aside > _FACING * np.linalg.norm(aside)
+            borders = np.array([end for phase in self.candidate.phases for end in (phase.start, phase.end)])
+            away = np.clip(np.abs(s[:, None] - borders).min(axis=1) - _AT_BORDER, 0.0, 1.0)[:, None]
+            margin[:, facing] -= away * np.maximum(0.0, margin[:, facing] - shares.zmp_inwards)
+        return margin
 
     def _all_patterns(self) -> list[Array]:
         """The sets of carrying feet over the whole candidate."""

@@ -21,6 +21,9 @@ class Shares:
         zmp_both_feet: where both feet stay down that distance is at most this share of the polygon's inradius.
         zmp_one_foot: over one foot it is at most this share of the sole's inradius: the centre of mass
             stands off the sole's middle there.
+        zmp_inwards: distance from the edges that face the free foot, where that is less [m]: the centre of mass
+            stands nearer to them, which would leave broad feet no room to swing a leg faster than statically, and
+            a robot that tips over them steps on its other foot. The verdict asks for 0.015 m.
         zmp_shift: the same while the weight shifts from two feet to one or back, where a push outwards tips the
             robot over the foot's outer edge.
     """
@@ -35,4 +38,5 @@ class Shares:
     zmp: float = 0.066
     zmp_both_feet: float = 0.87
     zmp_one_foot: float = 0.64
+    zmp_inwards: float = 0.02
     zmp_shift: float = 0.7
