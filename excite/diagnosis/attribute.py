@@ -248,7 +248,9 @@ class Attributor:
         of_rest = strength**2 / max(rest, strength**2, 1e-300)
         place = int(np.argmax(ratio.sum(axis=1)))
         left = int(np.sum((old > 2.0 * floor**2) & (closed < _HARDLY)))
-        evidence, outside = float(ratio.sum() - price), float(ratio[:, 1].sum())
+        # Without validation trials there are the fitted ones alone to judge by.
+        side = int(not samples.identification.all())
+        evidence, outside = float(ratio.sum() - price), float(ratio[:, side].sum())
         power = np.column_stack([left_over.identification, new])
         return Scored(
             item, evidence, outside, closed, strength, of_rest, place, float(price), power, counts, left

@@ -13,7 +13,7 @@ from excite.diagnosis.baseline import Baseline, fit_baseline, own_names, own_sig
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, at_rows
-from excite.diagnosis.next_experiment_paths import retraced
+from excite.diagnosis.next_experiment_paths import GENERATOR, accelerations, retraced
 from excite.diagnosis.samples import ArmSamples, ArmTrial
 from excite.errors import RobotError
 from excite.logs.signals.butterworth import settling_samples
@@ -23,6 +23,7 @@ from excite.motion.motion import Motion
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.collision import collision_shapes
 from excite.robot.robot import Array, Robot
+from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidate
 
 FILE = "next_experiment.parquet"
@@ -65,12 +66,22 @@ def propose(baseline: Baseline, rivals: Sequence[Scored], floor: Array, seed: in
     Returns:
         The proposal; None where no motion tells the rivals apart, or none is safe.
     """
-    best: Proposal | None = None
-    for motion in _motions(baseline.samples, rivals, seed):
-        evidence = expected_evidence(baseline, [r.hypothesis for r in rivals], motion, floor)
-        if best is None or evidence > best.evidence:
-            best = Proposal(motion, evidence)
-    return best if best is not None and best.evidence > _WORTH else None
+    hypotheses = [r.hypothesis for r in rivals]
+    found = [
+        Proposal(motion, expected_evidence(baseline, hypotheses, motion, floor))
+        for motion in _motions(baseline.samples, rivals, seed)
+    ]
+    worth = sorted((p for p in found if p.evidence > _WORTH), key=lambda p: -p.evidence)
+    return next((p for p in worth if _safe(baseline.samples.robot, p.motion)), None)
+
+
+def _safe(robot: Robot, motion: Motion) -> bool:
+    """The independent verdict; a model without shapes cannot be judged, and keeps to the record's own path."""
+    try:
+        collision_shapes(robot)
+    except RobotError:
+        return motion.metadata.generator == GENERATOR
+    return check_motion(robot, motion).safe
 
 
 def _motions(samples: ArmSamples, rivals: Sequence[Scored], seed: int) -> list[Motion]:
@@ -95,9 +106,9 @@ def written(proposal: Proposal, out: Path) -> str:
 
 
 def within_record(samples: ArmSamples) -> Robot:
-    """The robot with limits no wider than what the record has shown, a fifth more of speed and acceleration."""
+    """The robot with limits no wider than what the record has shown, and a fifth more of speed."""
     robot, index = samples.robot, list(samples.index)
-    reach = {name: np.abs(samples.stacked(name)[:, index]).max(axis=0) for name in ("v", "a")}
+    fastest = np.abs(samples.stacked("v")[:, index]).max(axis=0)
     q = samples.stacked("q")[:, index]
     limits = robot.limits
     middle, half = 0.5 * (q.max(axis=0) + q.min(axis=0)), 0.6 * (q.max(axis=0) - q.min(axis=0))
@@ -105,8 +116,8 @@ def within_record(samples: ArmSamples) -> Robot:
     lower[index] = np.maximum(lower[index], middle - half)
     upper[index] = np.minimum(upper[index], middle + half)
     velocity, acceleration = limits.velocity.copy(), limits.acceleration.copy()
-    velocity[index] = np.minimum(velocity[index], 1.2 * reach["v"])
-    acceleration[index] = np.minimum(acceleration[index], 1.2 * reach["a"])
+    velocity[index] = np.minimum(velocity[index], 1.2 * fastest)
+    acceleration[index] = np.minimum(acceleration[index], accelerations(samples, 1.2))
     rest = robot.rest.copy()
     rest[index] = middle
     narrow = replace(

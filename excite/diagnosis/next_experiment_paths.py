@@ -15,8 +15,12 @@ _LONGEST_S = 30.0
 _SPEEDS = (0.25, 0.6, 1.2)
 _CHIRP_HZ = ((0.3, 3.0), (0.3, 8.0))
 _SMOOTH_HZ = 8.0
-# Beyond what the record has shown: speed, and acceleration, which a chirp needs more of.
+# Beyond what the record has shown: speed, and acceleration, which a chirp needs more of, where a limit is known.
 _FASTER, _HARDER = 1.25, 3.0
+# Acceleration that a model has which states none [rad/s²].
+_NO_LIMIT = 1000.0
+# Share of a limit, or of what the record has shown but for its noisiest samples.
+_WITHIN, _SHOWN = 0.95, 0.999
 
 
 def retraced(samples: ArmSamples, others: int) -> list[Motion]:
@@ -24,7 +28,8 @@ def retraced(samples: ArmSamples, others: int) -> list[Motion]:
 
     Each runs a trial's path slower, faster, or to and fro about one of its points in a chirp, its amplitude shrinking
     as frequency grows. No posture is new, so that nothing can be hit that the record has not hit; speeds stay
-    within 1.25 times the record's and the model's limits, accelerations within three times the record's.
+    within 1.25 times the record's and the model's limits, accelerations within three times the record's where the
+    model limits them, else within the record's.
 
     Args:
         samples: the samples.
@@ -69,6 +74,16 @@ def _chirp(samples: ArmSamples, trial: ArmTrial, band: tuple[float, float]) -> A
     return middle + amplitude * ease**2 * (3.0 - 2.0 * ease) * np.sin(phase)
 
 
+def accelerations(samples: ArmSamples, harder: float) -> Array:
+    """Largest accelerations that a new motion may have ``(n_joints,)`` [rad/s²].
+
+    ``harder`` times the record's, within the model's limits; where the model states none, the record's own.
+    """
+    shown = np.quantile(np.abs(samples.stacked("a")[:, list(samples.index)]), _SHOWN, axis=0)
+    limit = samples.robot.limits.acceleration[list(samples.index)]
+    return _WITHIN * np.where(limit < _NO_LIMIT, np.minimum(harder * shown, limit), shown)
+
+
 def _reach(samples: ArmSamples, name: str) -> Array:
     return np.maximum(np.abs(samples.stacked(name)[:, list(samples.index)]).max(axis=0), 1e-6)
 
@@ -78,7 +93,7 @@ def _motion(samples: ArmSamples, trial: ArmTrial, along: Array, name: str) -> Mo
     robot, index, rate = samples.robot, list(samples.index), samples.rate_hz
     path = lowpass(trial.q, rate, min(_SMOOTH_HZ, 0.2 * rate))
     most_v = np.minimum(_FASTER * _reach(samples, "v"), robot.limits.velocity[index])
-    most_a = _HARDER * _reach(samples, "a")
+    most_a = accelerations(samples, _HARDER)
     slower = 1.0
     for _ in range(8):
         n = round(len(along) * slower)

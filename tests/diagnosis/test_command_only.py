@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.diagnosis.command_only.cycle import cycle_time, later
 from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.servo import read_signals
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.samples import arm_samples
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -130,3 +132,18 @@ def test_unknown_torque_constants_are_said(gap_dir: Path):
     guessed = diagnose(replace(log, header=header, trials=trials), robot)
     assert all(item.effect != "torque_gain" for item in guessed.effects)
     assert any("not stated and were estimated" in text for text in guessed.warnings)
+
+
+def test_the_servos_cycle_is_found_where_it_is_one(gap_dir: Path):
+    """Torques taken early are late by as much; what is longer than a cycle is left to be named."""
+    log = load_log(gap_dir / "arm" / "case_022")
+    robot = nominal_robot(log)
+    trials = [*log.trials[:2], log.trials[5]]
+
+    def found(early: float) -> float:
+        moved = [replace(t, tau=later(t.time, t.tau, -early)) for t in trials]
+        return cycle_time(arm_samples(robot, log, moved), log.header.modelled)
+
+    assert found(0.002) == pytest.approx(0.002, abs=5e-4)
+    assert found(0.008) == pytest.approx(0.008, abs=1e-3)
+    assert found(0.03) == 0.0

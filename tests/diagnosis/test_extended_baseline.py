@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribute import extended, polished
+from excite.diagnosis.attribute import Attributor, extended, polished
 from excite.diagnosis.baseline import Baseline, fit_baseline
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
@@ -47,3 +47,11 @@ def test_predictions_with_an_effect_are_those_of_the_fit_with_it(baseline: Basel
     # The effect's size moves a little in the common fit: its column stays where it was.
     off = np.abs(left(after) - after.plain(after.fit.residual)) / scale
     assert off.max() < 0.02
+
+
+def test_a_log_without_validation_trials_is_judged_on_those_it_has(gap_dir: Path):
+    log = load_log(gap_dir / "arm" / "case_006")
+    samples = arm_samples(nominal_robot(log), log, log.trials[:3])
+    floor = spectral_floor(samples)
+    found = Attributor(fit_baseline(samples, log.header.modelled, floor), floor).run().accepted
+    assert [(item.name, item.location) for item in found] == [("torque_bias", "panda_joint4")]

@@ -17,7 +17,7 @@ from excite.diagnosis.baseline import Baseline, fit_baseline
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.hypotheses import Hypothesis, at_rows
-from excite.diagnosis.next_experiment import expected_evidence
+from excite.diagnosis.next_experiment import expected_evidence, within_record
 from excite.diagnosis.next_experiment_paths import retraced
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.rollout import Simulator
@@ -81,6 +81,19 @@ def test_retraced_motions_stay_on_the_record_within_its_speeds(baseline: Baselin
         assert (np.abs(motion.v) <= 1.001 * most).all()
         away = [np.abs(path - q).max(axis=1).min() for q in motion.q[:: len(motion.q) // 15]]
         assert max(away) < 0.03
+
+
+def test_accelerations_stay_within_the_models_limits_or_the_records(baseline: Baseline):
+    samples = baseline.samples
+    shown = np.abs(samples.stacked("a")).max(axis=0)
+    stated = replace(samples.robot.limits, acceleration=np.full(7, 2.0))
+    silent = replace(samples.robot.limits, acceleration=np.full(7, 1000.0))
+    known, unknown = (replace(samples, robot=replace(samples.robot, limits=x)) for x in (stated, silent))
+    for motion in retraced(known, 1):
+        assert (np.abs(motion.a) <= 2.0).all()
+    for motion in retraced(unknown, 1):
+        assert (np.abs(motion.a) <= shown).all()
+    assert (within_record(known).limits.acceleration < 2.0).all()
 
 
 def _hypothesis(baseline: Baseline, name: str, place: str, beta: list[float]) -> Hypothesis:

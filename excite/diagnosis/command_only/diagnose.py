@@ -11,21 +11,16 @@ from excite.atomic import write_text
 from excite.diagnosis.arm import diagnose_torques
 from excite.diagnosis.attribute import Attribution
 from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.command_only.confirmation import confirmed, position_gap, with_twin
+from excite.diagnosis.command_only.cycle import cycle_time, later
 from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.servo import Servo, Signals, read_signals
 from excite.diagnosis.doctor import Chart, examine
-from excite.diagnosis.result import (
-    Candidate,
-    ChannelGap,
-    Diagnosis,
-    Gap,
-    NextExperiment,
-    Rollout,
-    share_closed,
-)
+from excite.diagnosis.result import Diagnosis, Rollout
 from excite.diagnosis.rollout_compare import MODEL, compared
 from excite.diagnosis.rollout_drives import Drive, PositionServo
 from excite.diagnosis.rollout_windows import Plan
+from excite.diagnosis.samples import arm_samples
 from excite.errors import InputError, LogError
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial
@@ -33,12 +28,8 @@ from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_gr
 from excite.robot.robot import Array, Robot
 
 _HORIZON_S = 2.0
-# Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
-_CONFIRMS = 0.9
 # Effects of the torque channel alone: a log without that channel has none of them.
 _CHANNEL = ("time_delay",)
-# What looks alike where only commands and positions are known.
-_ALIKE = {"actuator_lag": "time_delay"}
 
 
 @dataclass(eq=False)
@@ -52,6 +43,8 @@ class _Closed:
         rollout: the comparison once it is made.
         deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
         floor: ``(n_joints,)`` what repeated trials, or the encoders' noise, leave [rad].
+        order: joints in the log's order.
+        cycle_s: how much later than asked for the torque acts [s].
     """
 
     servo: Servo
@@ -90,12 +83,14 @@ class _Closed:
             time=s.time - s.time[0],
             q_cmd=s.commanded.value[:, order],
             v_cmd=servo.damping_share * s.commanded.first[:, order],
-            feedforward=s.feedforward(servo.feedforward)[:, order],
+            # Of the position's and the velocity's error the cycle is a small share; the feedforward is late by it.
+            feedforward=later(s.time, s.feedforward(servo.feedforward)[:, order], self.cycle_s),
             kp=servo.kp[order],
             kd=servo.kd[order],
         )
 
     order: tuple[str, ...] = ()
+    cycle_s: float = 0.0
 
 
 def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -126,9 +121,11 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     signals = {t.name: read_signals(robot, log, t) for t in trials}
     fitted = {t.name: signals[t.name] for t in trials if t.role == "identification"}
     servo = known_servo(robot, log, fitted)
-    asked = tuple(replace(t, tau=signals[t.name].torque(servo)) for t in trials)
-    closed = _Closed(servo, signals, out, order=log.header.joints)
     modelled = (*log.header.modelled, *_CHANNEL)
+    asked = tuple(replace(t, tau=signals[t.name].torque(servo)) for t in trials)
+    cycle = cycle_time(arm_samples(robot, log, asked), modelled)
+    asked = tuple(replace(t, tau=later(t.time, signals[t.name].torque(servo), cycle)) for t in trials)
+    closed = _Closed(servo, signals, out, order=log.header.joints, cycle_s=cycle)
     chart = Chart(asked, chart.faults, chart.warnings)
     result = diagnose_torques(robot, log, chart, modelled, rng, closed, out)
     return _judged(result, closed)
@@ -179,15 +176,20 @@ def _judged(result: Diagnosis, closed: _Closed) -> Diagnosis:
         "the log has no torque: an error of a torque sensor cannot be seen, and where friction ends and the "
         "drive's own losses begin cannot be told"
     )
+    if closed.cycle_s > 0.0:
+        warnings.append(
+            f"torques act {1e3 * closed.cycle_s:.1f} ms after commands and positions ask for them, taken for the "
+            "servo's cycle: a lag of the drive that is as short cannot be seen"
+        )
     if servo.estimated:
         warnings.append(
             "not stated and estimated with the nominal masses for a scale: " + ", ".join(servo.estimated)
         )
     if rollout is None or not rollout.before or closed.deviation is None or closed.floor is None:
         return replace(result, warnings=tuple(warnings))
-    gap = _position_gap(rollout, closed.deviation, closed.floor)
+    gap = position_gap(rollout, closed.deviation, closed.floor)
     result = replace(result, gap=gap)
-    if result.verdict in {"effect", "ambiguous"} and not _confirmed(gap):
+    if result.verdict in {"effect", "ambiguous"} and not confirmed(gap):
         named = " and ".join(f"{e.effect} at {e.location}" for e in result.effects)
         warnings.append(f"the servo's torques speak for {named}, closed-loop roll-outs do not confirm it")
         result = replace(
@@ -200,48 +202,5 @@ def _judged(result: Diagnosis, closed: _Closed) -> Diagnosis:
             next_experiment=None,
         )
     elif result.verdict == "effect":
-        result = _with_twin(result, bool(servo.estimated))
+        result = with_twin(result, bool(servo.estimated))
     return replace(result, warnings=tuple(warnings))
-
-
-def _confirmed(gap: Gap) -> bool:
-    """Whether roll-outs are clearly nearer to the record on some joint, and no further from it in all."""
-    channels = gap.per_channel.values()
-    return gap.after <= gap.before and any(c.after < _CONFIRMS * c.before for c in channels)
-
-
-def _position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
-    names = list(rollout.before)
-    before, after = (np.array([x[n] for n in names]) for x in (rollout.before, rollout.after))
-    floor = np.minimum(floor, np.minimum(before, after))
-    first, last, least = (float(np.sqrt(np.mean((x / deviation) ** 2))) for x in (before, after, floor))
-    channels = {
-        n: ChannelGap(float(b), float(a), float(f), "rad")
-        for n, b, a, f in zip(names, before, after, floor, strict=True)
-    }
-    return Gap(first, last, least, share_closed(first, last, least), channels)
-
-
-def _with_twin(result: Diagnosis, estimated: bool) -> Diagnosis:
-    """Ambiguous where another name means the same without torque."""
-    first = result.effects[0]
-    twins = []
-    if first.effect in _ALIKE:
-        twins.append(replace(first, effect=_ALIKE[first.effect]))
-    if first.effect == "torque_gain" and estimated:
-        twins.append(replace(first, effect="payload", location=first.location))
-    if not twins:
-        return result
-    rest = tuple(c for c in result.candidates if (c.effect, c.location) != (first.effect, first.location))
-    tied: tuple[Candidate, ...] = (first, *twins)
-    names = " and ".join(c.effect.replace("_", " ") for c in tied)
-    return replace(
-        result,
-        verdict="ambiguous",
-        candidates=(*tied, *rest),
-        n_tied=len(tied),
-        next_experiment=NextExperiment(
-            f"{names} look alike without torque; what tells them apart: a torque or current reading",
-            tuple(f"{c.effect}@{c.location}" for c in tied),
-        ),
-    )

@@ -1,0 +1,73 @@
+"""Whether closed-loop roll-outs confirm what the servo's torques speak for, and what stays open without torque."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.diagnosis.result import (
+    Candidate,
+    ChannelGap,
+    Diagnosis,
+    Gap,
+    NextExperiment,
+    Rollout,
+    share_closed,
+)
+from excite.robot.robot import Array
+
+# Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
+_CONFIRMS = 0.9
+# What looks alike where only commands and positions are known.
+_ALIKE = {"actuator_lag": "time_delay"}
+
+
+def confirmed(gap: Gap) -> bool:
+    """Whether roll-outs are clearly nearer to the record on some joint, and no further from it in all."""
+    channels = gap.per_channel.values()
+    return gap.after <= gap.before and any(c.after < _CONFIRMS * c.before for c in channels)
+
+
+def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
+    """The gap in positions, from closed-loop roll-outs.
+
+    Args:
+        rollout: the comparison.
+        deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
+        floor: ``(n_joints,)`` what repeated trials leave [rad].
+    """
+    names = list(rollout.before)
+    before, after = (np.array([x[n] for n in names]) for x in (rollout.before, rollout.after))
+    floor = np.minimum(floor, np.minimum(before, after))
+    first, last, least = (float(np.sqrt(np.mean((x / deviation) ** 2))) for x in (before, after, floor))
+    channels = {
+        n: ChannelGap(float(b), float(a), float(f), "rad")
+        for n, b, a, f in zip(names, before, after, floor, strict=True)
+    }
+    return Gap(first, last, least, share_closed(first, last, least), channels)
+
+
+def with_twin(result: Diagnosis, estimated: bool) -> Diagnosis:
+    """Ambiguous where another name means the same without torque."""
+    first = result.effects[0]
+    twins = []
+    if first.effect in _ALIKE:
+        twins.append(replace(first, effect=_ALIKE[first.effect]))
+    if first.effect == "torque_gain" and estimated:
+        twins.append(replace(first, effect="payload", location=first.location))
+    if not twins:
+        return result
+    rest = tuple(c for c in result.candidates if (c.effect, c.location) != (first.effect, first.location))
+    tied: tuple[Candidate, ...] = (first, *twins)
+    names = " and ".join(c.effect.replace("_", " ") for c in tied)
+    return replace(
+        result,
+        verdict="ambiguous",
+        candidates=(*tied, *rest),
+        n_tied=len(tied),
+        next_experiment=NextExperiment(
+            f"{names} look alike without torque; what tells them apart: a torque or current reading",
+            tuple(f"{c.effect}@{c.location}" for c in tied),
+        ),
+    )
