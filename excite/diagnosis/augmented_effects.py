@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -87,7 +87,8 @@ def _drive(field_name: str, parameter: str) -> PlantForm:
     def form(plant: Plant, robot: Robot, joints: tuple[str, ...], item: Found) -> Plant:
         values: Array = getattr(plant, field_name).copy()
         values[joints.index(item.location)] += item.value(parameter)
-        return replace(plant, **{field_name: values})
+        changed: dict[str, Any] = {field_name: values}
+        return replace(plant, **changed)
 
     return form
 

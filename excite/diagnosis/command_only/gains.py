@@ -219,7 +219,7 @@ def _bodies(rows: _Rows, x: dict[str, Array], asked: Array) -> tuple[Array, Arra
         a = (rows.bodies[:, j] - q @ (q.T @ rows.bodies[:, j])) / scale
         gram += a.T @ a
         right += a.T @ (asked[:, j] - q @ (q.T @ asked[:, j])) / scale
-    delta: Array = np.linalg.solve(gram, right)
+    delta = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
     rest = asked - rows.bodies @ delta
     return delta, np.column_stack([r - q @ (q.T @ r) for r, q in zip(rest.T, beside, strict=True)])
 
