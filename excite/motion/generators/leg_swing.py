@@ -21,7 +21,9 @@ from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Array, Foot, Robot
 
-_SWINGS = (5, 8)
+# Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the
+# seconds in which the weight shifts.
+_SWINGS, _QUICK_SWINGS, _BROAD = (5, 8), (16, 20), 0.05
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
 _REACH, _RANGE = 0.55, 0.4
 # In shares of the pelvis's height: lowest corner of the free sole, farthest way in and out, lift at the start.
@@ -69,8 +71,8 @@ class LegSwing(Generator):
         swing, stance = robot.feet
         if robot.joint_index(targets[0]) in leg_joints(robot, stance):
             swing, stance = stance, swing
-        n = int(rng.integers(*_SWINGS))
         ground = _ground(robot, stance, swing)
+        n = int(rng.integers(*(_QUICK_SWINGS if ground.half_width >= _BROAD else _SWINGS)))
         swings = _swings(robot, swing, ground, n, rng)
         lift, land = 6, 6 + len(swings)
         free = slice(lift + len(_UP), land - len(_SETTLE))
