@@ -54,7 +54,10 @@ def without_torque(log: Log, robot: Robot) -> Log:
         made = (c.value - q.value, c.first - q.first, model, trial.tau)
         rows.append(np.stack([lowpass(x, rate, 12.0)[40:-40:4] for x in made], axis=2))
     stacked = np.concatenate(rows).transpose(1, 0, 2)
-    gains = np.array([np.linalg.lstsq(x[:, :2], x[:, 3] - x[:, 2], rcond=None)[0] for x in stacked])
+    # A constant and a factor of a torque channel are the sensor's, not the servo's.
+    ones = np.ones((stacked.shape[1], 1))
+    found = [np.linalg.lstsq(np.hstack([x[:, :3], ones]), x[:, 3], rcond=None)[0] for x in stacked]
+    gains = np.array([f[:2] / f[2] for f in found])
     controller = {
         "mode": "position",
         "kp": dict(zip(log.header.joints, gains[:, 0].tolist(), strict=True)),
