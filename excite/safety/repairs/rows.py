@@ -191,7 +191,8 @@ class PathLimits:
             w = wrench[at] / weight
             margin = self._zmp_margins(s[at], patterns[k], support, narrowest)
             rows[at, :, : len(support.normals)] = zmp_rows(w, support, margin[:, None])
-            rows[at, :, n_edges:-1] = friction_rows(w, support, self.shares.friction)
+            friction = self.shares.friction_one_foot if patterns[k].sum() == 1 else self.shares.friction
+            rows[at, :, n_edges:-1] = friction_rows(w, support, friction)
             rows[at, :, -1] = -w[..., 2]
             rows[at, 0, -1] += self.shares.weight
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]

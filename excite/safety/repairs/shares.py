@@ -16,6 +16,7 @@ class Shares:
         leg_torque: of the joint torque in legs, where the sharing of the load is an assumption.
         jerk: of the joint jerk.
         friction: of the friction coefficient.
+        friction_one_foot: the same over one foot, which a quick swing of the other leg turns about its sole's middle.
         weight: smallest share of the weight that the ground carries.
         zmp: distance of the zero-moment point from the support polygon's edge [m].
         zmp_both_feet: where both feet stay down that distance is at most this share of the polygon's inradius.
@@ -34,6 +35,7 @@ class Shares:
     leg_torque: float = 0.6
     jerk: float = 1.0
     friction: float = 0.6
+    friction_one_foot: float = 0.4
     weight: float = 0.5
     zmp: float = 0.066
     zmp_both_feet: float = 0.87
