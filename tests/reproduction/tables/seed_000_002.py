@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from excite.campaign.plan import plan
 from excite.identification.settings import ProblemSettings
 from excite.robot.loading import load_robot
