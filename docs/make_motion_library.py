@@ -1,7 +1,7 @@
 """Make the motion library anew: ``python docs/make_motion_library.py [ROBOT …]``.
 
-For each robot, as ``excite plan --select log_det`` does: candidates of a fixed seed, filtered; those that say most
-together within a total duration, rehearsed in simulation. In between the motions are written coarsely, read back,
+For each robot, as ``excite plan --select rsd`` does: candidates of a fixed seed, filtered; those that together leave
+the least RSD within a total duration, rehearsed in simulation. In between the motions are written coarsely, read back,
 and judged by the independent check as they were read; what the written file no longer passes is left out.
 """
 
@@ -18,7 +18,9 @@ import excite
 from excite.atomic import atomic_path
 from excite.campaign.rehearsal import rehearse
 from excite.excitation.conditioning import conditioning, motion_factor
-from excite.excitation.greedy import LogDeterminant, greedy_choice, information
+from excite.excitation.greedy import TotalDeviation, greedy_choice, information
+from excite.excitation.precision import nominal_values, row_noise
+from excite.excitation.selection import NEGLIGIBLE
 from excite.json_document import write_json
 from excite.motion.files import load_motion, save_motion
 from excite.motion.generators.registry import plan_candidates
@@ -52,13 +54,13 @@ class Recipe:
 
 
 RECIPES = {
-    "ur10": Recipe(40, 60.0, 50.0),
-    "panda": Recipe(40, 60.0, 50.0),
-    "iiwa14": Recipe(40, 60.0, 50.0),
-    "jaco2": Recipe(40, 60.0, 50.0),
-    "g1": Recipe(30, 45.0, 30.0),
-    "hrp2like": Recipe(30, 45.0, 30.0),
-    "talos": Recipe(30, 45.0, 30.0, without=("leg_swing",)),
+    "ur10": Recipe(40, 60.0, 30.0),
+    "panda": Recipe(40, 60.0, 30.0),
+    "iiwa14": Recipe(40, 60.0, 30.0),
+    "jaco2": Recipe(40, 110.0, 30.0),
+    "g1": Recipe(60, 55.0, 25.0),
+    "hrp2like": Recipe(60, 55.0, 25.0),
+    "talos": Recipe(60, 55.0, 25.0, without=("leg_swing",)),
 }
 
 
@@ -75,12 +77,15 @@ def make(name: str, recipe: Recipe) -> str:
     base = structural_base_parameters(robot)
     factors = [motion_factor(robot, motion) for motion in written]
     durations = np.array([motion.duration for motion in written])
-    known, fallen = information(factors, base), np.zeros(len(written), dtype=bool)
+    noise = row_noise(robot)
+    known = information([motion_factor(robot, motion, row_std=noise) for motion in written], base)
+    criterion = TotalDeviation(known.back, np.maximum(np.abs(nominal_values(robot, base)), NEGLIGIBLE))
+    fallen = np.zeros(len(written), dtype=bool)
     stood: set[int] = set()
     while True:
         # What fell costs more than there is.
         price = np.where(fallen, 2.0 * recipe.budget_s, durations)
-        chosen = greedy_choice(known, LogDeterminant(), price, recipe.budget_s)
+        chosen = greedy_choice(known, criterion, price, recipe.budget_s)
         new = [i for i in chosen if i not in stood]
         if not new:
             break

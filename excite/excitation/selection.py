@@ -23,7 +23,7 @@ from excite.regressor.base_parameters import BaseParameters
 from excite.robot.robot import Array, Robot
 
 # A base parameter smaller than this counts as negligible (Xu et al. 2020) [SI]: its RSD is not to decide.
-_NEGLIGIBLE = 0.01
+NEGLIGIBLE = 0.01
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def by_rsd(candidates: Candidates) -> Selection:
     """
     base = candidates.base
     known = information(candidates.weighted(), base)
-    scale = np.maximum(np.abs(nominal_values(candidates.robot, base)), _NEGLIGIBLE)
+    scale = np.maximum(np.abs(nominal_values(candidates.robot, base)), NEGLIGIBLE)
     return _greedy(candidates, known, TotalDeviation(known.back, scale))
 
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
-from numpy.typing import NDArray
 
 from excite.atomic import atomic_path
 from excite.errors import MotionError
 from excite.motion.motion import Motion, MotionMetadata
+from excite.motion.parquet import write_parquet
 from excite.robot.robot import Array, Robot
 
 SCHEMA = "excite.motion/1"
@@ -51,8 +50,8 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
     Args:
         motion: the motion.
         path: where to.
-        single: write all but the time in single precision, velocities and accelerations to 16 binary digits:
-            for a third of the size in Parquet.
+        single: in Parquet, positions in single precision, velocities and accelerations to 16 binary digits: a
+            third of the size.
 
     Raises:
         MotionError: unknown suffix.
@@ -61,8 +60,6 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
     if path.suffix not in {".parquet", ".csv", ".npz"}:
         raise MotionError(f"unknown format {path.suffix!r}", source=path, remedy="use .parquet, .csv or .npz")
     columns = motion_columns(motion)
-    if single:
-        columns = {name: _narrow(name, column) for name, column in columns.items()}
     metadata = {
         "schema": SCHEMA,
         "robot": motion.robot,
@@ -80,11 +77,7 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
                 stream.write((_CSV_COMMENT + json.dumps(metadata) + "\n").encode())
                 pa.csv.write_csv(pa.table(columns), stream)
         else:
-            table = pa.table(columns).replace_schema_metadata({"excite": json.dumps(metadata)})
-            # Bytes of equal weight side by side compress where the numbers themselves do not.
-            split = [name for name, column in columns.items() if column.dtype == np.float32]
-            options = {"use_dictionary": False, "use_byte_stream_split": split} if single else {}
-            pa.parquet.write_table(table, temporary, compression="zstd", **options)
+            write_parquet(columns, json.dumps(metadata), temporary, single=single)
     return path
 
 
@@ -153,18 +146,6 @@ def load_motion(path: Path, robot: Robot) -> Motion:
             versions=dict(metadata.get("versions", {})),
         ),
     )
-
-
-def _narrow(name: str, column: NDArray[Any]) -> NDArray[Any]:
-    """A column in as few bytes as a plan needs."""
-    if name == "time":
-        return column
-    if column.dtype != float:
-        return column.astype(np.int8)
-    single = column.astype(np.float32)
-    if name.startswith("q.") or name in BASE_POSE:
-        return single
-    return ((single.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(np.float32)
 
 
 def motion_robot(path: Path) -> str:

@@ -1,0 +1,68 @@
+"""The motion library: what it promises of every set."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.errors import InputError, UnknownNameError
+from excite.motion.files import load_motion, save_motion
+from excite.motion.library import library_folder, library_names
+
+ROBOTS = ["g1", "hrp2like", "iiwa14", "jaco2", "panda", "talos", "ur10"]
+LARGEST_BYTES = 3_000_000
+
+
+def test_names() -> None:
+    assert library_names() == ROBOTS
+    with pytest.raises(UnknownNameError, match=r"unknown motion set 'nao'; choose one of g1, hrp2like"):
+        excite.load_motions("nao")
+    with pytest.raises(InputError, match="hand over the robot too"):
+        excite.load_motions([library_folder("ur10")])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_set_holds_its_motions_and_what_is_said_of_them(name: str) -> None:
+    folder, motions = library_folder(name), excite.load_motions(name)
+    verdict = json.loads((folder / "check.json").read_text())
+    said = json.loads((folder / "conditioning.json").read_text())
+    names = {motion.name for motion in motions}
+    assert 4 <= len(motions) == len(names)
+    assert {entry["motion"] for entry in verdict["motions"]} == names
+    assert verdict["safe"] and verdict["schema"] == "excite.check/1"
+    assert {Path(entry["motion"]).stem for entry in said["motions"]} == names
+    assert said["conditioning"]["rank"] == said["conditioning"]["n_base_parameters"]
+    picture = folder / "motions.png"
+    assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size <= 60_000
+
+
+def test_the_library_is_small() -> None:
+    files = [path for name in ROBOTS for path in library_folder(name).rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) <= LARGEST_BYTES
+
+
+def verdict_of(name: str) -> bool:
+    robot = excite.load_robot(name)
+    return excite.check(robot, excite.load_motions(name)).safe
+
+
+def test_every_motion_of_one_set_passes_the_independent_check() -> None:
+    assert verdict_of("jaco2")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in ROBOTS if name != "jaco2"])
+def test_every_motion_passes_the_independent_check(name: str) -> None:
+    assert verdict_of(name)
+
+
+def test_single_precision_keeps_positions_to_a_microradian(tmp_path: Path) -> None:
+    robot, motion = excite.load_robot("ur10"), excite.load_motions("ur10")[0]
+    again = load_motion(save_motion(motion, tmp_path / f"{motion.name}.parquet", single=True), robot)
+    np.testing.assert_allclose(again.q, motion.q, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(again.v, motion.v, rtol=2e-5, atol=1e-12)
+    np.testing.assert_array_equal(again.time, motion.time)
