@@ -10,9 +10,11 @@ from __future__ import annotations
 import shutil
 import sys
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 import excite
 from excite.atomic import atomic_path
@@ -138,12 +140,15 @@ def _written(robot: Robot, motion: Motion, folder: Path, rate_hz: float) -> Moti
 
 def _draw(robot: Robot, motions: list[Motion], path: Path) -> None:
     """The picture, as fine as its size allows."""
+    figure = plot_snapshots(robot, choose_motions(motions, 3))
     for dpi in range(110, 40, -10):
-        picture = to_png(plot_snapshots(robot, choose_motions(motions, 3)), dpi=dpi)
-        if len(picture) <= LARGEST_PICTURE:
+        drawn = Image.open(BytesIO(to_png(figure, dpi=dpi))).convert("RGB")
+        stream = BytesIO()
+        drawn.quantize(64).save(stream, format="png", optimize=True)
+        if stream.tell() <= LARGEST_PICTURE:
             break
     with atomic_path(path) as temporary:
-        temporary.write_bytes(picture)
+        temporary.write_bytes(stream.getvalue())
 
 
 def main() -> None:
