@@ -20,7 +20,7 @@ from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, R
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.shrink import gap_of
-from excite.diagnosis.verdict import Judgement, judge, probabilities
+from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
 from excite.errors import LogError
 from excite.logs.log import Log
 from excite.robot.robot import Robot
@@ -83,6 +83,8 @@ def diagnose_torques(
     baseline = fit_baseline(samples, modelled, spectral)
     attribution = Attributor(baseline, spectral).run()
     judgement = judge(attribution, spectral)
+    if judgement.verdict == "unknown" and attribution.accepted:
+        attribution = withdrawn(attribution, baseline)
     first = attribution.stages[0]
     before, floor = baseline.plain(attribution.before.residual), attribution.floor
     repeat = repeat_floor(samples, baseline.plain(attribution.after.residual))
@@ -157,7 +159,7 @@ def _listed(
     if not effects:
         return tuple(made[:_LISTED]), 0
     best = first.accepted
-    chance = probabilities(best, first.ranking) if best is not None else {}
+    chance = probabilities(best, first.ranking, judgement.explained) if best is not None else {}
     made = [replace(c, probability=chance.get((c.effect, c.location or ""))) for c in made]
     # The place may be open where the name is not.
     sure = sum(chance.get((effects[0].effect, place), 0.0) for place in effects[0].tied_locations)

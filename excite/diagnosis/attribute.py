@@ -43,6 +43,7 @@ class Gates:
         left: joints well above the floor that a further effect may leave as they are: where every joint has a
             little of something, naming one of them would be arbitrary.
         most: effects at most.
+        stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
     """
 
     evidence: float = 25.0
@@ -56,6 +57,7 @@ class Gates:
     same_joint: float = 0.6
     left: int = 2
     most: int = 3
+    stands: float = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +76,7 @@ class Scored:
         power: ``(n_joints, 2)`` mean squares that it leaves, identification and validation [(N·m)²].
         count: ``(n_joints, 2)`` effective samples of what it leaves.
         left: joints above twice the floor's power of which it removes hardly anything.
+        stands: power at ``place`` before it over the floor's.
     """
 
     hypothesis: Hypothesis
@@ -87,6 +90,7 @@ class Scored:
     power: Array
     count: Array
     left: int
+    stands: float
 
     @property
     def name(self) -> str:
@@ -250,15 +254,30 @@ class Attributor:
         left = int(np.sum((old > 2.0 * floor**2) & (closed < _HARDLY)))
         # Without validation trials there are the fitted ones alone to judge by.
         side = int(not samples.identification.all())
+        least = np.maximum(floor, self.spectral)[place] ** 2
+        stands = float((first[place] ** 2).mean() / least)
         evidence, outside = float(ratio.sum() - price), float(ratio[:, side].sum())
         power = np.column_stack([left_over.identification, new])
         return Scored(
-            item, evidence, outside, closed, strength, of_rest, place, float(price), power, counts, left
+            item,
+            evidence,
+            outside,
+            closed,
+            strength,
+            of_rest,
+            place,
+            float(price),
+            power,
+            counts,
+            left,
+            stands,
         )
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
         gates = self.gates
         if item.evidence < gates.evidence or item.validation < gates.validation:
+            return False
+        if item.stands < gates.stands:
             return False
         if not accepted:
             return float(item.closed[item.place]) >= gates.closed

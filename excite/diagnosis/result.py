@@ -38,7 +38,8 @@ class Candidate:
         gap_after: root mean square over channels of the normalised gap on the validation trials.
         share_closed: ``1 − (after² − floor²)/(before² − floor²)``.
         tied_locations: places that the data cannot tell from ``location``, itself among them.
-        probability: probability that this is the effect, given that one of the candidates is; None unless computed.
+        probability: probability that this is the effect and the place; what the candidates' probabilities lack to 1
+            is something that none of them is. None unless computed.
         interval: 90 % interval of ``share_closed``; None unless computed.
     """
 

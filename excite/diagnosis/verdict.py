@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from excite.robot.robot import Array
 _TIE_NATS, _TIE_SHARE = 10.0, 0.015
 # Share of what the best removes at its place that a rival has to remove there.
 _SAME = 0.6
+# An effect that leaves half of the amplitude at its own place, well above the noise, is not what is there.
+_EXPLAINED = 0.75
 _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
 # Share of a torque's deviation, or power in multiples of the floor's, from which a structured rest is a gap.
 _MATTERS, _FAR = 0.02, 8.0
@@ -33,6 +35,8 @@ class Judgement:
         tied: by position in the accepted effects, places that cannot be told from the effect's.
         renamed: by position, a second name that means the same in the data (bias and asymmetry).
         structured: joints whose residual stands above the noise, most first.
+        explained: share of the power above the floor that all accepted effects surely remove at the first one's
+            place: less one standard deviation.
     """
 
     verdict: Verdict
@@ -40,6 +44,7 @@ class Judgement:
     tied: tuple[tuple[str, ...], ...]
     renamed: tuple[str | None, ...]
     structured: tuple[str, ...]
+    explained: float = 1.0
 
 
 def judge(attribution: Attribution, spectral: Array) -> Judgement:
@@ -59,9 +64,36 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
     structured = structured_joints(attribution, spectral)
     if not accepted:
         return Judgement("unknown" if structured else "none", (), (), (), structured)
+    place = attribution.final.samples.joints[accepted[0].place]
+    explained = float(explained_shares(attribution, spectral)[accepted[0].place])
+    if place in structured and explained < _EXPLAINED:
+        others = tuple(name for name in structured if name != place)
+        return Judgement("unknown", (), (), (), (place, *others), explained)
+    explained = max(explained - _unsure(accepted[0]), 0.0)
     rivals = _rivals(accepted[0], steps[0].ranking)
     ambiguous = bool(rivals) or renamed[0] is not None
-    return Judgement("ambiguous" if ambiguous else "effect", rivals, tied, renamed, structured)
+    return Judgement("ambiguous" if ambiguous else "effect", rivals, tied, renamed, structured, explained)
+
+
+def withdrawn(attribution: Attribution, baseline: Baseline) -> Attribution:
+    """The attribution with nothing accepted, its first ranking kept.
+
+    Args:
+        attribution: all its steps.
+        baseline: the baseline that they began with.
+    """
+    first = replace(attribution.stages[0], accepted=None)
+    return replace(attribution, stages=(first,), after=attribution.before, final=baseline)
+
+
+def explained_shares(attribution: Attribution, spectral: Array) -> Array:
+    """Share of each joint's power above the floor that the accepted effects remove, ``(n_joints,)``, 0…1."""
+    final, floor = attribution.final, np.maximum(attribution.floor, spectral) ** 2
+    old, new = (
+        np.maximum((final.judged(fit.residual) ** 2).mean(axis=1) - floor, 0.0)
+        for fit in (attribution.before, attribution.after)
+    )
+    return np.clip(1.0 - new / np.maximum(old, 1e-300), 0.0, 1.0)
 
 
 def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:
@@ -98,25 +130,36 @@ def _close(best: Scored, other: Scored) -> bool:
     return same_gap(best, other) and nats_behind(best, other) < max(_TIE_NATS, _TIE_SHARE * best.evidence)
 
 
-def probabilities(best: Scored, ranking: tuple[Scored, ...]) -> dict[tuple[str, str], float]:
-    """Probability of each name and place that explains the same gap, given that one of those is right.
+def probabilities(
+    best: Scored, ranking: tuple[Scored, ...], explained: float = 1.0
+) -> dict[tuple[str, str], float]:
+    """Probability of each name and place that explains the same gap; something outside the library has the rest.
 
-    Likelihoods are tempered: where a tie is called, the odds are about 20 to 1. What a model leaves of a strong
-    effect is no noise, and grows with it.
+    Likelihoods are tempered: where a tie is called, the odds are about 20 to 1, and what a model leaves of a
+    strong effect is no noise, and grows with it. Where power stands ``φ`` times above what the noise leaves, a
+    nat counts for ``1/φ`` (quasi-likelihood, Wedderburn 1974). What all candidates leave unexplained is
+    evidence of something that none of them is; it gets that share.
 
     Args:
         best: the accepted hypothesis.
         ranking: all that were tried against it.
+        explained: share of the power above the floor that is removed at its place, 0…1.
 
     Returns:
-        By effect and location; they sum to 1.
+        By effect and location; they sum to ``explained``.
     """
-    width = max(_TIE_NATS, _TIE_SHARE * best.evidence) / 3.0
+    dispersion = 1.0 + (1.0 - explained) * max(best.stands - 1.0, 0.0)
+    width = dispersion * max(_TIE_NATS, _TIE_SHARE * best.evidence) / 3.0
     rivals = [item for item in ranking if same_gap(best, item)]
     known = {(item.name, item.location): item for item in rivals} | {(best.name, best.location): best}
     weight = {key: np.exp(-max(nats_behind(best, item), 0.0) / width) for key, item in known.items()}
-    total = float(sum(weight.values()))
+    total = float(sum(weight.values())) / explained if explained > 0.0 else np.inf
     return {key: float(value) / total for key, value in weight.items()}
+
+
+def _unsure(item: Scored) -> float:
+    """Standard deviation of the share explained: a power of n effective samples is known to √(2/n) of itself."""
+    return float(np.sqrt(2.0 / max(item.count[item.place].sum(), 2.0)) / max(item.stands - 1.0, 1e-9))
 
 
 def _tied(best: Scored, ranking: tuple[Scored, ...]) -> tuple[str, ...]:

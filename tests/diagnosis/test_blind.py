@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
+from excite.diagnosis.attribute import Scored
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.verdict import probabilities
 from excite.errors import InputError
 from excite.logs.files import save_log
 from excite.robot.loading import load_robot
@@ -128,3 +131,35 @@ def test_detectability_grows_with_the_effect_and_falls_with_noise() -> None:
     assert strong > 2.0 * weak > 2.0 * DETECTABLE
     assert loud < 0.3 * strong
     assert none < 1e-6
+
+
+@pytest.mark.slow
+def test_a_wave_that_never_repeats_in_the_record_is_no_ripple(tmp_path) -> None:
+    plan = Draft("jaco2", "unknown", (("unknown", "stop"),), False, 1.0, (), False)
+    log, answer = build_case(plan, np.random.default_rng(11))
+    document = diagnose(log, load_robot("jaco2")).to_json()
+    result = score_case("case", answer, document)
+    assert result.named, f"{result.truth} | {result.said}"
+    assert result.placed
+    assert document["n_tied"] == 0
+    assert not document["effects"]
+    assert document["gap"]["share_closed"] == 0.0
+
+
+def test_a_probability_is_no_larger_than_the_share_explained() -> None:
+    def scored(place: str, power: float) -> Scored:
+        hypothesis = SimpleNamespace(effect=SimpleNamespace(name="torque_bias"), location=place)
+        numbers = {"evidence": 500.0, "validation": 100.0, "strength": 1.0, "of_rest": 1.0, "price": 10.0}
+        arrays = {"closed": np.ones(1), "power": np.full((1, 2), power), "count": np.full((1, 2), 200.0)}
+        return Scored(hypothesis=hypothesis, place=0, left=0, stands=50.0, **numbers, **arrays)
+
+    best, near, far = scored("a", 1.0), scored("b", 1.02), scored("c", 4.0)
+    chance = probabilities(best, (best, near, far), 0.8)
+    assert sum(chance.values()) == pytest.approx(0.8)
+    assert chance["torque_bias", "a"] > chance["torque_bias", "b"] > chance["torque_bias", "c"]
+    # The worse all of them fit, the less a difference between two of them says.
+    sure = probabilities(best, (best, near, far), 1.0)
+    assert (
+        chance["torque_bias", "b"] / chance["torque_bias", "a"]
+        > sure["torque_bias", "b"] / sure["torque_bias", "a"]
+    )

@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.robot.robot import Array
+
+# Periods over a joint's motion below which nothing has been seen to repeat: a spring or a stop would do as well.
+_SEEN = 2.0
 
 
 class TorqueRipple(Effect):
@@ -22,7 +26,7 @@ class TorqueRipple(Effect):
         return (RippleHarmonics(),)
 
     def grid(self, context: Context, location: str) -> list[Theta]:
-        """The three best of 4 … 150 by a projection of the baseline's residual at the rows."""
+        """The three best of those seen to repeat, to 150, by a projection of the baseline's residual at the rows."""
         j = context.row(location)
         samples = context.baseline.samples
         q = np.concatenate(
@@ -31,7 +35,8 @@ class TorqueRipple(Effect):
         use = samples.identification
         # Every second row: the sampling of the phase matters little, that of the periods much.
         residual, q = context.baseline.fit.residual[j][use][::2], q[use][::2]
-        periods = np.arange(4.0, 150.0, 0.5)
+        least = _SEEN * 2.0 * np.pi / max(float(np.ptp(context.q[:, j])), 1e-9)
+        periods = np.arange(max(4.0, np.ceil(2.0 * least) / 2.0), 150.0, 0.5)
         power = np.abs(np.exp(-1j * np.outer(periods, q)) @ residual)
         best: list[Theta] = []
         for k in np.argsort(-power):
@@ -45,6 +50,10 @@ class TorqueRipple(Effect):
         j = context.row(location)
         phase = theta[0] * context.q[:, j]
         return Shape({j: np.column_stack([np.cos(phase), np.sin(phase)])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        seen = theta[0] * float(np.ptp(context.q[:, context.row(location)])) / (2.0 * np.pi)
+        return seen >= _SEEN and super().admissible(context, location, theta, beta)
 
 
 class RippleHarmonics(TorqueRipple):
