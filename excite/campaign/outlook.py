@@ -125,10 +125,10 @@ def outlook(robot: Robot, motions: Sequence[Motion]) -> Outlook:
     able = excitable(robot, base)
     values = nominal_values(robot, base)
     found = dict(zip(predicted.base.labels, predicted.rsd_percent, strict=True))
-    kept = predicted.essential_rsd()
+    kept = predicted.essential_rsd().keys()
     parameters = []
     for i, name in enumerate(base.labels):
-        rsd = float(kept.get(name, found.get(name, np.inf)))
+        rsd = float(found.get(name, np.inf))
         parameters.append(
             ParameterOutlook(
                 name=name,

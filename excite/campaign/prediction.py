@@ -65,10 +65,13 @@ class PredictedStatistics:
         return essential_parameters(self)
 
     def essential_rsd(self) -> dict[str, float]:
-        """Predicted RSD of each essential parameter, by the name of its own column [percent]."""
-        kept = self.essential()
-        labels = self.base.labels
-        return {labels[i]: float(rsd) for i, rsd in zip(kept.kept, kept.rsd_percent, strict=True)}
+        """Predicted RSD of each essential parameter, by the name of its own column [percent].
+
+        With all base parameters estimated together, as in an identification's ``base_parameters``: which of the
+        small ones elimination will take out, and with them others' deviations, is up to the draw of the noise.
+        """
+        rsd = self.rsd_percent
+        return {self.base.labels[i]: float(rsd[i]) for i in self.essential().kept}
 
 
 @one_blas_thread

@@ -55,8 +55,9 @@ def test_predicted_rsd_is_found_within_a_factor(ur10: Robot, small_plan: Plan) -
     assert expected is not None
     roles = {motion.name: "identification" for motion in small_plan.motions}
     run = excite.simulate(ur10, small_plan.motions, nominal=True, roles=roles, seed=1)
-    found = {item.name: item.rsd_percent for item in excite.identify(ur10, run.log, "wls").essential}
-    both = expected.essential_rsd.keys() & found.keys()
+    identified = excite.identify(ur10, run.log, "wls")
+    found = {item.name: item.rsd_percent for item in identified.base}
+    both = expected.essential_rsd.keys() & {item.name for item in identified.essential}
     assert len(both) >= 20
     for name in both:
         assert 1.0 / 1.5 < expected.essential_rsd[name] / found[name] < 1.5, name
