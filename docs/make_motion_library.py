@@ -62,7 +62,7 @@ RECIPES = {
     "jaco2": Recipe(40, 110.0, 30.0),
     "g1": Recipe(60, 55.0, 25.0),
     "hrp2like": Recipe(60, 55.0, 25.0),
-    "talos": Recipe(60, 55.0, 25.0, without=("leg_swing",)),
+    "talos": Recipe(60, 55.0, 25.0),
 }
 
 
