@@ -21,7 +21,6 @@ from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.shrink import gap_of
 from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
-from excite.errors import LogError
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 
@@ -33,7 +32,7 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
 
     Args:
         robot: the nominal model.
-        log: the log.
+        log: the log, with an identification trial.
         rng: of the bootstrap.
         out: folder for the augmented simulator; none is written without it.
 
@@ -41,12 +40,8 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
         The diagnosis.
 
     Raises:
-        LogError: no identification trial, no torques, trials too short.
+        LogError: no torques, trials too short.
     """
-    if not log.role("identification"):
-        raise LogError(
-            "has no identification trial", field="trials", remedy="give one the role identification"
-        )
     chart = examine(robot, log)
 
     def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:

@@ -11,7 +11,7 @@ from excite.diagnosis.command_only.currents import diagnose_currents
 from excite.diagnosis.command_only.diagnose import diagnose_commands
 from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.diagnosis.result import Diagnosis
-from excite.errors import InputError
+from excite.errors import InputError, LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
@@ -41,6 +41,10 @@ def diagnose(
     folder = None if out is None else Path(out)
     rng = np.random.default_rng(seed)
     if loaded.header.base == "fixed":
+        if not loaded.role("identification"):
+            raise LogError(
+                "has no identification trial", field="trials", remedy="give one the role identification"
+            )
         kinds = {"current": diagnose_currents, "none": diagnose_commands}
         return kinds.get(loaded.header.torque or "", diagnose_arm)(robot, loaded, rng, folder)
     if loaded.header.sensors:

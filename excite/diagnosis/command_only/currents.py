@@ -25,7 +25,7 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
 
     Args:
         robot: the nominal model.
-        log: the log.
+        log: the log, with an identification trial.
         rng: of the bootstrap.
         out: folder for the augmented simulator.
 
@@ -35,10 +35,6 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     Raises:
         LogError: currents are missing, or a constant is neither stated nor to be had.
     """
-    if not log.role("identification"):
-        raise LogError(
-            "has no identification trial", field="trials", remedy="give one the role identification"
-        )
     for trial in log.trials:
         if trial.current is None:
             raise LogError(

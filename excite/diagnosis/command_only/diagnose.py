@@ -21,7 +21,7 @@ from excite.diagnosis.rollout_compare import MODEL, compared
 from excite.diagnosis.rollout_drives import Drive, PositionServo
 from excite.diagnosis.rollout_windows import Plan
 from excite.diagnosis.samples import arm_samples
-from excite.errors import InputError, LogError
+from excite.errors import InputError
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
@@ -102,7 +102,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
 
     Args:
         robot: the nominal model.
-        log: the log.
+        log: the log, with an identification trial.
         rng: of the bootstrap.
         out: folder for the augmented simulator.
 
@@ -110,12 +110,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         The diagnosis.
 
     Raises:
-        LogError: no identification trial, no commands, gains neither stated nor to be had.
+        LogError: no commands, gains neither stated nor to be had.
     """
-    if not log.role("identification"):
-        raise LogError(
-            "has no identification trial", field="trials", remedy="give one the role identification"
-        )
     chart = examine(robot, log)
     trials = tuple(_evened(log, t) for t in chart.trials)
     signals = {t.name: read_signals(robot, log, t) for t in trials}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from excite.simulation.effects.effect import InjectedEffect
+from excite.simulation.effects.joint_torque import JointTorqueEffect
 from excite.simulation.plant import Plant
 from excite.simulation.virtual_robot import VirtualRobot
 
@@ -47,19 +47,13 @@ class RippleLaw:
         return step
 
 
-class TorqueRipple(InjectedEffect):
+class TorqueRipple(JointTorqueEffect):
     """Cogging with 24 periods a revolution."""
 
     name = "torque_ripple"
     what = "a torque periodic in the joint's position"
     unit = "N·m"
     lower, upper = 0.0, 1e4
-
-    def locations(self, virtual: VirtualRobot) -> tuple[str, ...]:
-        return virtual.robot.joint_names
-
-    def default(self, virtual: VirtualRobot, location: str) -> float:
-        return 0.02 * float(virtual.drives.torque_limit[virtual.robot.joint_index(location)])
 
     def apply(self, virtual: VirtualRobot, location: str, value: float) -> VirtualRobot:
         return virtual.with_law(RippleLaw(virtual.robot.joint_index(location), value, 24.0))

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from excite.simulation.effects.effect import InjectedEffect
+from excite.simulation.effects.joint_torque import JointTorqueEffect
 from excite.simulation.virtual_robot import VirtualRobot
 
 
-class ViscousFriction(InjectedEffect):
+class ViscousFriction(JointTorqueEffect):
     """A torque -d·v on the joint, on the link's side of any torque sensor."""
 
     name = "viscous_friction"
     what = "more viscous friction in a joint"
     unit = "N·m·s/rad"
     lower, upper = 0.0, 1e4
-
-    def locations(self, virtual: VirtualRobot) -> tuple[str, ...]:
-        return virtual.robot.joint_names
-
-    def default(self, virtual: VirtualRobot, location: str) -> float:
-        return 0.02 * float(virtual.drives.torque_limit[virtual.robot.joint_index(location)])
 
     def apply(self, virtual: VirtualRobot, location: str, value: float) -> VirtualRobot:
         friction = virtual.drives.bearing_viscous.copy()
