@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from excite.diagnosis.attribute import Attribution, Scored
+from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.effects.deflection import link_inertia
 from excite.diagnosis.effects.effect import Context

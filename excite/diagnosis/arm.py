@@ -8,15 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.attribute import Attribution, Attributor, Scored
+from excite.diagnosis.attribute import Attributor
+from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.gap import Gap, share_closed
 from excite.diagnosis.locate import locate
 from excite.diagnosis.next_experiment import propose, written
 from excite.diagnosis.noise_floor import repeat_floor, spectral_floor
-from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment, Rollout, share_closed
+from excite.diagnosis.result import Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.shrink import gap_of

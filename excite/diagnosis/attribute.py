@@ -6,13 +6,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from excite.diagnosis.baseline import WIDTHS, Baseline, own_names
+from excite.diagnosis.attribution import Attribution, Scored, Stage
+from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.equations import Fit, Solver
+from excite.diagnosis.equations import Fit
 from excite.diagnosis.evidence import Judge, effective_counts
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.noise_floor import repeat_floor
+from excite.diagnosis.refinement import extended, polished, price, refine_with_width
 from excite.robot.robot import Array
 
 _REFINED = 5
@@ -20,8 +22,6 @@ _STRONG = 3
 _LISTED = 24
 # Hypotheses that remove this share of the power that another removes are compared by their likelihood.
 _ALIKE = 0.7
-# A richer form of an effect has to lower the loss by so much.
-_RICHER = 0.01
 _HARDLY = 0.3
 
 
@@ -58,90 +58,6 @@ class Gates:
     left: int = 2
     most: int = 3
     stands: float = 1.5
-
-
-@dataclass(frozen=True, eq=False)
-class Scored:
-    """A hypothesis and its merits against the fit before it.
-
-    Attributes:
-        hypothesis: the hypothesis.
-        evidence: nats less the price of its parameters and of the candidates tried.
-        validation: nats on validation trials.
-        closed: ``(n_joints,)`` share of the validation power above the floor that it removes.
-        strength: amplitude that it removes, over channels, normalised by the channels' deviation.
-        of_rest: share of the normalised power above the floor, over all channels, that it removes.
-        place: index of the joint that it changes most.
-        price: of its parameters, taken off the evidence [nats].
-        power: ``(n_joints, 2)`` mean squares that it leaves, identification and validation [(N·m)²].
-        count: ``(n_joints, 2)`` effective samples of what it leaves.
-        left: joints above twice the floor's power of which it removes hardly anything.
-        stands: power at ``place`` before it over the floor's.
-    """
-
-    hypothesis: Hypothesis
-    evidence: float
-    validation: float
-    closed: Array
-    strength: float
-    of_rest: float
-    place: int
-    price: float
-    power: Array
-    count: Array
-    left: int
-    stands: float
-
-    @property
-    def name(self) -> str:
-        """Name of the effect."""
-        return self.hypothesis.effect.name
-
-    @property
-    def location(self) -> str:
-        """Its place."""
-        return self.hypothesis.location
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """One step of the attribution.
-
-    Attributes:
-        context: what the effects were tried against.
-        ranking: candidates, best first.
-        accepted: the one that was accepted, None at the end.
-    """
-
-    context: Context
-    ranking: tuple[Scored, ...]
-    accepted: Scored | None
-
-
-@dataclass(frozen=True, eq=False)
-class Attribution:
-    """All steps.
-
-    Attributes:
-        stages: in order; the last accepts nothing unless the most effects were reached.
-        before: fit of the baseline.
-        after: fit with all accepted effects.
-        final: the baseline with them.
-        floor: ``(n_joints,)`` noise floor after them [N·m].
-        scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m].
-    """
-
-    stages: tuple[Stage, ...]
-    before: Fit
-    after: Fit
-    final: Baseline
-    floor: Array
-    scale: Array
-
-    @property
-    def accepted(self) -> tuple[Scored, ...]:
-        """Accepted effects in order."""
-        return tuple(s.accepted for s in self.stages if s.accepted is not None)
 
 
 @dataclass(eq=False)
@@ -196,7 +112,7 @@ class Attributor:
         if not found:
             return ()
         before = context.baseline.fit
-        found.sort(key=_price)
+        found.sort(key=price)
         strong = sorted(found, key=lambda item: -self._removed(before, item, scale))[:_STRONG]
         # A resonance is found by its search, hardly by the grid that the search starts from.
         tuned = [item for item in found if len(item.effect.searched) > 1]
@@ -225,7 +141,7 @@ class Attributor:
         while rest:
             least = _ALIKE * max(power[id(rest[0])], 0.0)
             group = [item for item in rest if power[id(item)] >= least] or rest
-            order += sorted(group, key=_price)
+            order += sorted(group, key=price)
             rest = [item for item in rest if item not in group]
         return order
 
@@ -240,7 +156,7 @@ class Attributor:
         # Repeated trials may show less noise than the spectrum above the band makes one expect.
         judge = Judge(samples.identification, counts, np.minimum(self.spectral, floor))
         ratio = judge.ratio(first, last)
-        price = 0.5 * item.n_parameters * np.log(max(judge.count.sum(), 2.0)) + np.log(200.0)
+        cost = 0.5 * item.n_parameters * np.log(max(judge.count.sum(), 2.0)) + np.log(200.0)
         left_over = judge.power(last)
         old, new = judge.power(first).validation, left_over.validation
         change = old - new
@@ -256,7 +172,7 @@ class Attributor:
         side = int(not samples.identification.all())
         least = np.maximum(floor, self.spectral)[place] ** 2
         stands = float((first[place] ** 2).mean() / least)
-        evidence, outside = float(ratio.sum() - price), float(ratio[:, side].sum())
+        evidence, outside = float(ratio.sum() - cost), float(ratio[:, side].sum())
         power = np.column_stack([left_over.identification, new])
         return Scored(
             item,
@@ -266,7 +182,7 @@ class Attributor:
             strength,
             of_rest,
             place,
-            float(price),
+            float(cost),
             power,
             counts,
             left,
@@ -296,101 +212,3 @@ class Attributor:
         ):
             return False
         return float(item.closed.max()) >= needed
-
-
-def _price(item: Hypothesis) -> float:
-    """Loss with the price of parameters, per effective sample (Schwarz 1978), samples white in the band."""
-    samples = item.baseline.samples
-    count = 2.0 * samples.bands.rows_hz / samples.bands.rate_hz * samples.identification.sum()
-    return item.loss + 0.5 * item.n_parameters * float(np.log(count)) / float(count)
-
-
-def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
-    """Local search; for friction the width of the joint's sign change is searched along with it."""
-    best = search.refine(start)
-    base = search.context.baseline
-    if not best.effect.friction or "coulomb_friction" not in base.modelled:
-        return best
-    names, j = own_names(base.modelled), search.context.row(best.location)
-    if base.breakaways[j] > 0.0:
-        return best
-    place = WIDTHS.index(base.widths[j])
-    for step in (1, -1):
-        k = place + step
-        while 0 <= k < len(WIDTHS):
-            own = base.own_rows(names, j, WIDTHS[k])
-            widths = base.widths.copy()
-            widths[j] = WIDTHS[k]
-            moved = replace(base, widths=widths, solver=search.solver.with_own(j, own))
-            item = Search(replace(search.context, baseline=moved), moved.solver).refine(
-                best, evaluations=6, step=0.15
-            )
-            if item.loss >= best.loss - 1e-3:
-                break
-            best, k = item, k + step
-    return best
-
-
-def polished(item: Hypothesis) -> Hypothesis:
-    """The same effect with finer non-linear parameters, richer forms, and predictions at its own fit."""
-    item = _finer(item)
-    for form in item.effect.richer:
-        search = Search(Context(item.baseline), item.baseline.solver)
-        begun = [search.try_at(form, item.location, theta) for theta in form.starts(item.theta)]
-        found = [start for start in begun if start is not None]
-        if not found:
-            continue
-        new = search.refine(min(found, key=lambda start: start.loss), evaluations=14)
-        if _price(new) < _price(item) - _RICHER:
-            item = _finer(new)
-    return item
-
-
-def _finer(item: Hypothesis) -> Hypothesis:
-    original = item.baseline
-    for step in (0.15, 0.1, 0.05):
-        moved = replace(original.updated(item.fit), solver=original.solver)
-        new = Search(Context(moved), original.solver).refine(item, evaluations=12, step=step)
-        if new.loss > item.loss - 1e-3:
-            return item if new.loss > item.loss else new
-        item = new
-    return item
-
-
-def extended(item: Hypothesis) -> Baseline:
-    """The baseline with an effect in it: its columns shared ones with hardly any prior, its offset taken off."""
-    baseline, fit = item.baseline, item.fit
-    e = baseline.solver.equations
-    y, shared, basis = e.y, e.shared, baseline.basis
-    if item.columns.offset is not None:
-        y = y - item.columns.offset
-    if item.columns.extra is not None:
-        scale = 10.0 * np.maximum(np.abs(fit.extra), 10.0 * np.maximum(fit.extra_std, 1e-12))
-        shared = np.concatenate([shared, item.columns.extra * scale], axis=2)
-        basis = np.hstack([basis, np.zeros((len(basis), len(scale)))])
-    solver = Solver(replace(e, y=y, shared=shared))
-    torque = torque_of(item)
-    added, drive = baseline.added, baseline.added_drive
-    added, drive = (added + torque, drive) if item.effect.moves else (added, drive + torque)
-    old = np.concatenate([baseline.fit.shared, np.zeros(basis.shape[1] - len(baseline.fit.shared))])
-    fixed = replace(
-        baseline,
-        solver=solver,
-        basis=basis,
-        fit=replace(baseline.fit, shared=old),
-        rigid=baseline.rigid + added - baseline.added,
-        added=added,
-        added_drive=drive,
-    )
-    return fixed.updated(solver.fit())
-
-
-def torque_of(item: Hypothesis) -> Array:
-    """What a fitted effect adds to the torques at full rate, ``(n_samples, n_joints)`` [N·m]."""
-    shape = item.effect.shape(Context(item.baseline), item.location, item.theta)
-    torque = np.zeros_like(item.baseline.rigid)
-    for j, columns in shape.columns.items():
-        torque[:, j] += columns @ item.fit.extra
-    for j, values in shape.offset.items():
-        torque[:, j] += values
-    return torque

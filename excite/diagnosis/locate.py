@@ -7,7 +7,7 @@ from scipy.signal import welch
 
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.equations import Fit
-from excite.diagnosis.result import Where
+from excite.diagnosis.gap import Where
 from excite.robot.robot import Array
 
 _LEAST = 0.02

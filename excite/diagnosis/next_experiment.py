@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.attribute import Scored, torque_of
+from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline, fit_baseline, own_names, own_signals
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, at_rows
 from excite.diagnosis.next_experiment_paths import GENERATOR, accelerations, retraced
+from excite.diagnosis.refinement import torque_of
 from excite.diagnosis.samples import ArmSamples, ArmTrial
 from excite.errors import RobotError
 from excite.logs.signals.butterworth import settling_samples

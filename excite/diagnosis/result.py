@@ -3,158 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
+
+from excite.diagnosis.candidate import Candidate, in_words, measured, sized
+from excite.diagnosis.gap import Gap, Where
 
 SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A fitted parameter of an effect.
-
-    Attributes:
-        value: in ``unit``.
-        std: standard deviation in ``unit``, None where it was not computed.
-        unit: SI unit.
-    """
-
-    value: float
-    std: float | None
-    unit: str
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """An effect at a place, fitted on the identification trials.
-
-    Attributes:
-        effect: name of the effect, a word of ``excite.logs.vocabulary.EFFECTS``.
-        location: joint, link, sensor (``SENSOR.AXIS``, ``SENSOR.AXIS->AXIS``), ``base``, ``torque`` or ``wrench``.
-        parameters: fitted parameters by name.
-        evidence: log-likelihood ratio against the model without it, per effective sample summed, less the
-            price of its parameters and of the candidates tried [nats].
-        gap_after: root mean square over channels of the normalised gap on the validation trials.
-        share_closed: ``1 − (after² − floor²)/(before² − floor²)``.
-        tied_locations: places that the data cannot tell from ``location``, itself among them.
-        probability: probability that this is the effect and the place; what the candidates' probabilities lack to 1
-            is something that none of them is. None unless computed.
-        interval: 90 % interval of ``share_closed``; None unless computed.
-    """
-
-    effect: str
-    location: str | None
-    parameters: dict[str, Estimate]
-    evidence: float
-    gap_after: float
-    share_closed: float
-    tied_locations: tuple[str, ...] = ()
-    probability: float | None = None
-    interval: tuple[float, float] | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """The candidate as it stands in the document."""
-        return {
-            "effect": self.effect,
-            "location": self.location,
-            "parameters": {
-                name: {"value": item.value, "std": item.std, "unit": item.unit}
-                for name, item in self.parameters.items()
-            },
-            "evidence": self.evidence,
-            "gap_after": self.gap_after,
-            "share_closed": self.share_closed,
-            "tied_locations": list(self.tied_locations),
-            "probability": self.probability,
-            "share_closed_90": None if self.interval is None else list(self.interval),
-        }
-
-
-@dataclass(frozen=True)
-class ChannelGap:
-    """Gap of one channel: RMS over the validation trials of measured minus predicted [the channel's unit].
-
-    Attributes:
-        before: with the baseline alone.
-        after: with the accepted effects.
-        noise_floor: what no model can go below.
-        unit: of the three.
-    """
-
-    before: float
-    after: float
-    noise_floor: float
-    unit: str = "N·m"
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The gap over all channels: root mean square over them, each divided by its standard deviation.
-
-    Attributes:
-        before: with the baseline alone.
-        after: with the accepted effects.
-        noise_floor: what no model can go below.
-        share_closed: ``1 − (after² − floor²)/(before² − floor²)``; 0 where there was nothing to close.
-        per_channel: by channel, in its own unit.
-        interval: 90 % interval of ``share_closed``, None where it was not computed.
-    """
-
-    before: float
-    after: float
-    noise_floor: float
-    share_closed: float
-    per_channel: dict[str, ChannelGap]
-    interval: tuple[float, float] | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """The gap as it stands in the document."""
-        return {
-            "before": self.before,
-            "after": self.after,
-            "noise_floor": self.noise_floor,
-            "share_closed": self.share_closed,
-            "share_closed_90": None if self.interval is None else list(self.interval),
-            "per_channel": {
-                name: {
-                    "before": item.before,
-                    "after": item.after,
-                    "noise_floor": item.noise_floor,
-                    "unit": item.unit,
-                }
-                for name, item in self.per_channel.items()
-            },
-        }
-
-
-@dataclass(frozen=True)
-class Where:
-    """One line of the map of where the gap lies.
-
-    Attributes:
-        channel: joint, or wrench component.
-        share: its share of the gap's power above the noise floor, over all channels, 0…1.
-        depends_on: what its residual follows most: velocity, position, load, acceleration, time, … or none.
-        band_hz: frequencies that hold the middle 80 % of its residual's power [Hz].
-        dependence: share of the residual's power that each thing explains, by name, 0…1.
-    """
-
-    channel: str
-    share: float
-    depends_on: str
-    band_hz: tuple[float, float]
-    dependence: dict[str, float] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        """The line as it stands in the document."""
-        return {
-            "channel": self.channel,
-            "share": self.share,
-            "depends_on": self.depends_on,
-            "band_hz": list(self.band_hz),
-            "dependence": dict(self.dependence),
-        }
 
 
 @dataclass(frozen=True)
@@ -315,9 +171,9 @@ class Diagnosis:
                 f"in the library explains ({gap})."
             )
         if self.verdict == "ambiguous":
-            either = " or ".join(_named(item) for item in self.ambiguous_with)
+            either = " or ".join(sized(item) for item in self.ambiguous_with)
             return f"{self.robot}: the gap is {either}; this record cannot say which; {closes}."
-        named = " and ".join(_named(item) for item in self.effects) or _words(self.effect, self.location)
+        named = " and ".join(sized(item) for item in self.effects) or in_words(self.effect, self.location)
         return f"{self.robot}: the gap is {named}; {closes}."
 
     def summary(self) -> str:
@@ -348,33 +204,12 @@ class Diagnosis:
     def _candidate_lines(self) -> list[str]:
         lines = [f"{'effect':24} {'place':24} {'evidence':>9} {'closed':>7}  parameters"]
         for item in self.candidates[:6]:
-            values = ", ".join(f"{name} {_measured(e)}" for name, e in item.parameters.items())
+            values = ", ".join(f"{name} {measured(e)}" for name, e in item.parameters.items())
             lines.append(
                 f"{item.effect:24} {item.location or '':24} {item.evidence:9.1f} "
                 f"{100 * item.share_closed:6.0f}%  {values}"
             )
         return lines if self.candidates else []
-
-
-def share_closed(before: float, after: float, floor: float) -> float:
-    """``1 − (after² − floor²)/(before² − floor²)``, 0 where nothing stands above the floor."""
-    open_power = before**2 - floor**2
-    return 0.0 if open_power <= 0.0 else 1.0 - (after**2 - floor**2) / open_power
-
-
-def _measured(item: Estimate) -> str:
-    spread = "" if item.std is None else f" ± {item.std:.1g}"
-    return f"{item.value:.4g}{spread} {item.unit}".strip()
-
-
-def _named(item: Candidate) -> str:
-    values = ", ".join(_measured(e) for e in list(item.parameters.values())[:1])
-    return _words(item.effect, item.location) + (f" ({values})" if values else "")
-
-
-def _words(effect: str | None, location: str | None) -> str:
-    name = (effect or "unknown").replace("_", " ")
-    return name if location is None else f"{name} at {location}"
 
 
 def _finite(value: Any) -> Any:

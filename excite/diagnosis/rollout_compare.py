@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.atomic import write_text
 from excite.diagnosis.accepted_values import drift_growth, found_effects
-from excite.diagnosis.attribute import Attribution
+from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.augmented import AugmentedModel, augmented_model, baseline_model
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.baseline import Baseline

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.diagnosis.result import ChannelGap, Gap, share_closed
+from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.samples import ArmSamples
 from excite.robot.robot import Array
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.diagnosis.attribute import Attribution, Scored
+from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.evidence import effective_counts
 from excite.diagnosis.result import Verdict

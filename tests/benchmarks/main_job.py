@@ -73,7 +73,9 @@ def _identification(folder: Path) -> list[Row]:
     named = {item["link"] for item in found["changed_segments"]}
     added = {item["link"] for item in truth["added"]}
     return [
-        Row.at_most("G1 +5 kg: cross-validation RMSE, worst axis, identified / nominal", max(ratios.values()), 1.0),
+        Row.at_most(
+            "G1 +5 kg: cross-validation RMSE, worst axis, identified / nominal", max(ratios.values()), 1.0
+        ),
         Row.at_most("G1 +5 kg: error of the total mass", 100.0 * error, 0.5, "%"),
         Row.holds(
             "G1 +5 kg: segments named as changed",

@@ -24,12 +24,16 @@ class Row:
     @classmethod
     def at_most(cls, what: str, value: float, limit: float, unit: str = "", digits: int = 3) -> Row:
         """A figure that must not exceed ``limit``."""
-        return cls(what, f"≤ {limit:g} {unit}".strip(), f"{value:.{digits}g} {unit}".strip(), bool(value <= limit))
+        return cls(
+            what, f"≤ {limit:g} {unit}".strip(), f"{value:.{digits}g} {unit}".strip(), bool(value <= limit)
+        )
 
     @classmethod
     def at_least(cls, what: str, value: float, limit: float, unit: str = "", digits: int = 3) -> Row:
         """A figure that must reach ``limit``."""
-        return cls(what, f"≥ {limit:g} {unit}".strip(), f"{value:.{digits}g} {unit}".strip(), bool(value >= limit))
+        return cls(
+            what, f"≥ {limit:g} {unit}".strip(), f"{value:.{digits}g} {unit}".strip(), bool(value >= limit)
+        )
 
     @classmethod
     def holds(cls, what: str, bar: str, reached: str, met: bool) -> Row:

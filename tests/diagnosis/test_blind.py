@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from excite.diagnosis.attribute import Scored
+from excite.diagnosis.attribution import Scored
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.verdict import probabilities
 from excite.errors import InputError

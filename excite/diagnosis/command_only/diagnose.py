@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.atomic import write_text
 from excite.diagnosis.arm import diagnose_torques
-from excite.diagnosis.attribute import Attribution
+from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.command_only.confirmation import confirmed, position_gap, with_twin
 from excite.diagnosis.command_only.cycle import cycle_time, later

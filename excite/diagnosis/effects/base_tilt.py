@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
-from excite.diagnosis.result import Estimate
 
 _G = 9.81
 

@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from excite.diagnosis.baseline import Baseline, sign_of_motion
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.equations import Fit
-from excite.diagnosis.result import Estimate
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
-from excite.diagnosis.result import Estimate
 
 _WIDEST = 0.3
 _SMALL = 2e-3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.floating.attribution import Attribution, Ranked, attribute
 from excite.diagnosis.floating.gap import gap_of
 from excite.diagnosis.floating.held_out import refit
@@ -11,7 +12,8 @@ from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.refinement import Fitted
 from excite.diagnosis.floating.where import free_force_links, locate
-from excite.diagnosis.result import Candidate, Diagnosis, Gap, NextExperiment
+from excite.diagnosis.gap import Gap
+from excite.diagnosis.result import Diagnosis, NextExperiment
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 

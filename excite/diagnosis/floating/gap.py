@@ -9,7 +9,7 @@ from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.spectrum import BAND_HZ
-from excite.diagnosis.result import ChannelGap, Gap, share_closed
+from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.logs.files import WRENCH_AXES
 from excite.robot.robot import Array
 

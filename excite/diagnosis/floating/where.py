@@ -10,7 +10,7 @@ from excite.diagnosis.floating.gap import in_band, noise_floor
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.state import State
-from excite.diagnosis.result import Where
+from excite.diagnosis.gap import Where
 from excite.logs.files import WRENCH_AXES
 from excite.robot.robot import Array
 

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import pinocchio as pin
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
-from excite.diagnosis.result import Estimate
 from excite.robot.robot import Array
 
 

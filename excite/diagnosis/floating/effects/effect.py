@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.state import State
-from excite.diagnosis.result import Estimate
 from excite.robot.robot import Array
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
-from excite.diagnosis.result import Estimate
 from excite.logs.files import WRENCH_AXES
 from excite.robot.robot import Array
 

@@ -1,0 +1,85 @@
+"""An effect at a place, with its fitted parameters and how well it explains the gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted parameter of an effect.
+
+    Attributes:
+        value: in ``unit``.
+        std: standard deviation in ``unit``, None where it was not computed.
+        unit: SI unit.
+    """
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at a place, fitted on the identification trials.
+
+    Attributes:
+        effect: name of the effect, a word of ``excite.logs.vocabulary.EFFECTS``.
+        location: joint, link, sensor (``SENSOR.AXIS``, ``SENSOR.AXIS->AXIS``), ``base``, ``torque`` or ``wrench``.
+        parameters: fitted parameters by name.
+        evidence: log-likelihood ratio against the model without it, per effective sample summed, less the
+            price of its parameters and of the candidates tried [nats].
+        gap_after: root mean square over channels of the normalised gap on the validation trials.
+        share_closed: ``1 − (after² − floor²)/(before² − floor²)``.
+        tied_locations: places that the data cannot tell from ``location``, itself among them.
+        probability: probability that this is the effect and the place; what the candidates' probabilities lack to 1
+            is something that none of them is. None unless computed.
+        interval: 90 % interval of ``share_closed``; None unless computed.
+    """
+
+    effect: str
+    location: str | None
+    parameters: dict[str, Estimate]
+    evidence: float
+    gap_after: float
+    share_closed: float
+    tied_locations: tuple[str, ...] = ()
+    probability: float | None = None
+    interval: tuple[float, float] | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The candidate as it stands in the document."""
+        return {
+            "effect": self.effect,
+            "location": self.location,
+            "parameters": {
+                name: {"value": item.value, "std": item.std, "unit": item.unit}
+                for name, item in self.parameters.items()
+            },
+            "evidence": self.evidence,
+            "gap_after": self.gap_after,
+            "share_closed": self.share_closed,
+            "tied_locations": list(self.tied_locations),
+            "probability": self.probability,
+            "share_closed_90": None if self.interval is None else list(self.interval),
+        }
+
+
+def measured(item: Estimate) -> str:
+    """Value and deviation as they are written in a sentence."""
+    spread = "" if item.std is None else f" ± {item.std:.1g}"
+    return f"{item.value:.4g}{spread} {item.unit}".strip()
+
+
+def sized(item: Candidate) -> str:
+    """Effect, place and its first parameter as they are written in a sentence."""
+    values = ", ".join(measured(e) for e in list(item.parameters.values())[:1])
+    return in_words(item.effect, item.location) + (f" ({values})" if values else "")
+
+
+def in_words(effect: str | None, location: str | None) -> str:
+    """Effect and place as they are written in a sentence."""
+    name = (effect or "unknown").replace("_", " ")
+    return name if location is None else f"{name} at {location}"

@@ -1,0 +1,114 @@
+"""A hypothesis made finer: its width, its non-linear parameters, its richer forms, and the baseline with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.diagnosis.baseline import WIDTHS, Baseline, own_names
+from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.equations import Solver
+from excite.diagnosis.hypotheses import Hypothesis, Search
+from excite.robot.robot import Array
+
+# A richer form of an effect has to lower the loss by so much.
+_RICHER = 0.01
+
+
+def price(item: Hypothesis) -> float:
+    """Loss with the price of parameters, per effective sample (Schwarz 1978), samples white in the band."""
+    samples = item.baseline.samples
+    count = 2.0 * samples.bands.rows_hz / samples.bands.rate_hz * samples.identification.sum()
+    return item.loss + 0.5 * item.n_parameters * float(np.log(count)) / float(count)
+
+
+def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
+    """Local search; for friction the width of the joint's sign change is searched along with it."""
+    best = search.refine(start)
+    base = search.context.baseline
+    if not best.effect.friction or "coulomb_friction" not in base.modelled:
+        return best
+    names, j = own_names(base.modelled), search.context.row(best.location)
+    if base.breakaways[j] > 0.0:
+        return best
+    place = WIDTHS.index(base.widths[j])
+    for step in (1, -1):
+        k = place + step
+        while 0 <= k < len(WIDTHS):
+            own = base.own_rows(names, j, WIDTHS[k])
+            widths = base.widths.copy()
+            widths[j] = WIDTHS[k]
+            moved = replace(base, widths=widths, solver=search.solver.with_own(j, own))
+            item = Search(replace(search.context, baseline=moved), moved.solver).refine(
+                best, evaluations=6, step=0.15
+            )
+            if item.loss >= best.loss - 1e-3:
+                break
+            best, k = item, k + step
+    return best
+
+
+def polished(item: Hypothesis) -> Hypothesis:
+    """The same effect with finer non-linear parameters, richer forms, and predictions at its own fit."""
+    item = _finer(item)
+    for form in item.effect.richer:
+        search = Search(Context(item.baseline), item.baseline.solver)
+        begun = [search.try_at(form, item.location, theta) for theta in form.starts(item.theta)]
+        found = [start for start in begun if start is not None]
+        if not found:
+            continue
+        new = search.refine(min(found, key=lambda start: start.loss), evaluations=14)
+        if price(new) < price(item) - _RICHER:
+            item = _finer(new)
+    return item
+
+
+def _finer(item: Hypothesis) -> Hypothesis:
+    original = item.baseline
+    for step in (0.15, 0.1, 0.05):
+        moved = replace(original.updated(item.fit), solver=original.solver)
+        new = Search(Context(moved), original.solver).refine(item, evaluations=12, step=step)
+        if new.loss > item.loss - 1e-3:
+            return item if new.loss > item.loss else new
+        item = new
+    return item
+
+
+def extended(item: Hypothesis) -> Baseline:
+    """The baseline with an effect in it: its columns shared ones with hardly any prior, its offset taken off."""
+    baseline, fit = item.baseline, item.fit
+    e = baseline.solver.equations
+    y, shared, basis = e.y, e.shared, baseline.basis
+    if item.columns.offset is not None:
+        y = y - item.columns.offset
+    if item.columns.extra is not None:
+        scale = 10.0 * np.maximum(np.abs(fit.extra), 10.0 * np.maximum(fit.extra_std, 1e-12))
+        shared = np.concatenate([shared, item.columns.extra * scale], axis=2)
+        basis = np.hstack([basis, np.zeros((len(basis), len(scale)))])
+    solver = Solver(replace(e, y=y, shared=shared))
+    torque = torque_of(item)
+    added, drive = baseline.added, baseline.added_drive
+    added, drive = (added + torque, drive) if item.effect.moves else (added, drive + torque)
+    old = np.concatenate([baseline.fit.shared, np.zeros(basis.shape[1] - len(baseline.fit.shared))])
+    fixed = replace(
+        baseline,
+        solver=solver,
+        basis=basis,
+        fit=replace(baseline.fit, shared=old),
+        rigid=baseline.rigid + added - baseline.added,
+        added=added,
+        added_drive=drive,
+    )
+    return fixed.updated(solver.fit())
+
+
+def torque_of(item: Hypothesis) -> Array:
+    """What a fitted effect adds to the torques at full rate, ``(n_samples, n_joints)`` [N·m]."""
+    shape = item.effect.shape(Context(item.baseline), item.location, item.theta)
+    torque = np.zeros_like(item.baseline.rigid)
+    for j, columns in shape.columns.items():
+        torque[:, j] += columns @ item.fit.extra
+    for j, values in shape.offset.items():
+        torque[:, j] += values
+    return torque
