@@ -79,10 +79,12 @@ def _explained(columns: Array, residual: Array) -> float:
 def _band(context: Context, residual: Array) -> tuple[float, float]:
     """Frequencies between a tenth and nine tenths of the residual's power [Hz]."""
     samples = context.baseline.samples
+    parts = [residual[samples.trial_of_row == k] for k in range(len(samples.trials))]
+    # One grid of frequencies for all trials, which the shortest can fill.
+    length = min(256, *(len(part) for part in parts))
     spectra = []
-    for k in range(len(samples.trials)):
-        part = residual[samples.trial_of_row == k]
-        f, p = welch(part, samples.bands.rate_hz, nperseg=min(256, len(part)), detrend=False)
+    for part in parts:
+        f, p = welch(part, samples.bands.rate_hz, nperseg=length, detrend=False)
         spectra.append(p)
     growth = np.cumsum(np.mean(spectra, axis=0))
     growth /= max(float(growth[-1]), 1e-300)

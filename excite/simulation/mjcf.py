@@ -151,7 +151,8 @@ def _axis(model: pin.Model, joint: int) -> tuple[Array, bool]:
         )
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
-    column = pin.getJointJacobian(model, data, joint, pin.LOCAL)[:, model.idx_vs[joint]]
+    # A robot with a single joint gets a vector for its one column.
+    column = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, -1)[:, model.idx_vs[joint]]
     prismatic = bool(np.linalg.norm(column[:3]) > np.linalg.norm(column[3:]))
     return (column[:3] if prismatic else column[3:]), prismatic
 

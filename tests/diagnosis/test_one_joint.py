@@ -1,0 +1,69 @@
+"""An axis alone: a sliding joint, a long trial to fit on and a short one to judge by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.diagnose import diagnose
+from excite.logs.files import save_log
+from excite.logs.log import Log, LogHeader, Trial
+
+URDF = """<robot name="axis">
+  <link name="frame"/>
+  <link name="carriage">
+    <inertial><mass value="100"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="slide" type="prismatic">
+    <parent link="frame"/><child link="carriage"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="500" velocity="2"/>
+  </joint>
+</robot>
+"""
+RATE_HZ = 500
+MASS, VISCOUS, COULOMB, OFFSET, NOISE = 95.0, 200.0, 20.0, -3.2, 1.0
+
+
+def pushed(name: str, role: str, seconds: float, phase: float, rng: np.random.Generator) -> Trial:
+    """A trial whose force is that of mass, friction and a constant push, with white noise."""
+    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    sizes, turns = (0.1, 0.04, 0.01), (0.4, 1.1, 2.7)
+    waves = [(a, 2.0 * np.pi * f, phase * (k + 1)) for k, (a, f) in enumerate(zip(sizes, turns, strict=True))]
+    q = sum(a * np.sin(w * t + p) for a, w, p in waves)
+    v = sum(a * w * np.cos(w * t + p) for a, w, p in waves)
+    acceleration = sum(-a * w**2 * np.sin(w * t + p) for a, w, p in waves)
+    force = (
+        MASS * acceleration + VISCOUS * v + COULOMB * np.sign(v) + OFFSET + NOISE * rng.normal(size=len(t))
+    )
+    return Trial(name=name, role=role, time=t, q=q[:, None], tau=force[:, None])
+
+
+def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_path: Path) -> None:
+    """On one axis a constant push, and friction that differs by direction, are the same force."""
+    header = LogHeader.model_validate(
+        {
+            "schema": "excite.log/1",
+            "robot": "axis.urdf",
+            "base": "fixed",
+            "rate_hz": RATE_HZ,
+            "joints": ["slide"],
+            "torque": "motor_side",
+            "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"],
+            "trials": [
+                {"file": "long.parquet", "role": "identification"},
+                {"file": "short.parquet", "role": "validation"},
+            ],
+        }
+    )
+    rng = np.random.default_rng(5)
+    trials = (pushed("long", "identification", 20.0, 0.3, rng), pushed("short", "validation", 4.0, 1.1, rng))
+    result = diagnose(save_log(Log(header, trials, robot_text=URDF), tmp_path / "axis"))
+    assert result.verdict == "ambiguous"
+    assert {"torque_bias", "coulomb_asymmetry"} <= {item.effect for item in result.ambiguous_with}
+    assert result.location == "slide"
+    assert result.effects[0].parameters["bias"].value == pytest.approx(OFFSET, rel=0.05)
+    assert result.gap.share_closed > 0.95
+    assert result.simulation is not None
+    assert result.simulation.after["slide"] < 0.5 * result.simulation.before["slide"]
