@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from excite.report.page import report
 from excite.robot.loading import load_robot
 
 ROBOT = "g1"
-_SETTINGS = {"n_candidates": 116, "target_rsd": 15.0, "max_iterations": 2}
+_SETTINGS = CampaignSettings(n_candidates=116, target_rsd=15.0, max_iterations=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def demo(folder: Path, *, seed: int = 0, jobs: int = 1, progress: Progress = sil
     if (folder / "journal.json").exists():
         raise InputError("holds a campaign already", source=folder, remedy="give another --out or remove it")
     robot = load_robot(ROBOT)
-    result = campaign(robot, folder, CampaignSettings(seed=seed, **_SETTINGS), jobs=jobs, progress=progress)
+    result = campaign(robot, folder, replace(_SETTINGS, seed=seed), jobs=jobs, progress=progress)
     journal = Journal(folder)
     planned = [journal.planned(number, robot) for number in range(1, len(result.iterations) + 1)]
     motions = [motion for item in planned if item is not None for motion in (*item.chosen, *item.validation)]

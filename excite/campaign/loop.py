@@ -28,7 +28,7 @@ from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.json_document import write_json
 from excite.logs.joined import join_logs
-from excite.logs.log import Log
+from excite.logs.log import Log, Role
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
@@ -127,7 +127,7 @@ class _State:
         found = self.journal.logged(number, self.robot)
         if found is not None or self.settings.on_robot:
             return found
-        roles = {motion.name: "identification" for motion in planned.chosen}
+        roles: dict[str, Role] = {motion.name: "identification" for motion in planned.chosen}
         roles |= {motion.name: "validation" for motion in planned.validation}
         experiment = simulate(
             self.robot,

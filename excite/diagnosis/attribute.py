@@ -81,7 +81,9 @@ class Attributor:
         use = samples.identification
         tau = samples.rows([t.tau for t in samples.trials])
         scale = np.maximum(tau[use].std(axis=0), 1e-9)
-        current, stages, accepted = self.baseline, [], []
+        current = self.baseline
+        stages: list[Stage] = []
+        accepted: list[Scored] = []
         before = current.fit
         while len(accepted) < self.gates.most:
             context = Context(current)

@@ -122,7 +122,7 @@ class Baseline:
 
 def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
     """Terms of each joint's own that ``modelled`` asks for, in order."""
-    names = [n for n in ("viscous_friction", "coulomb_friction", "armature") if n in modelled]
+    names: list[str] = [n for n in ("viscous_friction", "coulomb_friction", "armature") if n in modelled]
     if "torque_bias" in modelled or "coulomb_asymmetry" in modelled:
         names.append("torque_bias")
     return tuple(names)

@@ -50,24 +50,6 @@ def examine(robot: Robot, log: Log) -> Chart:
     return Chart(mended, (*faults, *wrong), limits)
 
 
-def _take(trial: Trial, keep: NDArray[np.bool_], time: Array | None = None) -> Trial:
-    """A trial with some of its rows."""
-
-    def rows(values: Array | None) -> Array | None:
-        return None if values is None else values[keep]
-
-    return replace(
-        trial,
-        time=(trial.time if time is None else time)[keep],
-        q=trial.q[keep],
-        **{
-            name: rows(getattr(trial, name))
-            for name in ("tau", "current", "q_cmd", "tau_cmd", "v", "a", "base")
-        },
-        wrenches={name: values[keep] for name, values in trial.wrenches.items()},
-    )
-
-
 def _held_rows(trial: Trial) -> tuple[Trial, LogFault | None]:
     """Rows in which every measured channel repeats the row before: a logger that read the same packet twice."""
     measured = [v for v in (trial.q, trial.tau, trial.current) if v is not None]
@@ -83,7 +65,7 @@ def _held_rows(trial: Trial) -> tuple[Trial, LogFault | None]:
         cause="the logger read the same packet twice",
         repaired=True,
     )
-    return _take(trial, keep), fault
+    return trial.rows(keep), fault
 
 
 def _row_numbers(time: Array, step: float) -> NDArray[np.int64]:
@@ -109,7 +91,7 @@ def _stamps(trial: Trial, rate_hz: float) -> tuple[Trial, LogFault | None]:
     period = 1.0 / rate_hz if abs(median * rate_hz - 1.0) < 0.1 else median
     number = _row_numbers(trial.time, period)
     distinct = np.concatenate([[True], np.diff(number) > 0])
-    even = np.polyval(np.polyfit(number, trial.time, 1), number)
+    even = np.asarray(np.polyval(np.polyfit(number, trial.time, 1), number), dtype=float)
     moving = trial.q.std(axis=0) > 0.0
     q = trial.q[distinct][:, moving]
     honest, late = (_roughness(t[distinct], q) for t in (trial.time, even))
@@ -122,7 +104,7 @@ def _stamps(trial: Trial, rate_hz: float) -> tuple[Trial, LogFault | None]:
             "stamps were taken when packets arrived, not when they were measured",
             repaired=True,
         )
-        return _take(trial, distinct, even), fault
+        return replace(trial, time=even).rows(distinct), fault
     fault = LogFault(
         "jitter",
         trial.name,

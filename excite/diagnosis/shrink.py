@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.samples import ArmSamples
@@ -40,8 +41,9 @@ def gap_of(
     floor = np.minimum(floor, np.sqrt(np.minimum(new.mean(axis=0), old.mean(axis=0))))
     total_floor = float(np.sqrt(np.mean(floor**2 / scale**2)))
 
-    def totals(pick: Array) -> tuple[float, float]:
-        return tuple(float(np.sqrt(np.mean(x[pick].mean(axis=0) / scale**2))) for x in (old, new))  # type: ignore[return-value]
+    def totals(pick: NDArray[np.intp]) -> tuple[float, float]:
+        b, a = (float(np.sqrt(np.mean(x[pick].mean(axis=0) / scale**2))) for x in (old, new))
+        return b, a
 
     first, last = totals(np.arange(len(blocks)))
     draws = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +17,10 @@ from excite.human.segments import JOINT_NAMES
 from excite.human.trial_poses import TrialPoses
 from excite.human.urdf import URDF_FILE, urdf_text
 from excite.identification.settings import ProblemSettings
-from excite.logs.log import Log, LogHeader, SensorHeader, Trial, TrialHeader
+from excite.logs.log import Log, LogHeader, Role, SensorHeader, Trial, TrialHeader
 from excite.logs.signals.butterworth import settling_samples
 
 _GRAVITY = (0.0, 0.0, -9.81)
-Role = Literal["identification", "validation"]
 
 
 @dataclass(frozen=True, eq=False)

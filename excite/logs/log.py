@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from excite.robot.robot import Array
 
+Role = Literal["identification", "validation"]
 Vector3 = tuple[float, float, float]
 
 
@@ -36,7 +39,7 @@ class TrialHeader(_Block):
     """One trial: its file, relative to ``log.yaml``, and what it is for."""
 
     file: str
-    role: Literal["identification", "validation"]
+    role: Role
     session: str | None = None
     start_s: float | None = None
     repeats: str | None = None
@@ -161,6 +164,26 @@ class Trial:
     def n_samples(self) -> int:
         """Number of samples."""
         return len(self.time)
+
+    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Trial:
+        """The trial with some of its rows, by mask or in the order of their indices."""
+
+        def taken(values: Array | None) -> Array | None:
+            return None if values is None else values[which]
+
+        return replace(
+            self,
+            time=self.time[which],
+            q=self.q[which],
+            tau=taken(self.tau),
+            current=taken(self.current),
+            q_cmd=taken(self.q_cmd),
+            tau_cmd=taken(self.tau_cmd),
+            v=taken(self.v),
+            a=taken(self.a),
+            base=taken(self.base),
+            wrenches={name: values[which] for name, values in self.wrenches.items()},
+        )
 
 
 @dataclass(frozen=True, eq=False)

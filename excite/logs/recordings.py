@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import yaml
@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from excite.errors import LogError
 from excite.logs.files import read_columns
 from excite.logs.header import check_header
-from excite.logs.log import Log, LogHeader
+from excite.logs.log import Log, LogHeader, Role
 from excite.logs.readers.registry import reader_for
 from excite.robot.robot import Array
 
@@ -34,7 +34,7 @@ class RecordingTrial(_Block):
     """
 
     file: str
-    role: Literal["identification", "validation"]
+    role: Role
     name: str | None = None
     part: tuple[Fraction, Fraction] = (0.0, 1.0)
     session: str | None = None

@@ -71,7 +71,7 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
     }
     with atomic_path(path) as temporary:
         if path.suffix == ".npz":
-            np.savez_compressed(temporary, __metadata__=json.dumps(metadata), **columns)
+            np.savez_compressed(temporary, allow_pickle=False, __metadata__=json.dumps(metadata), **columns)
         elif path.suffix == ".csv":
             with temporary.open("wb") as stream:
                 stream.write((_CSV_COMMENT + json.dumps(metadata) + "\n").encode())

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from joblib import Parallel, delayed
 
 from excite.errors import InputError
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.log import Log, Role, Trial, TrialHeader
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
 from excite.simulation.replay import Replay, watched_run
 from excite.simulation.sensing import log_header, sense
 from excite.simulation.virtual_robot import VirtualRobot
-
-Role = Literal["identification", "validation"]
 
 # Pause between two trials of a session [s]: the robot returns and settles.
 _PAUSE_S = 5.0

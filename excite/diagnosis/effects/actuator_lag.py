@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
@@ -15,7 +17,7 @@ class ActuatorLag(Effect):
     """The log holds the command u, the joints get τ with ``T τ̇ + τ = u``: ``u = τ + T τ̇``, linear in T."""
 
     name = "actuator_lag"
-    linear = (Parameter("time_constant", "s", 0.0, 0.5),)
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.5),)
     confusable_with = ("time_delay", "viscous_friction")
     separating_motion = "a chirp to 5 … 15 Hz"
     mujoco = "actuator dyntype filter, dynprm"

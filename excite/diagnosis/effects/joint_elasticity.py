@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from excite.diagnosis.effects.deflection import link_inertia, response
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 
@@ -10,7 +12,10 @@ class JointElasticity(Effect):
     """The link's angle is the logged motor's angle plus a deflection, ``k δ = −τ`` (Spong 1987)."""
 
     name = "joint_elasticity"
-    searched = (Parameter("stiffness", "N·m/rad", 5.0, 1e5), Parameter("damping_ratio", "1", 0.01, 2.0))
+    searched: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("stiffness", "N·m/rad", 5.0, 1e5),
+        Parameter("damping_ratio", "1", 0.01, 2.0),
+    )
     confusable_with = ("armature", "backlash", "time_delay")
     separating_motion = "a chirp of that joint around the resonance"
     mujoco = "a second joint with stiffness and damping behind the motor's"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
@@ -16,7 +18,10 @@ class JointSpring(Effect):
     """``τ = k q + τ_0``: stiffness and the torque at zero position."""
 
     name = "joint_spring"
-    linear = (Parameter("stiffness", "N·m/rad"), Parameter("torque_at_zero", "N·m"))
+    linear: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("stiffness", "N·m/rad"),
+        Parameter("torque_at_zero", "N·m"),
+    )
     confusable_with = ("torque_bias", "encoder_offset", "base_tilt")
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
     mujoco = "joint stiffness and springref"
@@ -41,7 +46,11 @@ class JointSpring(Effect):
 class HardeningSpring(JointSpring):
     """``τ = k q + τ_0 + k₂ q² + k₃ q³``: a spring that grows stiffer with its stretch."""
 
-    linear = (*JointSpring.linear, Parameter("quadratic", "N·m/rad²"), Parameter("cubic", "N·m/rad³"))
+    linear: ClassVar[tuple[Parameter, ...]] = (
+        *JointSpring.linear,
+        Parameter("quadratic", "N·m/rad²"),
+        Parameter("cubic", "N·m/rad³"),
+    )
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -60,7 +69,7 @@ class RubbingSpring(HardeningSpring):
     """The same with a dry rubbing that builds up over a deflection."""
 
     linear = (*HardeningSpring.linear, Parameter("rubbing", "N·m"))
-    searched = (Parameter("breakaway", "rad", 1e-3, 0.3),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("breakaway", "rad", 1e-3, 0.3),)
 
     def starts(self, theta: Theta) -> list[Theta]:
         return [(0.02,), (0.08,)]

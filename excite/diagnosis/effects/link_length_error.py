@@ -28,7 +28,7 @@ class LinkLengthError(Effect):
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples
-        motion = [samples.stacked(name) for name in ("q", "v", "a")]
+        q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
         joint = samples.robot.model.getJointId(location)
         columns = []
         for axis in range(3):
@@ -38,7 +38,7 @@ class LinkLengthError(Effect):
                 placement = model.jointPlacements[joint].copy()
                 placement.translation = placement.translation + sign * _STEP * np.eye(3)[axis]
                 model.jointPlacements[joint] = placement
-                both.append(context.torques(*motion, model))
+                both.append(context.torques(q, v, a, model))
             columns.append((both[0] - both[1]) / (2.0 * _STEP))
         stacked = np.stack(columns, axis=2)
         return Shape(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
@@ -16,8 +18,8 @@ class Stribeck(Effect):
     """``τ = f_s exp(−(|v|/v_s)²) sign(v)`` (Armstrong-Hélouvry et al. 1994, eq. 3; exponent 2)."""
 
     name = "stribeck"
-    linear = (Parameter("excess", "N·m", 0.0),)
-    searched = (Parameter("velocity", "rad/s", 5e-3, 0.5),)
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("excess", "N·m", 0.0),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("velocity", "rad/s", 5e-3, 0.5),)
     confusable_with = ("coulomb_friction", "load_dependent_friction", "backlash")
     separating_motion = "constant speeds from below the Stribeck velocity to well above it"
     mujoco = "none of its own: a control callback"

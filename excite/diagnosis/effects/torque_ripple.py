@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
@@ -15,8 +17,8 @@ class TorqueRipple(Effect):
     """``τ = A cos(N q) + B sin(N q)`` with N periods a revolution."""
 
     name = "torque_ripple"
-    linear = (Parameter("cosine", "N·m"), Parameter("sine", "N·m"))
-    searched = (Parameter("periods_per_rev", "1", 4.0, 200.0),)
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("cosine", "N·m"), Parameter("sine", "N·m"))
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("periods_per_rev", "1", 4.0, 200.0),)
     confusable_with = ("joint_spring",)
     separating_motion = "a slow sweep of the joint at constant speed"
     mujoco = "none of its own: a control callback"

@@ -166,8 +166,9 @@ def make_whitening(record: FloatingRecord, state: State) -> Whitening:
 
 def _taper_and_frequency(record: FloatingRecord, span: slice) -> tuple[Array, Array]:
     n = span.stop - span.start
-    taper = tukey(n, 0.1)
-    return taper / np.sqrt((taper**2).sum()), np.fft.rfftfreq(n, 1.0 / record.rate_hz)
+    taper: Array = tukey(n, 0.1)
+    frequency = np.asarray(np.fft.rfftfreq(n, 1.0 / record.rate_hz), dtype=float)
+    return taper / np.sqrt((taper**2).sum()), frequency
 
 
 def _noise_above_motion(record: FloatingRecord, values: Array, order: int = 2) -> tuple[Array, float]:

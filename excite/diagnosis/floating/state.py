@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -66,7 +67,7 @@ class State:
             placements={s.name: s.placement for s in record.robot.sensors},
         )
 
-    def but(self, **changes: object) -> State:
+    def but(self, **changes: Any) -> State:
         """A copy with fields replaced; what was computed and does not depend on them is kept."""
         other = replace(self, **changes)
         for name, depends in _DEPENDS.items():
@@ -94,9 +95,9 @@ class State:
     def at_base(self, force: Array, point: Array, moment: Array | float = 0.0) -> Array:
         """Wrench ``(n, 6)`` in the base frame of world ``force (n, 3)`` at ``point (n, 3)`` and ``moment``."""
         rotation = self.poses.rotation[:, 1]
-        moment = moment + np.cross(point - self.poses.translation[:, 1], force)
+        about_base = moment + np.cross(point - self.poses.translation[:, 1], force)
         return np.hstack(
-            [np.einsum("nji,nj->ni", rotation, force), np.einsum("nji,nj->ni", rotation, moment)]
+            [np.einsum("nji,nj->ni", rotation, force), np.einsum("nji,nj->ni", rotation, about_base)]
         )
 
     @cached_property

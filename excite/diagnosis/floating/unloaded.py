@@ -15,7 +15,7 @@ from excite.diagnosis.floating.prior import inertial_scales
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
 from excite.regressor.kernels import base_link_regressor
-from excite.robot.robot import Array
+from excite.robot.robot import Array, WrenchSensor
 
 _LIFT_M = 0.012
 _LARGEST_SHARE, _SHORTEST_S = 0.15, 0.6
@@ -104,7 +104,9 @@ def _std(readings: Array, n: int, rate_hz: float) -> Array:
     return np.hypot(spread / np.sqrt(max(1.0, 3.0 * n / rate_hz)), floor)
 
 
-def _foot_reading(record: FloatingRecord, state: State, sensor: object, mask: NDArray[np.bool_]) -> Array:
+def _foot_reading(
+    record: FloatingRecord, state: State, sensor: WrenchSensor, mask: NDArray[np.bool_]
+) -> Array:
     """``(6, 10·n_segments)`` mean reading per unit of the inertials beyond the sensor, sensor frame.
 
     The foot pulls at the sensor with minus the wrench that its own motion needs.

@@ -54,13 +54,13 @@ def support_of(soles: Sequence[Array], friction: float) -> Support:
     )
 
 
-def zmp_rows(w: Array, support: Support, margin: float) -> Array:
+def zmp_rows(w: Array, support: Support, margin: float | Array) -> Array:
     """Rows that keep the zero-moment point inside: ``n·(f_z p) + (c + margin) f_z ≤ 0``, ``f_z p = (−m_y, m_x)``.
 
     Args:
         w: wrenches about the world origin, ``(…, 6)``, relative to the weight.
         support: the support polygon.
-        margin: distance from its edge [m].
+        margin: distance from its edge [m], one or of a shape that goes with ``(…, n_edges)``.
 
     Returns:
         ``(…, n_edges)``, in units of 0.1 m of distance.

@@ -11,29 +11,19 @@ from excite.logs.log import Trial
 from excite.robot.robot import Array
 
 
-def _rows(trial: Trial, index: Array) -> Trial:
-    """Some rows of a trial, in the order given."""
-    take = {
-        name: None if getattr(trial, name) is None else getattr(trial, name)[index]
-        for name in ("q", "tau", "q_cmd", "base")
-    }
-    wrenches = {name: values[index] for name, values in trial.wrenches.items()}
-    return replace(trial, time=trial.time[index], wrenches=wrenches, **take)
-
-
 def repeated(trial: Trial, rng: np.random.Generator) -> Trial:
     """Two to four rows a trial hold what the row before them held; stamps go on."""
     index = np.arange(len(trial.time))
     again = rng.choice(index[1:], int(rng.integers(2, 5)), replace=False)
     index[again] = again - 1
-    return replace(_rows(trial, index), time=trial.time)
+    return replace(trial.rows(index), time=trial.time)
 
 
 def lost(trial: Trial, rng: np.random.Generator) -> Trial:
     """One row in fifty is missing."""
     keep = rng.random(len(trial.time)) > 0.02
     keep[[0, -1]] = True
-    return _rows(trial, np.flatnonzero(keep))
+    return trial.rows(keep)
 
 
 def late(trial: Trial, rng: np.random.Generator) -> Trial:
@@ -53,10 +43,16 @@ def jittered(trial: Trial, rng: np.random.Generator) -> Trial:
     order = np.argsort(time, kind="stable")
     time = time[order]
 
-    def at(values: Array | None) -> Array | None:
-        return None if values is None else np.asarray(CubicSpline(trial.time, values)(time))
+    def at(values: Array) -> Array:
+        return np.asarray(CubicSpline(trial.time, values)(time))
 
-    return replace(trial, time=time, q=at(trial.q), tau=at(trial.tau), q_cmd=at(trial.q_cmd))
+    return replace(
+        trial,
+        time=time,
+        q=at(trial.q),
+        tau=None if trial.tau is None else at(trial.tau),
+        q_cmd=None if trial.q_cmd is None else at(trial.q_cmd),
+    )
 
 
 def quantised(trial: Trial, rng: np.random.Generator) -> Trial:

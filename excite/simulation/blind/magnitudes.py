@@ -69,7 +69,7 @@ class Site:
         return HiddenEffect(self.effect, place or self.name, float(value), self.form, numbers)
 
     def under(self, law: Law, value: float, **details: float) -> Hidden:
-        return self.virtual.with_law(law), self.found(value, **details)
+        return self.virtual.with_law(law), self.found(value, None, **details)
 
 
 def _own_term(s: Site) -> Hidden:
