@@ -8,18 +8,20 @@ that whatever is as wrong with the one as with the other - skin, joints, filters
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from excite.errors import LogError
 from excite.human.segments import NAMES
-from excite.identification.base_rows import BaseRows
 from excite.identification.kinematics import trial_kinematics
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.identification.rows import filtered_rows
 from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
@@ -157,24 +159,28 @@ def _zeros(robot: Robot, log: Log, settings: ProblemSettings | None) -> Array:
     settings = settings or ProblemSettings()
     filters = settings.filters(floating=True, lowpass_hz=log.header.lowpass_hz)
     inside = robot_in_log(robot, log.header, log.folder)
-    builder = BaseRows(inside, log.header, settings, filters)
+    place = np.asarray(inside.sensors[0].placement.translation)
     blocks = []
     for trial in log.trials:
-        kinematics = trial_kinematics(inside, log.header, trial, settings, filters)
-        columns = []
-        for i in range(6):
-            wrenches = {name: np.zeros_like(values) for name, values in trial.wrenches.items()}
-            next(iter(wrenches.values()))[:, i] = _ZERO[i]
-            rows = builder.measurement(replace(trial, wrenches=wrenches), kinematics)
-            sample, channel = np.nonzero(rows.use)
-            columns.append(rows.values[sample, channel, 0])
-        blocks.append(np.column_stack(columns))
-    whole = np.zeros((sum(len(block) for block in blocks), 6 * len(blocks)))
-    row = 0
-    for place, block in enumerate(blocks):
-        whole[row : row + len(block), 6 * place : 6 * place + 6] = block
-        row += len(block)
-    return whole
+        k = trial_kinematics(inside, log.header, trial, settings, filters)
+        columns = _constant_wrench(k.q[:, :7], place) * _ZERO
+        use = np.repeat(k.valid[:, None], 6, axis=1)
+        rows = filtered_rows(columns.__getitem__, k, filters, use)
+        blocks.append(rows.values[rows.use])
+    return np.asarray(block_diag(*blocks))
+
+
+def _constant_wrench(base: Array, place: Array) -> Array:
+    """Each component of a wrench at a place in the world, about the base in its axes, ``(n, 6, 6)``."""
+    turn = Rotation.from_quat(base[:, 3:]).as_matrix().transpose(0, 2, 1)
+    x, y, z = (place - base[:, :3]).T
+    lever = np.zeros((len(base), 3, 3))
+    lever[:, 0, 1], lever[:, 0, 2], lever[:, 1, 2] = -z, y, -x
+    lever -= lever.transpose(0, 2, 1)
+    columns = np.zeros((len(base), 6, 6))
+    columns[:, :3, :3] = columns[:, 3:, 3:] = turn
+    columns[:, 3:, :3] = turn @ lever
+    return columns
 
 
 def _eliminated(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:

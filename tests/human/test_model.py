@@ -13,6 +13,7 @@ from excite.errors import InputError
 from excite.human.body import body_of
 from excite.human.joint_angles import base_pose, frame_turn, joint_angles, pose_of
 from excite.human.markers.inverse_kinematics import MarkerModel
+from excite.human.markers.tree_loops import marker_equations, solve_tree
 from excite.human.osim import osim_text
 from excite.human.segments import JOINT_NAMES, NAMES, SEGMENTS
 from excite.human.skeleton import place, point_jacobian
@@ -100,3 +101,24 @@ def test_opensim_file_names_every_coordinate_and_keeps_mass_and_markers():
 def test_absurd_subjects_are_refused(mass, height, sex, says):
     with pytest.raises(InputError, match=says):
         Subject(mass, height, sex)
+
+
+def test_the_step_along_the_tree_is_the_dense_one():
+    """Normal matrix and gradient from composite bodies, and their solution, against the Jacobian's."""
+    rng = np.random.default_rng(2)
+    base, angles = postures(1, seed=4)
+    placed = place(pose_of(base, angles), BODY.offsets)
+    segment = np.arange(45) % 15
+    points = placed.points(segment, 0.1 * rng.normal(size=(45, 3)))
+    target, weight = points + 0.01 * rng.normal(size=points.shape), rng.uniform(0.0, 2.0, 45)
+    jacobian = point_jacobian(placed, points, segment)[0]
+    dense = np.einsum("mij,m,mik->jk", jacobian, weight, jacobian) + 0.5 * np.eye(40)
+    right = np.einsum("mij,m,mi->j", jacobian, weight, (target - points)[0])
+    normal, step = np.zeros((40, 40)), np.empty(40)
+    world, origin = placed.rotation[0], placed.origin[0]
+    marker_equations(target[0], weight, segment, world, origin, points[0], normal, step)
+    assert step == pytest.approx(right, abs=1e-10)
+    normal[np.diag_indices(40)] += 0.5
+    assert np.tril(normal) == pytest.approx(np.tril(dense), abs=1e-9)
+    solve_tree(normal, step)
+    assert step == pytest.approx(np.linalg.solve(dense, right), abs=1e-9)

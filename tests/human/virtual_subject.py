@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from excite.human.body import Body, body_of
 from excite.human.inertials import BodyInertia
@@ -201,13 +202,10 @@ def ground_wrench(model: pin.Model, show: Performance) -> np.ndarray:
     v = np.vstack([v[:1], v, v[-1:]])
     a = np.gradient(v, axis=0) * rate
     data = model.createData()
-    wrench = np.empty((len(q), 6))
-    for i in range(len(q)):
-        tau = pin.rnea(model, data, q[i], v[i], a[i])
-        rotation = pin.Quaternion(q[i, 3:7]).toRotationMatrix()
-        force, moment = rotation @ tau[:3], rotation @ tau[3:6]
-        wrench[i] = np.concatenate([force, moment + np.cross(q[i, :3], force)])
-    return wrench
+    base = np.array([pin.rnea(model, data, *state)[:6] for state in zip(q, v, a, strict=True)])
+    rotation = Rotation.from_quat(q[:, 3:7]).as_matrix()
+    force, moment = (np.einsum("nij,nj->ni", rotation, part) for part in (base[:, :3], base[:, 3:]))
+    return np.hstack([force, moment + np.cross(q[:, :3], force)])
 
 
 def record(
