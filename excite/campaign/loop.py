@@ -120,7 +120,7 @@ class _State:
             progress=self.progress,
         )
         made.save(self.journal.iteration(number))
-        return PlannedMotions(made.motions, made.validation_motions, made.to_json())
+        return PlannedMotions(tuple(made.motions), tuple(made.validation_motions), made.to_json())
 
     def run(self, number: int, planned: PlannedMotions) -> Log | None:
         """The log of an iteration: recorded before, or simulated now; None if it is to be recorded."""

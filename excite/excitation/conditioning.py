@@ -11,17 +11,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.errors import InputError, MotionError
+from excite.excitation.sub_regressors import (
+    RANK_TOLERANCE,
+    SegmentCondition,
+    segment_columns,
+    segment_conditions,
+)
 from excite.motion.motion import Motion
-from excite.regressor.base_parameters import BaseParameters, base_parameters, structural_base_parameters
+from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
 from excite.regressor.factor import r_factor
 from excite.robot.robot import Array, Robot
 
-# Singular values below this share of the largest are rounding: the regressor lacks rank there.
-RANK_TOLERANCE = 1e-10
+# Factors that are stacked before they are made one.
+_STACKED = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,23 +48,6 @@ class MotionFactor:
     n_rows: int
     rate_hz: float
     row_std: Array | None = None
-
-
-@dataclass(frozen=True)
-class SegmentCondition:
-    """Condition number of a segment's sub-regressor.
-
-    Attributes:
-        segment: name of the segment.
-        condition: condition number, infinite where the motions lack rank.
-        smallest: smallest singular value, by which motions of equal condition number are told apart.
-        n_columns: number of the segment's structurally independent columns, ten at most.
-    """
-
-    segment: str
-    condition: float
-    smallest: float
-    n_columns: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,26 +136,28 @@ def motion_factor(
 def stack_factors(factors: Sequence[MotionFactor]) -> MotionFactor:
     """Factor of all rows of several factors: the QR of their stack.
 
+    Each factor is looked at once, so that a sequence which reads them from disk need not hold them all.
+
     Raises:
         InputError: no factor, or factors of different robots, rates or weights.
     """
     if not factors:
         raise InputError("no motion to judge", remedy="hand over at least one")
-    first = factors[0]
-    for other in factors[1:]:
-        same = other.columns.names == first.columns.names and other.rate_hz == first.rate_hz
-        if not same or not np.array_equal(_weights(other), _weights(first)):
-            raise InputError("factors of different robots, rates or weights", source=", ".join(other.motions))
-    if len(factors) == 1:
-        return first
-    return MotionFactor(
-        motions=tuple(name for factor in factors for name in factor.motions),
-        columns=first.columns,
-        matrix=r_factor(np.vstack([factor.matrix for factor in factors])),
-        n_rows=sum(factor.n_rows for factor in factors),
-        rate_hz=first.rate_hz,
-        row_std=first.row_std,
-    )
+    first, names, n_rows = factors[0], list[str](), 0
+    parts: list[Array] = []
+    for factor in factors:
+        same = factor.columns.names == first.columns.names and factor.rate_hz == first.rate_hz
+        if not same or not np.array_equal(_weights(factor), _weights(first)):
+            raise InputError(
+                "factors of different robots, rates or weights", source=", ".join(factor.motions)
+            )
+        names += factor.motions
+        n_rows += factor.n_rows
+        parts.append(factor.matrix)
+        if len(parts) > _STACKED:
+            parts = [r_factor(np.vstack(parts))]
+    matrix = parts[0] if len(parts) == 1 else r_factor(np.vstack(parts))
+    return MotionFactor(tuple(names), first.columns, matrix, n_rows, first.rate_hz, first.row_std)
 
 
 def conditioning(
@@ -197,7 +187,7 @@ def conditioning(
         log_det=float(2.0 * np.log(values).sum()) if complete else -np.inf,
         n_base_parameters=base.rank,
         rank=rank,
-        segments=segment_conditions(factor, segment_columns(robot, factor.columns, base)),
+        segments=segment_conditions(factor.matrix, segment_columns(robot, factor.columns, base)),
         factor=factor,
         base=base,
     )
@@ -215,38 +205,6 @@ def base_singular_values(factor: MotionFactor, base: BaseParameters) -> Array:
         )
     found = np.linalg.svd(factor.matrix[:, base.independent], compute_uv=False)
     return np.concatenate([found, np.zeros(base.rank - len(found))])
-
-
-def segment_columns(robot: Robot, columns: Columns, base: BaseParameters) -> dict[str, NDArray[np.int64]]:
-    """Structurally independent columns of each segment, by name, for segments that have any.
-
-    Raises:
-        InputError: the base parameters are of other columns.
-    """
-    if base.names != columns.names:
-        raise InputError("base parameters of other columns than the regressor's", source=robot.name)
-    found = {}
-    for index, segment in enumerate(robot.segments):
-        own = columns.of_segment(index)
-        if base.matrix[:, own].any():
-            # Y = Y_base · matrix with Y_base of full rank: the matrix's columns depend as the regressor's do.
-            within = base_parameters(base.matrix[:, own], [base.names[c] for c in own])
-            found[segment.name] = own[within.independent]
-    return found
-
-
-def segment_conditions(
-    factor: MotionFactor, columns: Mapping[str, NDArray[np.int64]]
-) -> tuple[SegmentCondition, ...]:
-    """Condition number of each segment's sub-regressor; ``columns`` are from :func:`segment_columns`."""
-    conditions = []
-    for name, used in columns.items():
-        # The factor is triangular: below the segment's last column there is nothing.
-        values = np.linalg.svd(r_factor(factor.matrix[: used[-1] + 1, used]), compute_uv=False)
-        full_rank = len(values) == len(used) and values[-1] > RANK_TOLERANCE * values[0]
-        condition = float(values[0] / values[-1]) if full_rank else np.inf
-        conditions.append(SegmentCondition(name, condition, float(values[-1]), len(used)))
-    return tuple(conditions)
 
 
 def _weights(factor: MotionFactor) -> Array:

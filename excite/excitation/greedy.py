@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from excite.errors import InputError
-from excite.excitation.conditioning import RANK_TOLERANCE, MotionFactor, stack_factors
+from excite.excitation.conditioning import MotionFactor, stack_factors
+from excite.excitation.sub_regressors import RANK_TOLERANCE
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.robot import Array
 from excite.threads import one_blas_thread

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.errors import InputError
-from excite.excitation.conditioning import RANK_TOLERANCE, MotionFactor
+from excite.excitation.conditioning import MotionFactor
+from excite.excitation.sub_regressors import RANK_TOLERANCE
 from excite.regressor.base_parameters import BaseParameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns
 from excite.regressor.kernels import forward_kinematics

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.errors import InputError, UnknownNameError
-from excite.excitation.conditioning import MotionFactor, segment_columns, segment_conditions
+from excite.excitation.conditioning import MotionFactor
+from excite.excitation.sub_regressors import SegmentCondition, segment_columns, segment_conditions
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Array, Robot
 
@@ -66,9 +67,24 @@ def rank(robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | N
     columns = segment_columns(robot, factors[0].columns, base)
     if any(factor.columns.names != base.names for factor in factors):
         raise InputError("factors of different robots", remedy="rank motions of one robot")
-    table = [segment_conditions(factor, columns) for factor in factors]
+    table = [segment_conditions(factor.matrix, columns) for factor in factors]
+    return ranking([" + ".join(factor.motions) for factor in factors], table)
+
+
+def ranking(motions: Sequence[str], table: Sequence[Sequence[SegmentCondition]]) -> Ranking:
+    """The ranking of motions whose segments were judged before.
+
+    Args:
+        motions: their names.
+        table: of each, its segments, in one order.
+
+    Raises:
+        InputError: no motion.
+    """
+    if not table:
+        raise InputError("no motion to rank", remedy="hand over at least one")
     return Ranking(
-        motions=tuple(" + ".join(factor.motions) for factor in factors),
+        motions=tuple(motions),
         segments=tuple(cell.segment for cell in table[0]),
         condition=np.array([[cell.condition for cell in row] for row in table]),
         smallest=np.array([[cell.smallest for cell in row] for row in table]),

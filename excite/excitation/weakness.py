@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.excitation.conditioning import (
-    RANK_TOLERANCE,
     Conditioning,
     MotionFactor,
     base_singular_values,
     stack_factors,
 )
+from excite.excitation.sub_regressors import RANK_TOLERANCE
 from excite.regressor.base_parameters import BaseParameters, combination
 from excite.robot.robot import Array
 

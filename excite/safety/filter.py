@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 from excite.errors import InputError
 from excite.motion.generators.candidate import Candidate
@@ -20,6 +21,9 @@ from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.registry import make_repairs
 from excite.safety.verdict import Verdict
 
+# What a caller makes of an accepted motion, in the process that made it; has to be picklable, and so has the answer.
+Keep = Callable[[Robot, Motion], Any]
+
 # Workers use one BLAS thread each: there are as many of them as cores.
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -31,10 +35,11 @@ class FilterOutcome:
     Attributes:
         candidate: its name.
         generator: its generator.
-        motion: the motion, None if rejected.
+        motion: the motion, None if rejected or handed to ``keep``.
         verdict: the independent verdict, None if no motion came out of the repairs.
         rejection: why it was rejected, None if accepted.
         seconds: processor time by stage [s]; stages are the repairs and ``check``.
+        kept: what ``keep`` made of an accepted motion.
     """
 
     candidate: str
@@ -43,6 +48,7 @@ class FilterOutcome:
     verdict: Verdict | None
     rejection: Rejection | None
     seconds: Mapping[str, float]
+    kept: Any = None
 
     @property
     def accepted(self) -> bool:
@@ -62,8 +68,13 @@ class FilterReport:
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        """The accepted motions."""
+        """The accepted motions, but for those handed to ``keep``."""
         return tuple(o.motion for o in self.outcomes if o.accepted and o.motion is not None)
+
+    @property
+    def kept(self) -> tuple[Any, ...]:
+        """What ``keep`` made of the accepted motions."""
+        return tuple(o.kept for o in self.outcomes if o.accepted and o.kept is not None)
 
     @property
     def rejections(self) -> tuple[Rejection, ...]:
@@ -153,7 +164,12 @@ def filter_candidate(robot: Robot, candidate: Candidate) -> FilterOutcome:
 
 
 def filter_candidates(
-    robot: Robot, candidates: Sequence[Candidate], *, jobs: int = 1, progress: Progress = silent
+    robot: Robot,
+    candidates: Sequence[Candidate],
+    *,
+    jobs: int = 1,
+    progress: Progress = silent,
+    keep: Keep | None = None,
 ) -> FilterReport:
     """Make candidates safe, in several processes.
 
@@ -162,6 +178,8 @@ def filter_candidates(
         candidates: the candidates.
         jobs: number of processes; -1 for one a core. The outcomes do not depend on it.
         progress: told after each candidate, stage ``filter``.
+        keep: called with the robot and each accepted motion where that was made; its answer stands in the outcome
+            in place of the motion, so that memory need not grow with the number of candidates.
 
     Returns:
         One outcome per candidate, in their order.
@@ -174,10 +192,10 @@ def filter_candidates(
         raise InputError(f"{jobs} jobs", field="jobs", remedy="ask for at least one, or -1 for one a core")
     workers = min(len(os.sched_getaffinity(0)) if jobs == -1 else jobs, len(candidates))
     if workers > 1:
-        return FilterReport(_in_processes(robot, candidates, workers, progress))
+        return FilterReport(_in_processes(robot, candidates, workers, progress, keep))
     outcomes = []
     for done, candidate in enumerate(candidates, start=1):
-        outcomes.append(filter_candidate(robot, candidate))
+        outcomes.append(_handed_over(robot, filter_candidate(robot, candidate), keep))
         progress("filter", done, len(candidates))
     return FilterReport(tuple(outcomes))
 
@@ -197,15 +215,21 @@ def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:
     return draft.rejected("check_not_computed", ", ".join(verdict.not_computed))
 
 
+def _handed_over(robot: Robot, outcome: FilterOutcome, keep: Keep | None) -> FilterOutcome:
+    if keep is None or not outcome.accepted or outcome.motion is None:
+        return outcome
+    return replace(outcome, motion=None, kept=keep(robot, outcome.motion))
+
+
 def _in_processes(
-    robot: Robot, candidates: Sequence[Candidate], workers: int, progress: Progress
+    robot: Robot, candidates: Sequence[Candidate], workers: int, progress: Progress, keep: Keep | None
 ) -> tuple[FilterOutcome, ...]:
     from joblib.externals.loky import ProcessPoolExecutor, as_completed
 
     # Broken geometry shall raise here, where the error says what is wrong, and not break the workers.
     collision_model(robot)
     with ProcessPoolExecutor(
-        max_workers=workers, initializer=_start_worker, initargs=(robot,), env=_ENVIRONMENT
+        max_workers=workers, initializer=_start_worker, initargs=(robot, keep), env=_ENVIRONMENT
     ) as pool:
         futures = [pool.submit(_work, candidate) for candidate in candidates]
         for done, _ in enumerate(as_completed(futures), start=1):
@@ -213,12 +237,14 @@ def _in_processes(
         return tuple(future.result() for future in futures)
 
 
-_WORKER: dict[str, SafetyFilter] = {}
+# What a worker process was started with; empty elsewhere.
+_WORKER: list[tuple[Robot, SafetyFilter, Keep | None]] = []
 
 
-def _start_worker(robot: Robot) -> None:
-    _WORKER["filter"] = SafetyFilter(robot)
+def _start_worker(robot: Robot, keep: Keep | None) -> None:
+    _WORKER[:] = [(robot, SafetyFilter(robot), keep)]
 
 
 def _work(candidate: Candidate) -> FilterOutcome:
-    return _WORKER["filter"].filter(candidate)
+    robot, made, keep = _WORKER[0]
+    return _handed_over(robot, made.filter(candidate), keep)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from itertools import cycle
 
-from excite.campaign.plan import Plan, plan
+from excite.campaign.plan import plan
+from excite.campaign.planned import Plan
 from excite.robot.loading import load_robot
 from excite.simulation.replay import Replay, replay
 from tests.benchmarks.table import Row

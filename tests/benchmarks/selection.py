@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import excite
-from excite.campaign.choice import Pool, candidates
+from excite.campaign.choice import candidates
 from excite.campaign.prediction import predict
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import SELECTIONS, Candidates, select
@@ -21,7 +21,7 @@ def rows() -> list[Row]:
     for name, count in _ROBOTS:
         robot = excite.load_robot(name)
         plan = excite.plan(robot, n_candidates=count, seed=1, jobs=2)
-        pool = candidates(robot, Pool(plan.accepted, plan.factors), plan.conditioning.base)
+        pool = candidates(robot, plan.pool, plan.conditioning.base)
         found = {}
         for rule in SELECTIONS:
             chosen = list(select(rule, pool).indices)

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.excitation.conditioning import MotionFactor, motion_factor, segment_conditions, stack_factors
+from excite.excitation.conditioning import MotionFactor, motion_factor, stack_factors
+from excite.excitation.sub_regressors import segment_conditions
 from excite.motion.generators.registry import plan_candidates
 from excite.regressor.columns import PARAMETERS
 from excite.robot.loading import load_robot
@@ -73,7 +74,7 @@ def on_force_plates(robot: Robot) -> Robot:
 def conditions(factors: list[MotionFactor]) -> Array:
     """Condition numbers of the segments' sub-regressors over several motions, in the table's order, ``(31,)``."""
     stacked = stack_factors(factors)
-    return np.array([cell.condition for cell in segment_conditions(stacked, _columns(stacked))])
+    return np.array([cell.condition for cell in segment_conditions(stacked.matrix, _columns(stacked))])
 
 
 def best_three(factors: list[MotionFactor], count: int = 3) -> list[int]:

@@ -10,7 +10,7 @@ import pytest
 
 import excite
 from excite.campaign.outlook import predictable
-from excite.campaign.plan import Plan
+from excite.campaign.planned import Plan
 from excite.campaign.prediction import predict
 from excite.identification.equation_noise import equation_noise
 from excite.identification.noise import trial_grids

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from excite.campaign.check import check
-from excite.campaign.plan import Plan, plan
+from excite.campaign.plan import plan
+from excite.campaign.planned import Plan
 from excite.campaign.rank import rank
 from excite.campaign.rehearsal import loaded_robot, rehearse
 from excite.errors import InputError, UnknownNameError

@@ -1,0 +1,138 @@
+"""What a plan is: motions that were found safe and chosen, and what they promise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from excite.campaign.findings import conditioning_comparison, robot_file
+from excite.campaign.on_disk import OnDisk
+from excite.campaign.outlook import Outlook, outlook, predictable
+from excite.campaign.pool import Pool
+from excite.excitation.conditioning import Conditioning, MotionFactor
+from excite.excitation.selection import Selection
+from excite.json_document import write_json
+from excite.motion.files import save_motion
+from excite.motion.motion import Motion
+from excite.report.data import ReportData, save_report_data
+from excite.robot.robot import Robot
+
+SCHEMA = "excite.plan/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Motions that were found safe and chosen because they excite the parameters.
+
+    Attributes:
+        robot: the robot.
+        generated: number of candidates.
+        rejected: by reason, how many candidates the filter refused.
+        pool: every accepted motion, in the order of the candidates.
+        selection: which of them go on, and for which segments.
+        validation: accepted motions that were not chosen and that judge the result, as indices.
+        conditioning: of the chosen motions together.
+        unchosen: conditioning of as many seconds of accepted motions taken as they come, for comparison.
+        stages: seconds by stage.
+    """
+
+    robot: Robot
+    generated: int
+    rejected: Mapping[str, int]
+    pool: Pool
+    selection: Selection
+    validation: tuple[int, ...]
+    conditioning: Conditioning
+    unchosen: Conditioning
+    stages: Mapping[str, float]
+
+    @property
+    def accepted(self) -> OnDisk[Motion]:
+        """The accepted motions, read from disk one by one."""
+        return self.pool.motions
+
+    @property
+    def factors(self) -> OnDisk[MotionFactor]:
+        """R factor of each accepted motion."""
+        return self.pool.factors
+
+    @property
+    def motions(self) -> OnDisk[Motion]:
+        """The chosen motions."""
+        return self.accepted.only(self.selection.indices)
+
+    @property
+    def validation_motions(self) -> OnDisk[Motion]:
+        """Motions for cross-validation, not among the chosen ones."""
+        return self.accepted.only(self.validation)
+
+    @cached_property
+    def outlook(self) -> Outlook | None:
+        """What the chosen motions promise for each base parameter; None where the sensors' noise is not stated."""
+        return outlook(self.robot, self.motions) if predictable(self.robot) else None
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the chosen motions together [s]."""
+        return float(sum(self.pool.durations[list(self.selection.indices)]))
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``excite.plan/1`` document."""
+        return {
+            "schema": SCHEMA,
+            "robot": self.robot.name,
+            "candidates": {
+                "generated": self.generated,
+                "accepted": len(self.pool.entries),
+                "rejected": dict(sorted(self.rejected.items())),
+            },
+            "selected": [
+                {
+                    "motion": f"motions/{item.motion}.parquet",
+                    "segments": list(item.segments),
+                    "duration_s": self.pool.entries[item.index].duration_s,
+                }
+                for item in self.selection.selected
+            ],
+            "validation": [f"motions/{self.pool.names[i]}.parquet" for i in self.validation],
+            "conditioning": dict(self.conditioning.to_json()),
+            "base_parameters": []
+            if self.outlook is None
+            else [parameter.to_json() for parameter in self.outlook.parameters],
+            "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
+        }
+
+    def summary(self) -> str:
+        """A few lines for a person."""
+        refused = ", ".join(f"{count} {reason}" for reason, count in sorted(self.rejected.items())) or "none"
+        lines = [
+            f"{self.robot.name}: {len(self.pool.entries)} of {self.generated} candidates accepted (refused: {refused})",
+            f"{len(self.selection.indices)} motions chosen, {self.duration_s:.0f} s in total",
+            f"chosen:   {self.conditioning.summary()}",
+            f"unchosen: {self.unchosen.summary()}",
+        ]
+        if self.outlook is not None:
+            lines.append(self.outlook.summary())
+        if self.selection.unserved:
+            lines.append("excited by no single motion: " + ", ".join(self.selection.unserved))
+        return "\n".join(lines)
+
+    def report_data(self) -> ReportData:
+        """What the report shows beside the JSON."""
+        return ReportData(
+            conditioning=conditioning_comparison(
+                self.unchosen, self.conditioning, "as many seconds, unchosen", "chosen motions"
+            )
+        )
+
+    def save(self, folder: Path) -> Path:
+        """Write the chosen and the validation motions to ``motions/``, the report's arrays, last ``plan.json``."""
+        folder = Path(folder)
+        for motion in (*self.motions, *self.validation_motions):
+            save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
+        save_report_data(self.report_data(), folder / "report_data.npz")
+        write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
+        return folder

@@ -1,0 +1,146 @@
+"""Accepted motions to choose from: what the choice looks at in memory, motions and R factors on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.campaign.on_disk import OnDisk, TemporaryFolder, write_value
+from excite.excitation.conditioning import MotionFactor, motion_factor
+from excite.excitation.ranking import Ranking, ranking
+from excite.excitation.sub_regressors import SegmentCondition, segment_columns, segment_conditions
+from excite.motion.motion import Motion
+from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.columns import measured_columns
+from excite.robot.robot import Array, Robot
+from excite.threads import one_blas_thread
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """What is known of an accepted motion without reading it.
+
+    Attributes:
+        name: of the motion.
+        generator: registry name of its generator.
+        duration_s: [s]
+        conditions: of its segments' sub-regressors.
+        motion: its file.
+        factor: the file of its R factor.
+    """
+
+    name: str
+    generator: str
+    duration_s: float
+    conditions: tuple[SegmentCondition, ...]
+    motion: Path
+    factor: Path
+
+
+@dataclass(frozen=True)
+class Keeper:
+    """Judges an accepted motion and puts it on disk, in the process that made it.
+
+    Attributes:
+        folder: where to.
+        prefix: put before the motion's name.
+    """
+
+    folder: Path
+    prefix: str = ""
+
+    @one_blas_thread
+    def __call__(self, robot: Robot, motion: Motion) -> Accepted:
+        """Write a motion and its R factor; raises InputError where that cannot be done."""
+        motion = motion.renamed(self.prefix + motion.name)
+        factor = motion_factor(robot, motion)
+        return Accepted(
+            name=motion.name,
+            generator=motion.metadata.generator,
+            duration_s=motion.duration,
+            conditions=segment_conditions(factor.matrix, _columns(robot)),
+            motion=write_value(motion, self.folder / f"{motion.name}.motion"),
+            factor=write_value(factor, self.folder / f"{motion.name}.factor"),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Motions to choose from, in the order of the candidates.
+
+    Attributes:
+        entries: one a motion.
+        folder: that of their files.
+    """
+
+    entries: tuple[Accepted, ...]
+    folder: TemporaryFolder
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the motions."""
+        return tuple(entry.name for entry in self.entries)
+
+    @property
+    def durations(self) -> Array:
+        """``(n_motions,)`` [s]."""
+        return np.array([entry.duration_s for entry in self.entries])
+
+    @property
+    def motions(self) -> OnDisk[Motion]:
+        """The motions."""
+        return OnDisk(tuple(entry.motion for entry in self.entries), self.folder)
+
+    @property
+    def factors(self) -> OnDisk[MotionFactor]:
+        """Their R factors."""
+        return OnDisk(tuple(entry.factor for entry in self.entries), self.folder)
+
+    @property
+    def ranking(self) -> Ranking:
+        """Condition numbers of each segment in each motion."""
+        return ranking(self.names, [entry.conditions for entry in self.entries])
+
+    def without(self, fallen: set[str]) -> Pool:
+        """The pool without motions of these names."""
+        return replace(self, entries=tuple(entry for entry in self.entries if entry.name not in fallen))
+
+    def in_turn(self) -> list[int]:
+        """Indices of the motions, generators taken in turn."""
+        place: dict[str, int] = {}
+        keys = []
+        for index, entry in enumerate(self.entries):
+            place[entry.generator] = place.get(entry.generator, 0) + 1
+            keys.append((place[entry.generator], index))
+        return [index for _, index in sorted(keys)]
+
+    def first_seconds(self, seconds: float) -> list[int]:
+        """The first motions whose durations add up to at least ``seconds``, generators taken in turn."""
+        taken: list[int] = []
+        for index in self.in_turn():
+            if sum(self.entries[i].duration_s for i in taken) >= seconds:
+                break
+            taken.append(index)
+        return sorted(taken)
+
+
+def make_pool(robot: Robot, motions: Sequence[Motion]) -> Pool:
+    """A pool of motions that were found safe elsewhere.
+
+    Raises:
+        MotionError: a motion is not the robot's, or holds NaN.
+        InputError: the temporary folder cannot be written.
+    """
+    folder = TemporaryFolder()
+    keeper = Keeper(folder.path)
+    return Pool(tuple(keeper(robot, motion) for motion in motions), folder)
+
+
+@lru_cache(maxsize=4)
+def _columns(robot: Robot) -> dict[str, NDArray[np.int64]]:
+    return segment_columns(robot, measured_columns(robot), structural_base_parameters(robot))
