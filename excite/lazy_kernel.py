@@ -34,6 +34,8 @@ class LazyKernel:
             }
             bound = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
             bound.__module__, bound.__qualname__ = function.__module__, function.__qualname__
+            # No fast mathematics: what the compiler may then fuse or reorder depends on where arrays lie in memory,
+            # and the same seed would give other bytes in another process.
             try:
                 self._compiled = njit(cache=True, error_model="numpy")(bound)
             except RuntimeError:  # numba's word for "no folder to cache in"

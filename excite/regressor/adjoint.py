@@ -94,7 +94,7 @@ def _gradient(
 ) -> RegressorGradient:
     q, v, a = (np.ascontiguousarray(x, dtype=float) for x in (q, v, a))
     state = np.empty((len(q), tree.n_segments + 1, motion_loops.STATE_SIZE))
-    motion_loops.propagate(*tree.structure, tree.gravity, False, q, v, a, state)
+    motion_loops.propagate(tree.structure, tree.gravity, False, q, v, a, state)
     out = np.zeros((3, len(q), tree.nv))
     adjoint_loops.adjoint(
         tree.kinds, tree.parents, tree.idx_v, v, a, state, row_joint, np.ascontiguousarray(weights),

@@ -7,7 +7,6 @@ Every function takes a pinocchio model, or a :class:`~excite.regressor.tree.Kine
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +16,6 @@ from excite.errors import InputError
 from excite.regressor import loops, motion_loops
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Array
-
-# Samples a pass: their state then stays in the processor's cache.
-_CHUNK = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +57,7 @@ def forward_kinematics(model: pin.Model | KinematicTree, q: Array) -> Placements
     q = _checked(q, tree.nq, "q")
     still = np.zeros((len(q), tree.nv))
     state = np.empty((len(q), tree.n_segments + 1, motion_loops.STATE_SIZE))
-    motion_loops.propagate(*tree.structure, tree.gravity, True, q, still, still, state)
+    motion_loops.propagate(tree.structure, tree.gravity, True, q, still, still, state)
     rotation = state[:, :, : motion_loops.POS].reshape(*state.shape[:2], 3, 3)
     return Placements(rotation.copy(), state[:, :, motion_loops.POS : motion_loops.OMEGA].copy())
 
@@ -112,8 +108,7 @@ def inverse_dynamics(
     q, v, a = _trajectory(tree, q, v, a)
     out = np.empty((len(q), tree.nv))
     forces = np.empty((tree.n_segments + 1, 6))
-    for part, state in _states(tree, q, v, a):
-        loops.torques(tree.kinds, tree.parents, tree.idx_v, state, phi, forces, out[part])
+    loops.torques(tree.structure, tree.gravity, q, v, a, phi, _state(tree), forces, out)
     return out
 
 
@@ -139,8 +134,7 @@ def base_link_regressor(
     tree = read_tree(model)
     q, v, a = _trajectory(tree, q, v, a)
     out = _output(out, (len(q), 6, 10 * tree.n_segments))
-    for part, state in _states(tree, q, v, a):
-        loops.base_rows(state, out[part])
+    loops.base_rows(tree.structure, tree.gravity, q, v, a, _state(tree), out)
     return out
 
 
@@ -165,20 +159,14 @@ def joint_torque_regressor(
     tree = read_tree(model)
     q, v, a = _trajectory(tree, q, v, a)
     out = _output(out, (len(q), tree.nv, 10 * tree.n_segments))
-    wrench = np.empty((6, 10 * tree.n_segments))
-    for part, state in _states(tree, q, v, a):
-        loops.torque_rows(tree.kinds, tree.parents, tree.idx_v, state, wrench, out[part])
+    scratch = _state(tree), np.empty((6, 10)), np.empty((tree.n_segments + 1, 6))
+    loops.torque_rows(tree.structure, tree.gravity, q, v, a, *scratch, out)
     return out
 
 
-def _states(tree: KinematicTree, q: Array, v: Array, a: Array) -> Iterator[tuple[slice, Array]]:
-    """Slices of the trajectory with the state of all bodies in it, in the root frame."""
-    buffer = np.empty((min(len(q), _CHUNK), tree.n_segments + 1, motion_loops.STATE_SIZE))
-    for start in range(0, len(q), _CHUNK):
-        part = slice(start, min(start + _CHUNK, len(q)))
-        state = buffer[: part.stop - part.start]
-        motion_loops.propagate(*tree.structure, tree.gravity, False, q[part], v[part], a[part], state)
-        yield part, state
+def _state(tree: KinematicTree) -> Array:
+    """Room for the state of all bodies in one sample."""
+    return np.empty((tree.n_segments + 1, motion_loops.STATE_SIZE))
 
 
 def _trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:

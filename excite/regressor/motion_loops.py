@@ -1,9 +1,9 @@
 """Compiled loops that carry motion from body to body along a trajectory.
 
-They fill ``state``, of shape ``(n, n_joints + 1, 24)``: for each body its rotation (9 numbers, row by row),
-position, angular velocity, angular acceleration, acceleration of its origin less gravity, and the axis of
-its joint. All are written in one frame that the whole robot shares, called the root frame: the base's for a
-floating robot (or the world's, on request), the world's for a fixed one. Wrenches on bodies can then be
+They fill ``state``, of shape ``(n_joints + 1, 24)`` for each sample: for each body its rotation (9 numbers, row
+by row), position, angular velocity, angular acceleration, acceleration of its origin less gravity, and the
+axis of its joint. All are written in one frame that the whole robot shares, called the root frame: the base's
+for a floating robot (or the world's, on request), the world's for a fixed one. Wrenches on bodies can then be
 summed without any further transformation.
 
 Recursion: Luh, Walker, Paul (1980), outward pass.
@@ -68,67 +68,114 @@ def start_root(rotation, translation, q, v, a, gravity, in_world, s):
 
 
 @LazyKernel
-def step_joint(kind, rotation, translation, axis, qc, qs, qd, qdd, up, s):
-    """State ``s`` of a body from its parent's ``up``; ``qc, qs`` are cosine and sine of a revolute angle."""
-    u0, u1, u2 = axis[0], axis[1], axis[2]
+def step_joint(kind, rotations, translations, axes, aligned, qc, qs, qd, qdd, state, up, j):
+    """State of body ``j`` from that of its parent ``up``; ``qc, qs`` are cosine and sine of a revolute angle.
+
+    Arrays come whole, with indices: a view would cost more, counted in and out, than the work on it.
+    """
     c, sn = (1.0, 0.0) if kind == PRISMATIC else (qc, qs)
     for i in range(3):
-        a0 = up[3 * i] * rotation[0, 0] + up[3 * i + 1] * rotation[1, 0] + up[3 * i + 2] * rotation[2, 0]
-        a1 = up[3 * i] * rotation[0, 1] + up[3 * i + 1] * rotation[1, 1] + up[3 * i + 2] * rotation[2, 1]
-        a2 = up[3 * i] * rotation[0, 2] + up[3 * i + 1] * rotation[1, 2] + up[3 * i + 2] * rotation[2, 2]
-        z = a0 * u0 + a1 * u1 + a2 * u2
-        s[AXIS + i] = z
-        # Row of A·R(u, angle) by Rodrigues' formula.
-        k = (1.0 - c) * z
-        s[3 * i] = c * a0 + sn * (a1 * u2 - a2 * u1) + k * u0
-        s[3 * i + 1] = c * a1 + sn * (a2 * u0 - a0 * u2) + k * u1
-        s[3 * i + 2] = c * a2 + sn * (a0 * u1 - a1 * u0) + k * u2
-    r0 = up[0] * translation[0] + up[1] * translation[1] + up[2] * translation[2]
-    r1 = up[3] * translation[0] + up[4] * translation[1] + up[5] * translation[2]
-    r2 = up[6] * translation[0] + up[7] * translation[1] + up[8] * translation[2]
-    z0, z1, z2 = s[AXIS], s[AXIS + 1], s[AXIS + 2]
-    w0, w1, w2 = up[OMEGA], up[OMEGA + 1], up[OMEGA + 2]
-    l0, l1, l2 = up[ALPHA], up[ALPHA + 1], up[ALPHA + 2]
+        u0, u1, u2 = state[up, 3 * i], state[up, 3 * i + 1], state[up, 3 * i + 2]
+        a0 = u0 * rotations[j, 0, 0] + u1 * rotations[j, 1, 0] + u2 * rotations[j, 2, 0]
+        a1 = u0 * rotations[j, 0, 1] + u1 * rotations[j, 1, 1] + u2 * rotations[j, 2, 1]
+        a2 = u0 * rotations[j, 0, 2] + u1 * rotations[j, 1, 2] + u2 * rotations[j, 2, 2]
+        # Row of A·R(axis, angle); nearly all axes are those of a frame.
+        if aligned == 0:
+            state[j, AXIS + i] = a0
+            state[j, 3 * i], state[j, 3 * i + 1], state[j, 3 * i + 2] = a0, c * a1 + sn * a2, c * a2 - sn * a1
+        elif aligned == 1:
+            state[j, AXIS + i] = a1
+            state[j, 3 * i], state[j, 3 * i + 1], state[j, 3 * i + 2] = c * a0 - sn * a2, a1, c * a2 + sn * a0
+        elif aligned == 2:
+            state[j, AXIS + i] = a2
+            state[j, 3 * i], state[j, 3 * i + 1], state[j, 3 * i + 2] = c * a0 + sn * a1, c * a1 - sn * a0, a2
+        else:  # Rodrigues' formula
+            z = a0 * axes[j, 0] + a1 * axes[j, 1] + a2 * axes[j, 2]
+            k = (1.0 - c) * z
+            state[j, AXIS + i] = z
+            state[j, 3 * i] = c * a0 + sn * (a1 * axes[j, 2] - a2 * axes[j, 1]) + k * axes[j, 0]
+            state[j, 3 * i + 1] = c * a1 + sn * (a2 * axes[j, 0] - a0 * axes[j, 2]) + k * axes[j, 1]
+            state[j, 3 * i + 2] = c * a2 + sn * (a0 * axes[j, 1] - a1 * axes[j, 0]) + k * axes[j, 2]
+    r0 = (
+        state[up, 0] * translations[j, 0]
+        + state[up, 1] * translations[j, 1]
+        + state[up, 2] * translations[j, 2]
+    )
+    r1 = (
+        state[up, 3] * translations[j, 0]
+        + state[up, 4] * translations[j, 1]
+        + state[up, 5] * translations[j, 2]
+    )
+    r2 = (
+        state[up, 6] * translations[j, 0]
+        + state[up, 7] * translations[j, 1]
+        + state[up, 8] * translations[j, 2]
+    )
+    z0, z1, z2 = state[j, AXIS], state[j, AXIS + 1], state[j, AXIS + 2]
+    w0, w1, w2 = state[up, OMEGA], state[up, OMEGA + 1], state[up, OMEGA + 2]
+    l0, l1, l2 = state[up, ALPHA], state[up, ALPHA + 1], state[up, ALPHA + 2]
     x0, x1, x2 = qd * (w1 * z2 - w2 * z1), qd * (w2 * z0 - w0 * z2), qd * (w0 * z1 - w1 * z0)
-    g0, g1, g2 = up[ACC], up[ACC + 1], up[ACC + 2]
+    g0, g1, g2 = state[up, ACC], state[up, ACC + 1], state[up, ACC + 2]
     if kind == PRISMATIC:
         r0, r1, r2 = r0 + qs * z0, r1 + qs * z1, r2 + qs * z2
         g0, g1, g2 = g0 + 2.0 * x0 + qdd * z0, g1 + 2.0 * x1 + qdd * z1, g2 + 2.0 * x2 + qdd * z2
-        s[OMEGA], s[OMEGA + 1], s[OMEGA + 2] = w0, w1, w2
-        s[ALPHA], s[ALPHA + 1], s[ALPHA + 2] = l0, l1, l2
+        state[j, OMEGA], state[j, OMEGA + 1], state[j, OMEGA + 2] = w0, w1, w2
+        state[j, ALPHA], state[j, ALPHA + 1], state[j, ALPHA + 2] = l0, l1, l2
     else:
-        s[OMEGA], s[OMEGA + 1], s[OMEGA + 2] = w0 + qd * z0, w1 + qd * z1, w2 + qd * z2
-        s[ALPHA], s[ALPHA + 1], s[ALPHA + 2] = l0 + qdd * z0 + x0, l1 + qdd * z1 + x1, l2 + qdd * z2 + x2
+        state[j, OMEGA], state[j, OMEGA + 1], state[j, OMEGA + 2] = w0 + qd * z0, w1 + qd * z1, w2 + qd * z2
+        state[j, ALPHA], state[j, ALPHA + 1], state[j, ALPHA + 2] = (
+            l0 + qdd * z0 + x0,
+            l1 + qdd * z1 + x1,
+            l2 + qdd * z2 + x2,
+        )
     d = w0 * r0 + w1 * r1 + w2 * r2
     ww = w0 * w0 + w1 * w1 + w2 * w2
-    s[POS], s[POS + 1], s[POS + 2] = up[POS] + r0, up[POS + 1] + r1, up[POS + 2] + r2
-    s[ACC] = g0 + l1 * r2 - l2 * r1 + w0 * d - ww * r0
-    s[ACC + 1] = g1 + l2 * r0 - l0 * r2 + w1 * d - ww * r1
-    s[ACC + 2] = g2 + l0 * r1 - l1 * r0 + w2 * d - ww * r2
+    state[j, POS], state[j, POS + 1], state[j, POS + 2] = (
+        state[up, POS] + r0,
+        state[up, POS + 1] + r1,
+        state[up, POS + 2] + r2,
+    )
+    state[j, ACC] = g0 + l1 * r2 - l2 * r1 + w0 * d - ww * r0
+    state[j, ACC + 1] = g1 + l2 * r0 - l0 * r2 + w1 * d - ww * r1
+    state[j, ACC + 2] = g2 + l0 * r1 - l1 * r0 + w2 * d - ww * r2
 
 
 @LazyKernel
-def propagate(kinds, parents, idx_q, idx_v, rotations, translations, axes, gravity, in_world, q, v, a, state):
-    """Fill ``state`` from ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``."""
+def move(
+    kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, in_world, q, v, a, state
+):
+    """Fill ``state (n_joints + 1, 24)`` of one sample from ``q (nq)``, ``v (nv)``, ``a (nv)``.
+
+    The structure comes array by array: a tuple would be taken apart, its references counted, at each sample.
+    """
+    for i in range(STATE_SIZE):
+        state[0, i] = 0.0
+    for i in range(3):
+        state[0, 4 * i] = 1.0
+        state[0, ACC + i] = -gravity[i]
+    for j in range(1, kinds.shape[0]):
+        iq, iv = idx_q[j], idx_v[j]
+        if kinds[j] == FREE_FLYER:
+            start_root(rotations[j], translations[j], q, v, a, gravity, in_world, state[j])
+            continue
+        if kinds[j] == REVOLUTE_UNBOUNDED:
+            qc, qs = q[iq], q[iq + 1]
+        elif kinds[j] == PRISMATIC:
+            qc, qs = 1.0, q[iq]
+        else:
+            qc, qs = math.cos(q[iq]), math.sin(q[iq])
+        step_joint(
+            kinds[j], rotations, translations, axes, aligned[j], qc, qs, v[iv], a[iv],
+            state, parents[j], j,
+        )  # fmt: skip
+
+
+@LazyKernel
+def propagate(structure, gravity, in_world, q, v, a, state):
+    """Fill ``state (n, n_joints + 1, 24)`` from ``q (n, nq)``, ``v (n, nv)``, ``a (n, nv)``."""
+    kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned = structure
     for t in range(q.shape[0]):
-        universe = state[t, 0]
-        for i in range(STATE_SIZE):
-            universe[i] = 0.0
-        for i in range(3):
-            universe[4 * i] = 1.0
-            universe[ACC + i] = -gravity[i]
-        for j in range(1, kinds.shape[0]):
-            iq, iv = idx_q[j], idx_v[j]
-            if kinds[j] == FREE_FLYER:
-                start_root(rotations[j], translations[j], q[t], v[t], a[t], gravity, in_world, state[t, j])
-                continue
-            if kinds[j] == REVOLUTE_UNBOUNDED:
-                qc, qs = q[t, iq], q[t, iq + 1]
-            elif kinds[j] == PRISMATIC:
-                qc, qs = 1.0, q[t, iq]
-            else:
-                qc, qs = math.cos(q[t, iq]), math.sin(q[t, iq])
-            step_joint(
-                kinds[j], rotations[j], translations[j], axes[j], qc, qs, v[t, iv], a[t, iv],
-                state[t, parents[j]], state[t, j],
-            )  # fmt: skip
+        move(
+            kinds, parents, idx_q, idx_v, rotations, translations, axes, aligned, gravity, in_world,
+            q[t], v[t], a[t], state[t],
+        )  # fmt: skip

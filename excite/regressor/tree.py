@@ -36,6 +36,7 @@ class KinematicTree:
         rotations: ``(n_joints + 1, 3, 3)`` orientation of the joint at rest in the parent's frame.
         translations: ``(n_joints + 1, 3)`` position of the joint at rest in the parent's frame [m].
         axes: ``(n_joints + 1, 3)`` unit axis in the joint's frame (zero for a free-flyer).
+        aligned: ``(n_joints + 1,)`` 0, 1, 2 where the axis is x, y, z of the joint's frame, else -1.
         gravity: ``(3,)`` in the world frame [m/s²].
         phi: ``(10·n_segments,)`` inertial parameters of the model, pinocchio's order, joint frames [SI].
         nq: length of ``q``.
@@ -50,6 +51,7 @@ class KinematicTree:
     rotations: Array
     translations: Array
     axes: Array
+    aligned: NDArray[np.int64]
     gravity: Array
     phi: Array
     nq: int
@@ -67,8 +69,9 @@ class KinematicTree:
 
     @property
     def structure(self) -> tuple[NDArray, ...]:
-        """The arrays that every kernel takes first, in the kernels' order."""
-        return self.kinds, self.parents, self.idx_q, self.idx_v, self.rotations, self.translations, self.axes
+        """The arrays that every kernel takes first, as one tuple, in the kernels' order."""
+        placed = (self.rotations, self.translations, self.axes, self.aligned)
+        return self.kinds, self.parents, self.idx_q, self.idx_v, *placed
 
 
 def read_tree(model: pin.Model | KinematicTree) -> KinematicTree:
@@ -96,6 +99,7 @@ def read_tree(model: pin.Model | KinematicTree) -> KinematicTree:
         rotations=np.array([placement.rotation for placement in model.jointPlacements]),
         translations=np.array([placement.translation for placement in model.jointPlacements]),
         axes=axes,
+        aligned=np.where(axes.max(axis=1, initial=0.0) == 1.0, axes.argmax(axis=1), -1),
         gravity=np.array(model.gravity.linear),
         phi=np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
         if inertias

@@ -31,9 +31,9 @@ class Duel:
 
 _PEER = pin.computeJointTorqueRegressor
 DUELS = (
-    Duel("base rows (of the peer: all rows)", "g1", base_link_regressor, _PEER, 5.0),
+    Duel("base rows (of the peer: all rows)", "g1", base_link_regressor, _PEER, 8.0),
     Duel("joint torque regressor", "g1", joint_torque_regressor, _PEER, 1.2),
-    Duel("joint torque regressor", "panda", joint_torque_regressor, _PEER, 2.0),
+    Duel("joint torque regressor", "panda", joint_torque_regressor, _PEER, 5.0),
     Duel("inverse dynamics", "g1", inverse_dynamics, pin.rnea, 1.0),
     Duel("inverse dynamics", "panda", inverse_dynamics, pin.rnea, 1.0),
 )

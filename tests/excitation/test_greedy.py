@@ -67,7 +67,8 @@ def test_no_random_choice_of_the_same_duration_has_a_larger_log_determinant(
     assert candidates.durations[list(chosen)].sum() <= budget_s + 1e-9
     greedy = log_det(candidates, list(chosen))
     others = [log_det(candidates, choice) for choice in random_choices(candidates.durations, budget_s, 100)]
-    assert greedy >= max(others)
+    # A random choice may be the same motions in another order, summed with another rounding.
+    assert greedy >= max(others) - 1e-9
 
 
 def test_as_good_as_trying_every_choice(candidates: Candidates) -> None:
