@@ -10,7 +10,7 @@ import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -38,6 +38,12 @@ def make(
     robot: Annotated[
         list[str] | None, typer.Option("--robot", help="Bundled robot to draw from (may be repeated).")
     ] = None,
+    torque: Annotated[
+        Literal["motor_side", "none"],
+        typer.Option(
+            "--torque", help="none: logs of commands and positions, as of a servo without a sensor."
+        ),
+    ] = "motor_side",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
     from excite.simulation.blind.draw import ROBOTS
@@ -46,7 +52,9 @@ def make(
     folder = out or Path("blind")
     robots = tuple(robot) if robot else ROBOTS
     with progress_bars() as progress:
-        answers = make_cases(folder, seed=seed, cases=cases, robots=robots, jobs=jobs, progress=progress)
+        answers = make_cases(
+            folder, seed=seed, cases=cases, robots=robots, torque=torque, jobs=jobs, progress=progress
+        )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
     emit(f"{cases} cases in {folder}, answers in {answers}", document, as_json=as_json)
 

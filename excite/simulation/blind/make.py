@@ -6,6 +6,7 @@ import json
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -13,11 +14,12 @@ from joblib import Parallel, delayed
 from excite.errors import InputError
 from excite.json_document import write_json
 from excite.logs.files import save_log
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.log import Log, Role, Trial, TrialHeader
 from excite.progress import Progress, silent
 from excite.robot.loading import load_robot
 from excite.robot.robot import Array
 from excite.simulation.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
+from excite.simulation.blind.commands import Servo, drawn_servo
 from excite.simulation.blind.detectability import detectability
 from excite.simulation.blind.draw import ROBOTS, Draft, draft
 from excite.simulation.blind.faults import FAULTS
@@ -44,6 +46,7 @@ def make_cases(
     seed: int,
     cases: int = 20,
     robots: tuple[str, ...] = ROBOTS,
+    torque: Literal["motor_side", "none"] = "motor_side",
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Path:
@@ -54,6 +57,8 @@ def make_cases(
         seed: of everything.
         cases: how many.
         robots: to choose from.
+        torque: what the logs have; without torque, commands and position servos of several forms, whose gains
+            are stated in about half of the cases.
         jobs: number of processes; the cases do not depend on it.
         progress: told after each case.
 
@@ -69,7 +74,7 @@ def make_cases(
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder} is not empty", remedy="name another folder")
     children = np.random.SeedSequence(seed).spawn(cases)
-    tasks = (delayed(_case)(folder, k, child, robots) for k, child in enumerate(children))
+    tasks = (delayed(_case)(folder, k, child, robots, torque) for k, child in enumerate(children))
     answers: dict[str, dict] = {}
     for k, answer in enumerate(Parallel(n_jobs=jobs, return_as="generator")(tasks)):
         answers[f"case_{k:03d}"] = answer.to_json()
@@ -92,24 +97,33 @@ def load_answers(folder: str | Path) -> dict[str, Answer]:
     return {name: Answer.from_json(item) for name, item in document["cases"].items()}
 
 
-def _case(folder: Path, number: int, child: np.random.SeedSequence, robots: tuple[str, ...]) -> Answer:
+def _case(
+    folder: Path, number: int, child: np.random.SeedSequence, robots: tuple[str, ...], torque: str
+) -> Answer:
     rng = np.random.default_rng(child)
-    log, answer = build_case(draft(number, rng, robots), rng)
+    plan = draft(number, rng, robots)
+    servo = drawn_servo(rng) if torque == "none" else None
+    log, answer = build_case(plan, rng, servo)
+    if servo is not None:
+        log, answer = servo.logged(log, answer)
     save_log(log, folder / f"case_{number:03d}")
     return answer
 
 
-def build_case(plan: Draft, rng: np.random.Generator) -> tuple[Log, Answer]:
+def build_case(plan: Draft, rng: np.random.Generator, servo: Servo | None = None) -> tuple[Log, Answer]:
     """Simulate one case.
 
     Args:
         plan: what it is to have.
         rng: source of everything else.
+        servo: of the arm, where it is another than the robot's own.
 
     Returns:
         Its log and what is hidden in it.
     """
     arm = arm_of(load_robot(plan.robot), plan.fixed, rng)
+    if servo is not None:
+        arm = servo.on(arm)
     start = deepcopy(rng)
     virtual, hidden, modelled, others = _prepare(arm, plan, rng)
     recordings = recordings_of(virtual, arm)
@@ -182,7 +196,7 @@ def _session(
     """The trials as sensors and logger give them."""
     trials, headers = [], []
     for k, recording in enumerate(recordings):
-        role = "validation" if N_TRIALS <= k < N_TRIALS + N_VALIDATION else "identification"
+        role: Role = "validation" if N_TRIALS <= k < N_TRIALS + N_VALIDATION else "identification"
         repeats = f"{arm.motions[0].name}.parquet" if k == len(recordings) - 1 else None
         file = f"{recording.name}.parquet"
         headers.append(TrialHeader(file=file, role=role, start_s=k * (TRIAL_S + PAUSE_S), repeats=repeats))
