@@ -8,10 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.diagnosis.baseline import fit_baseline
 from excite.diagnosis.command_only.cycle import cycle_time, later
 from excite.diagnosis.command_only.gains import known_servo
-from excite.diagnosis.command_only.servo import read_signals
+from excite.diagnosis.command_only.servo import Servo, read_signals
+from excite.diagnosis.command_only.stated import stated_servo
+from excite.diagnosis.command_only.tracking import tracking
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import arm_samples
 from excite.errors import LogError
 from excite.logs.files import load_log
@@ -147,3 +151,62 @@ def test_the_servos_cycle_is_found_where_it_is_one(gap_dir: Path):
     assert found(0.002) == pytest.approx(0.002, abs=5e-4)
     assert found(0.008) == pytest.approx(0.008, abs=1e-3)
     assert found(0.03) == 0.0
+
+
+def test_one_gain_may_stand_for_all_joints():
+    stated = stated_servo({"kp": 14.5, "kd": {"b": 2}, "velocity_reference": "none"}, ("a", "b"))
+    assert stated.kp.tolist() == [14.5, 14.5]
+    assert np.isnan(stated.kd[0]) and stated.kd[1] == 2.0
+    assert stated.follows == (False,)
+    assert stated.missing == ("kd of a", "the feedforward")
+    assert stated_servo({"velocity_reference": "derivative of q_cmd"}, ("a",)).follows == (True,)
+    assert stated_servo(None, ("a",)).follows == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("controller", "what"),
+    [
+        ({"kp": {"a": "soft"}}, r"controller\.kp.*no number.*write one number"),
+        ({"mode": "torque"}, r"controller\.mode.*no position servo.*tau_cmd"),
+        ({"kp": 1.0, "ki": {"a": 2.0}}, r"controller\.ki.*integral part.*tau_cmd"),
+    ],
+)
+def test_a_controller_that_cannot_be_rebuilt_is_refused(controller: dict, what: str):
+    with pytest.raises(LogError, match=what):
+        stated_servo(controller, ("a",))
+
+
+def test_what_hangs_and_what_sticks_is_measured(gap_dir: Path):
+    """Commands made for a soft servo from the record's torques: half the kp, twice the sag and the dead band."""
+    log = load_log(gap_dir / "arm" / "case_012")
+    robot = nominal_robot(log)
+    trials = log.role("identification")[:2]
+    samples = arm_samples(robot, log, trials)
+    baseline = fit_baseline(samples, log.header.modelled, spectral_floor(samples))
+
+    def found(kp: float):
+        soft = [replace(t, q_cmd=t.q + t.tau / kp) for t in trials]
+        servo = Servo(np.full(7, kp), np.zeros(7), "none", True)
+        signals = {t.name: read_signals(robot, log, t) for t in soft}
+        return tracking(baseline, servo, signals, range(7))
+
+    stiff, soft = found(400.0), found(200.0)
+    lifts = int(np.argmax(np.abs(stiff.weighs)))
+    assert stiff.hangs[lifts] == pytest.approx(stiff.weighs[lifts], rel=0.1)
+    assert soft.hangs[lifts] == pytest.approx(2.0 * stiff.hangs[lifts], rel=0.01)
+    assert soft.dead_band == pytest.approx(2.0 * stiff.dead_band)
+    assert robot.joint_names[lifts] in soft.sentences()[0]
+    assert "weight" in soft.sentences()[0] and "dead band" in soft.sentences()[1]
+
+
+@pytest.mark.slow
+def test_commanded_torques_are_torques(gap_dir: Path):
+    log = load_log(gap_dir / "arm" / "case_003")
+    robot = nominal_robot(log)
+    asked = replace(
+        without_torque(log, {"mode": "velocity"}),
+        trials=tuple(replace(t, tau=None, tau_cmd=t.tau) for t in log.trials),
+    )
+    result = diagnose(asked, robot)
+    assert (result.verdict, result.effect, result.location) == ("effect", "payload", "link6")
+    assert any("tau_cmd" in text for text in result.warnings)

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from excite.atomic import write_text
-from excite.diagnosis.arm import diagnose_torques
+from excite.diagnosis.arm import diagnose_arm, diagnose_torques
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.command_only.confirmation import confirmed, position_gap, with_twin
 from excite.diagnosis.command_only.cycle import cycle_time, later
 from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.servo import Servo, Signals, read_signals
+from excite.diagnosis.command_only.tracking import Tracking, tracking
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.result import Diagnosis, Rollout
 from excite.diagnosis.rollout_compare import MODEL, compared
@@ -45,6 +46,7 @@ class _Closed:
         floor: ``(n_joints,)`` what repeated trials, or the encoders' noise, leave [rad].
         order: joints in the log's order.
         cycle_s: how much later than asked for the torque acts [s].
+        tracking: steady errors of the servo.
     """
 
     servo: Servo
@@ -57,6 +59,8 @@ class _Closed:
     def __call__(self, attribution: Attribution, baseline: Baseline) -> Rollout:
         """Make the roll-outs."""
         samples = baseline.samples
+        order = [self.order.index(joint) for joint in samples.joints]
+        self.tracking = tracking(attribution.final, self.servo, self.signals, order)
         q = samples.stacked("q")[:, list(samples.index)]
         inside = np.concatenate([np.full(len(t.time), t.identification) for t in samples.trials])
         self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
@@ -91,6 +95,7 @@ class _Closed:
 
     order: tuple[str, ...] = ()
     cycle_s: float = 0.0
+    tracking: Tracking | None = None
 
 
 def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -98,7 +103,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
 
     The torque that the servo must have asked for follows from its gains and from what it saw; effects are fitted
     to that torque, then judged on closed-loop roll-outs of the validation trials, in which the gap is stated.
-    Where the log has ``tau_cmd`` those are the torques, and roll-outs run with them.
+    Where every trial has ``tau_cmd``, what the servo asked for is known: those are the torques.
 
     Args:
         robot: the nominal model.
@@ -112,6 +117,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     Raises:
         LogError: no commands, gains neither stated nor to be had.
     """
+    if all(trial.tau_cmd is not None for trial in log.trials):
+        return _asked(robot, log, rng, out)
     chart = examine(robot, log)
     trials = tuple(_evened(log, t) for t in chart.trials)
     signals = {t.name: read_signals(robot, log, t) for t in trials}
@@ -125,6 +132,17 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     chart = Chart(asked, chart.faults, chart.warnings)
     result = diagnose_torques(robot, log, chart, modelled, rng, closed, out)
     return _judged(result, closed)
+
+
+def _asked(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None) -> Diagnosis:
+    """The diagnosis from commanded torques."""
+    header = log.header.model_copy(update={"torque": "motor_side"})
+    trials = tuple(replace(trial, tau=trial.tau_cmd, tau_cmd=None) for trial in log.trials)
+    result = diagnose_arm(robot, replace(log, header=header, trials=trials), rng, out)
+    said = (
+        "torques are tau_cmd, what was asked of the drives: a torque_gain or torque_bias is the drive's own"
+    )
+    return replace(result, warnings=(*result.warnings, said))
 
 
 def _evened(log: Log, trial: Trial) -> Trial:
@@ -177,6 +195,8 @@ def _judged(result: Diagnosis, closed: _Closed) -> Diagnosis:
             f"torques act {1e3 * closed.cycle_s:.1f} ms after commands and positions ask for them, taken for the "
             "servo's cycle: a lag of the drive that is as short cannot be seen"
         )
+    if closed.tracking is not None:
+        warnings += closed.tracking.sentences()
     if servo.estimated:
         warnings.append(
             "not stated and estimated with the nominal masses for a scale: " + ", ".join(servo.estimated)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.diagnosis.command_only.servo import FEEDFORWARDS, WORDS, Servo, Signals
+from excite.diagnosis.command_only.servo import Servo, Signals
+from excite.diagnosis.command_only.stated import stated_servo
 from excite.errors import LogError
 from excite.logs.log import Log
 from excite.logs.signals.butterworth import lowpass
@@ -41,19 +42,11 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     Raises:
         LogError: ``controller`` says something else than a position servo, or no gain can be had.
     """
-    said = dict(log.header.controller or {})
-    if said.get("mode", "position") != "position":
-        raise LogError(
-            f"mode {said['mode']!r} is no position servo",
-            field="controller.mode",
-            remedy="log tau.* or tau_cmd.* with such a controller",
-        )
     joints = log.header.joints
-    kp, kd = (np.array([float((said.get(g) or {}).get(j, np.nan)) for j in joints]) for g in ("kp", "kd"))
-    word = str(said["feedforward"]).lower() if "feedforward" in said else ""
-    kinds = (WORDS[word],) if word in WORDS else FEEDFORWARDS
+    stated = stated_servo(log.header.controller, joints)
+    kp, kd = stated.kp, stated.kd
     rows = _rows(robot, log, [(t, t.commanded.value - t.measured.value) for t in trials.values()])
-    tried = [_fitted(rows, kp, kd, kind, follows) for kind in kinds for follows in (True, False)]
+    tried = [_fitted(rows, kp, kd, kind, way) for kind in stated.feedforwards for way in stated.follows]
     # Damping of the velocity itself has to explain clearly more to be believed.
     found = [(t.loss + 0.02 * (not t.servo.follows_velocity), k) for k, t in enumerate(tried) if t.sound]
     if not found:
@@ -63,11 +56,7 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
             field="controller",
             remedy="state controller.kp, controller.kd and controller.feedforward",
         )
-    missing = [f"kp of {j}" for j, k in zip(joints, kp, strict=True) if np.isnan(k)]
-    missing += [f"kd of {j}" for j, k in zip(joints, kd, strict=True) if np.isnan(k)]
-    if word not in WORDS:
-        missing.append("the feedforward")
-    return replace(tried[min(found)[1]].servo, estimated=tuple(missing))
+    return replace(tried[min(found)[1]].servo, estimated=stated.missing)
 
 
 def torque_constants(

@@ -15,22 +15,6 @@ from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array, Robot
 
 BAND_HZ = 30.0
-# Words of ``controller.feedforward`` and the three forms that they mean.
-WORDS = {
-    "none": "none",
-    "off": "none",
-    "gravity": "gravity",
-    "gravity_compensation": "gravity",
-    "inverse_dynamics": "inverse_dynamics",
-    "computed_torque": "inverse_dynamics",
-    "rigid_body": "inverse_dynamics",
-    "rigid_body_dynamics": "inverse_dynamics",
-    "rnea": "inverse_dynamics",
-    "nominal": "inverse_dynamics",
-    "nominal_model": "inverse_dynamics",
-    "model": "inverse_dynamics",
-    "full": "inverse_dynamics",
-}
 FEEDFORWARDS = ("none", "gravity", "inverse_dynamics")
 
 

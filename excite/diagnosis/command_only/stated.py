@@ -1,0 +1,109 @@
+"""What ``controller`` of a log says about its servo."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from excite.diagnosis.command_only.servo import FEEDFORWARDS
+from excite.errors import LogError
+from excite.robot.robot import Array
+
+_REMEDY = "log tau.* or tau_cmd.* with such a controller"
+# Words of ``feedforward`` and the three forms that they mean.
+_WORDS = {
+    "none": "none",
+    "off": "none",
+    "gravity": "gravity",
+    "gravity_compensation": "gravity",
+    "inverse_dynamics": "inverse_dynamics",
+    "computed_torque": "inverse_dynamics",
+    "rigid_body": "inverse_dynamics",
+    "rigid_body_dynamics": "inverse_dynamics",
+    "rnea": "inverse_dynamics",
+    "nominal": "inverse_dynamics",
+    "nominal_model": "inverse_dynamics",
+    "model": "inverse_dynamics",
+    "full": "inverse_dynamics",
+}
+# Words of ``velocity_reference`` for a servo that brakes all motion, not what differs from the command's.
+_NO_REFERENCE = frozenset({"none", "zero", "0", "0.0", "off", "false"})
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """A position servo as far as a log describes it.
+
+    Attributes:
+        kp: ``(n_joints,)`` in the log's order [N·m/rad], NaN where it is not stated.
+        kd: ``(n_joints,)`` [N·m·s/rad], NaN where it is not stated.
+        feedforwards: forms that it may have.
+        follows: whether damping acts on the velocity's error; both where that is open.
+        missing: what is not stated, in words.
+    """
+
+    kp: Array
+    kd: Array
+    feedforwards: tuple[str, ...]
+    follows: tuple[bool, ...]
+    missing: tuple[str, ...]
+
+
+def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) -> Stated:
+    """Read ``controller``.
+
+    Args:
+        controller: of the log's header.
+        joints: of the log.
+
+    Returns:
+        What it says.
+
+    Raises:
+        LogError: it is no position servo, or one with an integral part; a gain is no number.
+    """
+    said = dict(controller or {})
+    mode = said.get("mode", "position")
+    if mode != "position":
+        raise LogError(f"mode {mode!r} is no position servo", field="controller.mode", remedy=_REMEDY)
+    kp, kd, ki = (_gains(said.get(name), name, joints) for name in ("kp", "kd", "ki"))
+    if np.nan_to_num(ki).any():
+        raise LogError(
+            "what an integral part has come to when a trial begins is not in the log",
+            field="controller.ki",
+            remedy=_REMEDY,
+        )
+    word = str(said.get("feedforward", "")).lower()
+    reference = str(said["velocity_reference"]).lower() if "velocity_reference" in said else None
+    missing = [
+        f"{name} of {joint}"
+        for name, gains in (("kp", kp), ("kd", kd))
+        for joint, gain in zip(joints, gains, strict=True)
+        if np.isnan(gain)
+    ]
+    if word not in _WORDS:
+        missing.append("the feedforward")
+    return Stated(
+        kp,
+        kd,
+        (_WORDS[word],) if word in _WORDS else FEEDFORWARDS,
+        (True, False) if reference is None else (reference not in _NO_REFERENCE,),
+        tuple(missing),
+    )
+
+
+def _gains(value: Any, name: str, joints: tuple[str, ...]) -> Array:
+    """Gains by joint, or one for all, ``(n_joints,)``; NaN where there is none."""
+    try:
+        if isinstance(value, Mapping):
+            return np.array([float(value.get(joint, np.nan)) for joint in joints])
+        return np.full(len(joints), np.nan if value is None else float(value))
+    except (TypeError, ValueError) as error:
+        raise LogError(
+            f"{value!r} has a gain that is no number",
+            field=f"controller.{name}",
+            remedy="write one number, or one by joint",
+        ) from error
