@@ -38,6 +38,10 @@ def make(
     robot: Annotated[
         list[str] | None, typer.Option("--robot", help="Bundled robot to draw from (may be repeated).")
     ] = None,
+    base: Annotated[
+        Literal["fixed", "floating", "both"],
+        typer.Option("--base", help="Arms, standing robots with contact wrenches, or both by turns."),
+    ] = "fixed",
     torque: Annotated[
         Literal["motor_side", "none"],
         typer.Option(
@@ -46,14 +50,19 @@ def make(
     ] = "motor_side",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    from excite.simulation.blind.draw import ROBOTS
     from excite.simulation.blind.make import make_cases
 
     folder = out or Path("blind")
-    robots = tuple(robot) if robot else ROBOTS
     with progress_bars() as progress:
         answers = make_cases(
-            folder, seed=seed, cases=cases, robots=robots, torque=torque, jobs=jobs, progress=progress
+            folder,
+            seed=seed,
+            cases=cases,
+            base=base,
+            robots=tuple(robot or ()),
+            torque=torque,
+            jobs=jobs,
+            progress=progress,
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
     emit(f"{cases} cases in {folder}, answers in {answers}", document, as_json=as_json)

@@ -23,6 +23,9 @@ from excite.simulation.blind.commands import Servo, drawn_servo
 from excite.simulation.blind.detectability import detectability
 from excite.simulation.blind.draw import ROBOTS, Draft, draft
 from excite.simulation.blind.faults import FAULTS
+from excite.simulation.blind.floating.case import build_floating_case
+from excite.simulation.blind.floating.draw import floating_draft
+from excite.simulation.blind.floating.stand import ROBOTS as STANDING_ROBOTS
 from excite.simulation.blind.forms import OWN_TERMS, background, hide, left_out
 from excite.simulation.blind.hidden import Answer, HiddenEffect
 from excite.simulation.effects.bristles import BristleLaw
@@ -45,7 +48,8 @@ def make_cases(
     *,
     seed: int,
     cases: int = 20,
-    robots: tuple[str, ...] = ROBOTS,
+    base: Literal["fixed", "floating", "both"] = "fixed",
+    robots: tuple[str, ...] = (),
     torque: Literal["motor_side", "none"] = "motor_side",
     jobs: int = 1,
     progress: Progress = silent,
@@ -56,8 +60,9 @@ def make_cases(
         folder: of the cases; must not hold any yet.
         seed: of everything.
         cases: how many.
-        robots: to choose from.
-        torque: what the logs have; without torque, commands and position servos of several forms, whose gains
+        base: arms, standing robots with contact wrenches, or both by turns.
+        robots: to choose from, whatever ``base``; none: those of the base.
+        torque: what the logs of arms have; without torque, commands and position servos of several forms, whose gains
             are stated in about half of the cases.
         jobs: number of processes; the cases do not depend on it.
         progress: told after each case.
@@ -67,6 +72,7 @@ def make_cases(
 
     Raises:
         InputError: the folder holds cases already, or no cases are asked for.
+        UnknownNameError: no such robot.
     """
     folder = Path(folder)
     if cases < 1:
@@ -74,7 +80,8 @@ def make_cases(
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder} is not empty", remedy="name another folder")
     children = np.random.SeedSequence(seed).spawn(cases)
-    tasks = (delayed(_case)(folder, k, child, robots, torque) for k, child in enumerate(children))
+    families = _families(base, robots)
+    tasks = (delayed(_case)(folder, k, child, families, torque) for k, child in enumerate(children))
     answers: dict[str, dict] = {}
     for k, answer in enumerate(Parallel(n_jobs=jobs, return_as="generator")(tasks)):
         answers[f"case_{k:03d}"] = answer.to_json()
@@ -97,11 +104,31 @@ def load_answers(folder: str | Path) -> dict[str, Answer]:
     return {name: Answer.from_json(item) for name, item in document["cases"].items()}
 
 
+def _families(base: str, robots: tuple[str, ...]) -> tuple[tuple[bool, tuple[str, ...]], ...]:
+    """Standing or not, and the robots to choose from; the cases take them by turns."""
+    if robots:
+        standing = {name: load_robot(name).floating for name in robots}
+        both = ((kind, tuple(name for name in robots if standing[name] is kind)) for kind in (False, True))
+        return tuple(family for family in both if family[1])
+    wanted = {"fixed": (False,), "floating": (True,), "both": (False, True)}[base]
+    return tuple((kind, STANDING_ROBOTS if kind else ROBOTS) for kind in wanted)
+
+
 def _case(
-    folder: Path, number: int, child: np.random.SeedSequence, robots: tuple[str, ...], torque: str
+    folder: Path,
+    number: int,
+    child: np.random.SeedSequence,
+    families: tuple[tuple[bool, tuple[str, ...]], ...],
+    torque: str,
 ) -> Answer:
     rng = np.random.default_rng(child)
-    plan = draft(number, rng, robots)
+    standing, robots = families[number % len(families)]
+    turn = number // len(families)
+    if standing:
+        case = build_floating_case(floating_draft(turn, rng, robots), rng)
+        save_log(case.log, folder / f"case_{number:03d}")
+        return case.answer
+    plan = draft(turn, rng, robots)
     servo = drawn_servo(rng) if torque == "none" else None
     log, answer = build_case(plan, rng, servo)
     if servo is not None:

@@ -7,107 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from excite.simulation.blind.detectability import DETECTABLE
+from excite.simulation.blind.case_score import CaseScore, score_case
 from excite.simulation.blind.hidden import Answer
-
-_SAME = {"payload": "link_inertia"}
-_PAIR = frozenset({"torque_bias", "coulomb_asymmetry"})
-
-
-@dataclass(frozen=True)
-class CaseScore:
-    """One case.
-
-    Attributes:
-        case: its name.
-        kind: single, weak, double, none or unknown.
-        truth: hidden effects with places and forms, for people.
-        said: what the diagnosis says, for people.
-        named: whether a hidden effect's name, or none, or unknown, is what it says; ties that hold it count.
-        placed: whether a hidden effect's place is its place or among its tied places.
-        firm_wrong: a wrong name without a doubt.
-        found: hidden effects that are among its effects.
-        hidden: number of hidden effects.
-        extras: effects that are not there.
-        faults: faults of the record, by kind.
-        detectable: whether all that is hidden stands far enough above the noise; where nothing is, True.
-        probability: that it states for its first candidate, None where it states none.
-        share_closed: of the gap.
-        interval: 90 % interval of that, None where it states none.
-    """
-
-    case: str
-    kind: str
-    truth: str
-    said: str
-    named: bool
-    placed: bool
-    firm_wrong: bool
-    found: int
-    hidden: int
-    extras: int
-    faults: tuple[str, ...]
-    detectable: bool
-    probability: float | None
-    share_closed: float
-    interval: tuple[float, float] | None
-
-
-def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseScore:
-    """Compare one diagnosis (``excite.diagnosis/1``) with its answer."""
-    verdict, effects = document["verdict"], list(document["effects"])
-    if not effects and document["effect"] is not None:
-        effects = [document["candidates"][0]]
-    names = [_canonical(item.effect) for item in answer.effects]
-    said = [_canonical(item["effect"]) for item in effects]
-    options = set(said[:1])
-    if verdict == "ambiguous":
-        options |= {_canonical(item["effect"]) for item in _tied(document)}
-    kind = answer.kind
-    if not names or names == ["unknown"]:
-        right = verdict == ("none" if not names else "unknown")
-        places = {document["location"], *document["tied_locations"]}
-        placed = right and (not names or answer.effects[0].location in places)
-        hits, extras, wrong = int(right), len(effects), verdict == "effect"
-    else:
-        # What is truly there, in the background, is no mistake, though not what was asked for.
-        there = {(_canonical(item.effect), item.location) for item in answer.background}
-        real = [(_canonical(item["effect"]), item["location"]) in there for item in effects]
-        hits = sum(any(_match(name, other) for other in said) for name in names)
-        extras = sum(
-            not known and not any(_match(name, other) for name in names)
-            for other, known in zip(said, real, strict=True)
-        )
-        right = verdict in {"effect", "ambiguous"} and any(n in options for n in names)
-        places = {p for item in effects for p in (item["location"], *item.get("tied_locations", []))}
-        places |= {item["location"] for item in _tied(document)} if verdict == "ambiguous" else set()
-        placed = any(item.location in places for item in answer.effects)
-        wrong = verdict == "effect" and not (said and (real[0] or said[0] in names))
-    first = document["candidates"][0] if document["candidates"] else {}
-    interval = document["gap"].get("share_closed_90")
-    text = f"{verdict}: " + ", ".join(f"{item['effect']}@{item['location']}" for item in effects)
-    if verdict == "ambiguous":
-        text += " among " + "/".join(f"{item['effect']}@{item['location']}" for item in _tied(document))
-    if verdict == "unknown":
-        text += str(document["location"])
-    truth = ", ".join(f"{item.effect}@{item.location} ({item.form})" for item in answer.effects) or "none"
-    return CaseScore(
-        case,
-        kind,
-        truth,
-        text,
-        right,
-        placed,
-        wrong,
-        hits,
-        max(len(names), 1),
-        extras,
-        answer.faults,
-        all(item.detectability is None or item.detectability >= DETECTABLE for item in answer.effects),
-        first.get("probability"),
-        float(document["gap"]["share_closed"]),
-        None if interval is None else (float(interval[0]), float(interval[1])),
-    )
 
 
 @dataclass(frozen=True)
@@ -131,6 +32,11 @@ class BlindScore:
         """Share of the hidden effects of doubles that are found."""
         chosen = [case for case in self.cases if case.kind == "double"]
         return sum(c.found for c in chosen) / sum(c.hidden for c in chosen) if chosen else None
+
+    def _closed(self, quantile: float) -> float | None:
+        """Share of the gap closed that this share of the cases with effects stays below."""
+        closed = sorted(c.share_closed for c in self.cases if c.kind not in {"none", "unknown"})
+        return closed[int(quantile * len(closed))] if closed else None
 
     @property
     def confusion(self) -> dict[str, dict[str, int]]:
@@ -181,6 +87,8 @@ class BlindScore:
             "unknown_recognised": self.share("named", "unknown"),
             "unknown_placed": self.share("placed", "unknown"),
             "firm_wrong": self.share("firm_wrong"),
+            "median_share_closed": self._closed(0.5),
+            "worst_tenth_share_closed": self._closed(0.1),
             "seconds_median": seconds[len(seconds) // 2] if seconds else None,
         }
 
@@ -228,12 +136,7 @@ def score(
     return BlindScore(cases, dict(seconds))
 
 
-def _tied(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Candidates that an ambiguous diagnosis cannot tell apart; a document that does not count them has two."""
-    return list(document["candidates"][: int(document.get("n_tied", 2))])
-
-
-_SHARES = frozenset({"named", "placed", "found", "kept", "recognised", "wrong"})
+_SHARES = frozenset({"named", "placed", "found", "kept", "recognised", "wrong", "closed"})
 
 
 def _share(marks: list[bool]) -> float | None:
@@ -245,11 +148,3 @@ def _figure(name: str, value: float | None) -> str:
     if value is None:
         return "-"
     return f"{100 * value:.0f} %" if name.split("_")[-1] in _SHARES else f"{value:.3g}"
-
-
-def _canonical(name: str | None) -> str:
-    return _SAME.get(name or "", name or "")
-
-
-def _match(hidden: str, said: str) -> bool:
-    return hidden == said or {hidden, said} <= _PAIR
