@@ -27,7 +27,8 @@ def found_effects(attribution: Attribution) -> tuple[Found, ...]:
         here = slice(first + place, first + place + count)
         beta = item.hypothesis.fit.extra
         if extra is not None:
-            scale = np.linalg.norm(columns[:, :, here], axis=(0, 1)) / np.linalg.norm(extra, axis=(0, 1))
+            size = np.linalg.norm(extra, axis=(0, 1))
+            scale = np.linalg.norm(columns[:, :, here], axis=(0, 1)) / np.where(size > 0.0, size, 1.0)
             beta = last.fit.shared[here] * scale
         place += count
         made.append(_found(item, beta))

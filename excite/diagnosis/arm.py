@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.diagnosis.accepted_values import found_effects
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Attribution, Scored
+from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.baseline import Baseline, fit_baseline
 from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.doctor import Chart, examine
@@ -23,6 +25,7 @@ from excite.diagnosis.result import Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.shrink import gap_of
+from excite.diagnosis.units import at_joint
 from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
 from excite.logs.log import Log
 from excite.robot.robot import Robot
@@ -95,8 +98,10 @@ def diagnose_torques(
         rng,
     )
     effects = tuple(
-        _candidate(item, Context(item.hypothesis.baseline), gap, attribution, tied)
-        for item, tied in zip(attribution.accepted, judgement.tied, strict=True)
+        _together(_candidate(item, Context(item.hypothesis.baseline), gap, attribution, tied), found)
+        for item, tied, found in zip(
+            attribution.accepted, judgement.tied, found_effects(attribution), strict=True
+        )
     )
     listed, n_tied = _listed(attribution, judgement, gap, effects)
     where = locate(first.context, attribution.before, attribution.floor, attribution.scale)
@@ -140,12 +145,25 @@ def _candidate(
     return Candidate(
         effect=item.name,
         location=item.location,
-        parameters=h.effect.estimates(context, item.location, h.theta, h.fit),
+        parameters=at_joint(
+            context.baseline.samples.robot,
+            item.location,
+            h.effect.estimates(context, item.location, h.theta, h.fit),
+        ),
         evidence=item.evidence,
         gap_after=after,
         share_closed=share_closed(gap.before, after, gap.noise_floor),
         tied_locations=tied,
     )
+
+
+def _together(item: Candidate, found: Found) -> Candidate:
+    """An accepted effect with the values that it has beside all others, not those when it was alone."""
+    values = {
+        name: replace(estimate, value=found.values.get(name, estimate.value))
+        for name, estimate in item.parameters.items()
+    }
+    return replace(item, parameters=values)
 
 
 def _listed(

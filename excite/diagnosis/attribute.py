@@ -44,6 +44,11 @@ class Gates:
             little of something, naming one of them would be arbitrary.
         most: effects at most.
         stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
+        whole: share removed at its place from which an effect leaves no gap there; a short record of few joints
+            has fewer nats to give, and these are enough then.
+        evidence_whole: nats of such an effect.
+        evidence_whole_again: nats of such a further effect.
+        validation_whole_again: nats of such a further effect on validation trials alone.
     """
 
     evidence: float = 25.0
@@ -58,6 +63,18 @@ class Gates:
     left: int = 2
     most: int = 3
     stands: float = 1.5
+    whole: float = 0.9
+    evidence_whole: float = 12.0
+    evidence_whole_again: float = 25.0
+    validation_whole_again: float = 4.0
+
+    def nats(self, closed: float, *, again: bool) -> tuple[float, float]:
+        """Nats that an effect needs in all and on validation trials, by the share that it closes at its place."""
+        if closed >= self.whole:
+            if again:
+                return self.evidence_whole_again, self.validation_whole_again
+            return self.evidence_whole, self.validation
+        return (self.evidence_again, self.validation_again) if again else (self.evidence, self.validation)
 
 
 @dataclass(eq=False)
@@ -192,15 +209,12 @@ class Attributor:
         )
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
-        gates = self.gates
-        if item.evidence < gates.evidence or item.validation < gates.validation:
-            return False
-        if item.stands < gates.stands:
+        gates, closed = self.gates, float(item.closed[item.place])
+        evidence, validation = gates.nats(closed, again=bool(accepted))
+        if item.evidence < evidence or item.validation < validation or item.stands < gates.stands:
             return False
         if not accepted:
-            return float(item.closed[item.place]) >= gates.closed
-        if item.evidence < gates.evidence_again or item.validation < gates.validation_again:
-            return False
+            return closed >= gates.closed
         timing = item.hypothesis.effect.timing
         if timing and any(a.hypothesis.effect.timing for a in accepted):
             return False

@@ -20,8 +20,6 @@ BREAKAWAYS = (5e-4, 1.5e-3, 4e-3)
 # Presliding is believed where it lowers the loss to this share.
 _BETTER = 0.95
 _RELATIVE = 0.5
-# Speed below which a joint counts as standing [rad/s].
-_STILL = 0.012
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +127,8 @@ def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def sign_of_motion(samples: ArmSamples, joint: int, width: float, breakaway: float = 0.0) -> Array:
-    """What dry friction follows, ``(n_samples,)``: smoothed sign of the velocity, or with presliding."""
-    v = samples.stacked("v")[:, samples.index[joint]]
+    """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
+    v = samples.of_motor("v", joint)
     if breakaway <= 0.0:
         return np.tanh(v / width)
     starts = np.zeros(len(v), dtype=np.bool_)
@@ -141,16 +139,21 @@ def sign_of_motion(samples: ArmSamples, joint: int, width: float, breakaway: flo
 def own_signals(
     samples: ArmSamples, names: tuple[str, ...], joint: int, width: float, breakaway: float = 0.0
 ) -> Array:
-    """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``."""
-    i = samples.index[joint]
-    v, a = samples.stacked("v")[:, i], samples.stacked("a")[:, i]
-    made = {
-        "viscous_friction": lambda: v,
-        "coulomb_friction": lambda: sign_of_motion(samples, joint, width, breakaway),
-        "armature": lambda: a,
-        "torque_bias": lambda: np.ones_like(v),
-    }
-    return np.column_stack([made[n]() for n in names]) if names else np.zeros((len(v), 0))
+    """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``.
+
+    Of its motor first; then the friction and rotor inertia of other motors that turn with it.
+    """
+    columns = []
+    for motor in samples.motors(joint):
+        made = {
+            "viscous_friction": lambda m=motor: samples.of_motor("v", m),
+            "coulomb_friction": lambda m=motor: sign_of_motion(samples, m, width, breakaway),
+            "armature": lambda m=motor: samples.of_motor("a", m),
+            "torque_bias": lambda m=motor: np.ones(len(samples.of_motor("v", m))),
+        }
+        # Constants of two motors on one joint are one constant.
+        columns += [made[n]() for n in names if motor == joint or n != "torque_bias"]
+    return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
 
 
 def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
@@ -232,7 +235,7 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
         least: least root of a weight before normalisation.
     """
     v = samples.stacked("v")[:, list(samples.index)]
-    still = samples.rows(samples.split(_STILL**2 / (v**2 + _STILL**2))).T
+    still = samples.rows(samples.split(samples.standstill**2 / (v**2 + samples.standstill**2))).T
     root = np.clip(1.0 - slope * still, least, 1.0)
     return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
 

@@ -14,6 +14,8 @@ from excite.robot.robot import Array, Robot
 
 _FAR, _LIKE, _UNLIKE = 8.0, 0.9, 0.3
 _SCALE = 3.0
+# Only torques that look like the model's can be the model's in another unit, and no unit is larger than this.
+_RESEMBLES, _UNIT = 0.5, 3e3
 
 
 def examine_channels(
@@ -39,9 +41,11 @@ def examine_channels(
     if any(trial.tau is None for trial in trials):
         return trials, tuple(faults)
     likeness, scale = _likeness(robot, log, trials)
-    for i, joint in enumerate(log.header.joints):
+    names = log.header.torque_joints
+    column = [log.header.joints.index(name) for name in names]
+    for i, joint in enumerate(names):
         if likeness[i, i] < -_LIKE:
-            trials = tuple(_flipped(t, i) for t in trials)
+            trials = tuple(_flipped(t, column[i]) for t in trials)
             faults.append(
                 LogFault(
                     "flipped_sign",
@@ -52,14 +56,18 @@ def examine_channels(
                 )
             )
         for k in range(i):
-            other = log.header.joints[k]
+            name = names[k]
             if min(likeness[i, k], likeness[k, i]) > _LIKE and max(likeness[i, i], likeness[k, k]) < _UNLIKE:
-                trials = tuple(_swapped(t, i, k) for t in trials)
-                what = f"tau.{joint} and tau.{other} follow each other's torque in the model"
+                trials = tuple(_swapped(t, column[i], column[k]) for t in trials)
+                what = f"tau.{joint} and tau.{name} follow each other's torque in the model"
                 faults.append(
                     LogFault("swapped_joints", f"tau.{joint}", what, "another order of joints", repaired=True)
                 )
-    if np.all(scale > _SCALE) or np.all(scale < 1.0 / _SCALE):
+    resembles = np.abs(np.diag(likeness)).max() > _RESEMBLES
+    another_unit = np.all((scale > _SCALE) & (scale < _UNIT)) or np.all(
+        (scale < 1.0 / _SCALE) & (scale > 1.0 / _UNIT)
+    )
+    if resembles and another_unit:
         faults.append(
             LogFault(
                 "unit",
@@ -80,7 +88,7 @@ def _likeness(robot: Robot, log: Log, trials: tuple[Trial, ...]) -> tuple[Array,
     measured = samples.stacked("tau")
     n = measured.shape[1]
     both = np.corrcoef(np.hstack([measured, predicted]).T + 0.0)[:n, n:]
-    order = [samples.joints.index(name) for name in log.header.joints]
+    order = [samples.joints.index(name) for name in log.header.torque_joints]
     ratio = measured.std(axis=0) / np.maximum(predicted.std(axis=0), 1e-9)
     return np.nan_to_num(both[np.ix_(order, order)]), ratio
 

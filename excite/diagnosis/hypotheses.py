@@ -90,13 +90,13 @@ class Search:
 
     context: Context
     solver: Solver
-    kept: dict[tuple[str, str, Theta], Columns] = field(default_factory=dict)
+    kept: dict[tuple[type[Effect], str, Theta], Columns] = field(default_factory=dict)
 
     def try_at(
         self, effect: Effect, location: str, theta: Theta, iterations: int = 6, *, keep: bool = False
     ) -> Hypothesis | None:
         """One fit; None where its linear parameters are not physical or it is not finite."""
-        key = (effect.name, location, theta)
+        key = (type(effect), location, theta)
         if keep and key in self.kept:
             columns = self.kept[key]
         else:
@@ -112,10 +112,11 @@ class Search:
         return Hypothesis(effect, location, theta, columns, fit, self.context.baseline)
 
     def coarse(self, effect: Effect, location: str) -> Hypothesis | None:
-        """The best of the grid."""
+        """The best of the grids of the effect and its other forms."""
         tried = (
-            self.try_at(effect, location, theta, 3, keep=True)
-            for theta in effect.grid(self.context, location)
+            self.try_at(form, location, theta, 3, keep=True)
+            for form in (effect, *effect.forms)
+            for theta in form.grid(self.context, location)
         )
         found = [item for item in tried if item is not None]
         return min(found, key=lambda item: item.loss, default=None)

@@ -165,7 +165,8 @@ class Diagnosis:
             return f"{self.robot}: the model explains the record to its noise floor ({gap})."
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
-            follows = self.where[0].depends_on if self.where else "nothing known"
+            there = [item for item in self.where if item.channel == place] or list(self.where)
+            follows = there[0].depends_on if there else "nothing known"
             return (
                 f"{self.robot}: there is a gap at {place} that follows {follows} and that no effect "
                 f"in the library explains ({gap})."

@@ -10,6 +10,7 @@ import numpy as np
 from excite.diagnosis.augmented_effects import DEFLECTION, NOTE
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, PositionServo, Window
 from excite.diagnosis.rollout_friction import DryFriction
+from excite.errors import InputError
 from excite.robot.robot import Array
 
 if TYPE_CHECKING:
@@ -36,7 +37,12 @@ class Simulator:
         """
         import mujoco
 
-        self.model = mujoco.MjModel.from_xml_string(xml)
+        try:
+            self.model = mujoco.MjModel.from_xml_string(xml)
+        except ValueError as error:
+            raise InputError(
+                f"MuJoCo refuses the model ({' '.join(str(error).split())})", remedy="judge by the torques"
+            ) from error
         self.data = mujoco.MjData(self.model)
         self.joints = joints
         self._qpos = np.array([self.model.joint(name).qposadr[0] for name in joints])

@@ -62,6 +62,12 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
             field="joints",
             remedy="log them all, or give a model without them",
         )
+    if baseline.samples.coupled:
+        raise InputError(
+            "motors turn with several joints, and the simulator's turn with one",
+            field="coupling",
+            remedy="judge by the torques",
+        )
     samples, effects = baseline.samples, found_effects(attribution)
     plan = replace(plan or torque_plan(samples), growth=drift_growth(attribution))
     before = baseline_model(baseline)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
+from excite.diagnosis.held_lowpass import both_ways
 from excite.errors import LogError
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import is_uniform, resample_noisy, resample_smooth, uniform_grid
 from excite.robot.robot import Array, Robot
+
+# Speed below which a joint stands before and after a motion, and by which it surely moves within one [rad/s].
+_STILL, _STANDS = 0.01, 0.012
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,9 @@ class ArmSamples:
         robot: the robot in the log.
         joints: names of the joints with torque, in the order of the columns of ``tau``.
         index: indices of these joints into ``v``.
+        coupling: ``(n_joints, n_joints)`` from velocities of these joints to those of their motors, each seen
+            through its own gear; the identity where every motor turns its own joint alone.
+        standstill: ``(n_joints,)`` speed up to which a joint may as well stand [rad/s].
         trials: the trials.
         rate_hz: full rate.
         bands: frequencies.
@@ -82,6 +88,26 @@ class ArmSamples:
     trials: tuple[ArmTrial, ...]
     rate_hz: float
     bands: Bands
+    coupling: Array
+    standstill: Array
+
+    @property
+    def coupled(self) -> bool:
+        """Whether a motor turns with more than its own joint."""
+        return not np.array_equal(self.coupling, np.eye(len(self.joints)))
+
+    def motors(self, joint: int) -> tuple[int, ...]:
+        """Motors whose torques act on a joint, its own first."""
+        others = np.flatnonzero(self.coupling[:, joint])
+        return (joint, *(int(m) for m in others if m != joint))
+
+    def of_motor(self, name: str, motor: int) -> Array:
+        """Velocity or acceleration of a motor through its own gear, ``(n_samples,)``: ``name`` is ``v`` or ``a``."""
+        values, row = self.stacked(name), self.coupling[motor]
+        turning = np.flatnonzero(row)
+        if len(turning) == 1 and row[turning[0]] == 1.0:
+            return values[:, self.index[turning[0]]]
+        return values[:, [self.index[k] for k in turning]] @ row[turning]
 
     def filtered(self, signals: Sequence[Array]) -> list[Array]:
         """Signals at full rate, one ``(n, …)`` a trial, through the filter, at the kept rows."""
@@ -116,29 +142,10 @@ class ArmSamples:
         return np.split(values, np.cumsum([len(t.time) for t in self.trials])[:-1])
 
 
-@lru_cache(maxsize=16)
-def _design(rate_hz: float, cutoff_hz: float) -> tuple[Array, Array]:
-    sections = butter(4, cutoff_hz, fs=rate_hz, output="sos")
-    return sections, sosfilt_zi(sections)
-
-
-def both_ways(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
-    """:func:`~excite.logs.signals.butterworth.lowpass` of fourth order, designed once; ends held, not mirrored.
-
-    Hundreds of columns go through it, and rows near the ends are left out.
-    """
-    if cutoff_hz >= 0.5 * rate_hz:
-        return values
-    sections, start = _design(rate_hz, cutoff_hz)
-    flat = np.ascontiguousarray(values.reshape(len(values), -1).T)
-    for _ in range(2):
-        state = start[:, None, :] * flat[None, :, :1]
-        flat = sosfilt(sections, flat, axis=1, zi=state)[0][:, ::-1]
-    return flat.T.reshape(values.shape)
-
-
 def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> ArmSamples:
     """Resample, filter and differentiate the trials of an arm.
+
+    Standstill before and after a trial's motion makes no rows: friction holds the joints there with any torque.
 
     Args:
         robot: the robot in the log.
@@ -153,32 +160,57 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
         LogError: a trial has no torques or is too short for the filter.
     """
     bands = bands or Bands()
-    if log.header.no_torque:
-        raise LogError(
-            "names joints without torque",
-            source=log.folder,
-            field="no_torque",
-            remedy="a diagnosis needs the torque of every joint in the log",
-        )
-    order = [log.header.joints.index(name) for name in robot.joint_names if name in log.header.joints]
-    joints = tuple(log.header.joints[i] for i in order)
-    index = tuple(robot.joint_index(name) for name in joints)
+    header = log.header
+    moved = tuple(name for name in robot.joint_names if name in header.joints)
+    joints = tuple(name for name in moved if name in header.torque_joints)
+    places = _Places(
+        tuple(header.joints.index(name) for name in moved),
+        tuple(robot.joint_index(name) for name in moved),
+        tuple(header.joints.index(name) for name in joints),
+        coupling_matrix(joints, header.coupling),
+    )
     rate = float(np.median([trial_rate(log.header, trial) for trial in trials]))
     starts = [trial.start_s for trial in trials]
     known = all(start is not None for start in starts)
     made, clock = [], 0.0
     for trial in trials:
         start = float(trial.start_s) if known and trial.start_s is not None else clock
-        made.append(_arm_trial(robot, trial, order, index, rate, bands, start))
+        made.append(_arm_trial(robot, trial, places, rate, bands, start))
         clock += float(made[-1].time[-1])
-    return ArmSamples(robot, joints, index, tuple(made), rate, bands)
+    index = tuple(robot.joint_index(name) for name in joints)
+    still = np.array([_standstill([t.q[:, k] for t in trials], bands) for k in places.torques])
+    return ArmSamples(robot, joints, index, tuple(made), rate, bands, places.coupling, still)
+
+
+def _standstill(positions: Sequence[Array], bands: Bands) -> float:
+    """Speed up to which a joint may as well stand [rad/s]: no slower than its encoder tells within the band."""
+    values = np.concatenate(positions)
+    levels = np.unique(np.round(values, 9))
+    coarse = 2 < len(levels) < len(values) / 3
+    return max(_STANDS, 2.0 * bands.kinematics_hz * float(np.median(np.diff(levels)))) if coarse else _STANDS
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where a log's columns belong.
+
+    Attributes:
+        logged: columns of ``q`` of the joints that the robot has, in the robot's order.
+        moved: their indices in the model.
+        torques: columns of ``tau`` of those with torque, in the robot's order.
+        coupling: of the motors of those with torque.
+    """
+
+    logged: tuple[int, ...]
+    moved: tuple[int, ...]
+    torques: tuple[int, ...]
+    coupling: Array
 
 
 def _arm_trial(
     robot: Robot,
     trial: Trial,
-    order: list[int],
-    index: tuple[int, ...],
+    places: _Places,
     rate: float,
     bands: Bands,
     start: float,
@@ -188,14 +220,16 @@ def _arm_trial(
     uniform = is_uniform(trial.time, rate)
     grid = trial.time if uniform else uniform_grid(trial.time, rate)
     q_log = trial.q if uniform else resample_smooth(trial.time, trial.q, grid)
-    tau = trial.tau if uniform else resample_noisy(trial.time, trial.tau, grid)
+    motor = trial.tau[:, list(places.torques)]
+    tau = joint_torques(motor if uniform else resample_noisy(trial.time, motor, grid), places.coupling)
     d = central_differences(lowpass(q_log, rate, bands.kinematics_hz), rate)
     n = len(grid)
     q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, robot.model.nv)), np.zeros((n, robot.model.nv))
-    columns = list(index)
+    columns, order = list(places.moved), list(places.logged)
     q[:, columns], v[:, columns], a[:, columns] = d.value[:, order], d.first[:, order], d.second[:, order]
     edge = max(3, settling_samples(rate, bands.rows_hz))
     step = max(1, round(rate / bands.rate_hz))
+    first, last = _moving(v)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",
@@ -205,6 +239,12 @@ def _arm_trial(
         q=q,
         v=v,
         a=a,
-        tau=tau[:, order],
-        rows=np.arange(edge, n - edge, step),
+        tau=tau,
+        rows=np.arange(max(edge, first), min(n - edge, last + 1), step),
     )
+
+
+def _moving(v: Array) -> tuple[int, int]:
+    """First and last sample at which a joint moves; all where none ever does."""
+    moving = np.flatnonzero((np.abs(v) > _STILL).any(axis=1))
+    return (int(moving[0]), int(moving[-1])) if len(moving) else (0, len(v) - 1)

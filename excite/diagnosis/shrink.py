@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.samples import ArmSamples
+from excite.diagnosis.units import force_unit
 from excite.robot.robot import Array
 
 _BLOCK_S = 1.0
@@ -52,7 +53,12 @@ def gap_of(
         draws.append(share_closed(b, a, min(total_floor, a)))
     interval = (float(np.quantile(draws, 0.05)), float(np.quantile(draws, 0.95))) if draws else None
     channels = {
-        name: ChannelGap(float(np.sqrt(old[:, j].mean())), float(np.sqrt(new[:, j].mean())), float(floor[j]))
+        name: ChannelGap(
+            float(np.sqrt(old[:, j].mean())),
+            float(np.sqrt(new[:, j].mean())),
+            float(floor[j]),
+            force_unit(samples.robot, name),
+        )
         for j, name in enumerate(samples.joints)
     }
     return Gap(first, last, total_floor, share_closed(first, last, total_floor), channels, interval)

@@ -41,7 +41,8 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
                 "has no currents", source=trial.name, field="i", remedy="log i.* of every joint [A]"
             )
     joints, stated = log.header.joints, log.header.torque_constants
-    known = np.array([float(stated.get(j, np.nan)) for j in joints])
+    # Currents that mean nothing are not made torques of.
+    known = np.array([1.0 if j in log.header.no_torque else float(stated.get(j, np.nan)) for j in joints])
     inside = log.role("identification")
     signals = {t.name: read_signals(robot, log, replace(t, q_cmd=t.q)) for t in inside}
     currents = {t.name: t.current for t in inside if t.current is not None}

@@ -7,6 +7,10 @@ import numpy as np
 from excite.diagnosis.baseline import WIDTHS
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.presliding import hysteretic_sign
+from excite.robot.robot import Array
+
+# A sign that changes over more than this share of a joint's speed (root mean square) is a slope: viscous friction.
+_SIGN = 0.25
 
 
 class CoulombFriction(Effect):
@@ -23,12 +27,21 @@ class CoulombFriction(Effect):
     def richer(self) -> tuple[Effect, ...]:
         return (CoulombBristles(),)
 
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return (CoulombBristles(),)
+
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w,) for w in WIDTHS]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         return Shape({j: np.tanh(context.v[:, [j]] / theta[0])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        speed = float(np.sqrt(np.mean(context.v[:, context.row(location)] ** 2)))
+        narrow = theta[0] <= max(_SIGN * speed, WIDTHS[0])
+        return narrow and super().admissible(context, location, theta, beta)
 
 
 class CoulombBristles(CoulombFriction):
@@ -40,8 +53,18 @@ class CoulombBristles(CoulombFriction):
     def richer(self) -> tuple[Effect, ...]:
         return ()
 
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return ()
+
     def starts(self, theta: Theta) -> list[Theta]:
         return [(5e-4,), (2e-3,), (5e-3,)]
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return self.starts(())
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return Effect.admissible(self, context, location, theta, beta)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)

@@ -149,6 +149,11 @@ class Effect(ABC):
         """Other forms of the same physics with more parameters, tried once the effect has been named."""
         return ()
 
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        """Other forms of the same physics that may be what is there, tried along with this one."""
+        return ()
+
     def starts(self, theta: Theta) -> list[Theta]:
         """Where the search of a richer form begins, from the non-linear parameters of the plain one."""
         return [theta]

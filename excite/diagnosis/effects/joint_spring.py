@@ -12,6 +12,8 @@ from excite.robot.robot import Array
 
 # A spring whose torque hardly changes over the joint's motion is a constant.
 _CHANGES = 0.05
+# Cables and springs wind up over no more than so many radians.
+_TRAVEL = 4.0 * np.pi
 
 
 class JointSpring(Effect):
@@ -29,6 +31,9 @@ class JointSpring(Effect):
     @property
     def richer(self) -> tuple[Effect, ...]:
         return (HardeningSpring(), RubbingSpring())
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return tuple(j for j, q in zip(context.joints, context.q.T, strict=True) if np.ptp(q) <= _TRAVEL)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.equations import Fit
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.loading import carried_link
 from excite.robot.robot import Array
@@ -52,3 +54,16 @@ class Payload(Effect):
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return True
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        """What the joints feel of the body; where they do not feel its mass, its first moment comes first."""
+        found = super().estimates(context, location, theta, fit)
+        columns = link_columns(context, self.locations(context).index(location) + 1)
+        felt = np.abs(columns).max(axis=(0, 1)) > 1e-12
+        shown = {name: item for (name, item), here in zip(found.items(), felt, strict=True) if here}
+        if felt[0] or not felt[1:4].any():
+            return shown
+        moment, spread = fit.extra[1:4] * felt[1:4], fit.extra_std[1:4] * felt[1:4]
+        size = float(np.linalg.norm(moment))
+        std = float(np.linalg.norm(moment * spread) / max(size, 1e-300))
+        return {"first_moment": Estimate(size, std, "kg·m")} | shown
