@@ -8,8 +8,16 @@ from typing import Annotated
 import typer
 
 import excite
+from excite.cli.human_figures import human_figures
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, SeedOption
 from excite.cli.output import emit, progress_bars
+from excite.cli.segment_options import (
+    AsymmetricOption,
+    MassRangeOption,
+    named_numbers,
+    segment_settings,
+)
+from excite.errors import InputError
 from excite.json_document import write_json
 
 NAME = "human"
@@ -67,17 +75,32 @@ def command(
             "--loaded", min=0, help="How many of the last trials were done wearing a weight: find it."
         ),
     ] = 0,
+    segment_mass: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--segment-mass",
+            metavar="SEGMENT=KG",
+            help="Nominal mass of a segment that is no table's, of a prosthesis or a stump (may be repeated).",
+        ),
+    ] = None,
+    asymmetric: AsymmetricOption = None,
+    mass_range: MassRangeOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
     """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
+    if identify is None and (asymmetric or mass_range):
+        option = "--asymmetric" if asymmetric else "--mass-range"
+        raise InputError("identifies nothing", field=option, remedy="add --identify hqp")
+    estimator = segment_settings(identify or "", asymmetric, mass_range)
     settings = excite.MeasureSettings(
         table=table,  # type: ignore[arg-type]
         markers=markers,
         up=up,
         cutoff_hz=cutoff_hz,
         hold_out=hold_out,
+        segment_mass=named_numbers("--segment-mass", segment_mass),
     )
     subject = excite.Subject(mass, height, sex)  # type: ignore[arg-type]
     with progress_bars() as progress:
@@ -85,13 +108,20 @@ def command(
     excite.write_person(person, out)
     document = person.to_json()
     summary = f"{person.summary()}\nwrote {out}"
-    if loaded:
-        weight = excite.added_mass(out, loaded)
+    weight = excite.added_mass(out, loaded) if loaded else None
+    if weight is not None:
         document["added_mass"] = weight.to_json()
         summary += f"\n{weight.summary()}"
     if identify is not None:
-        found = excite.identify_person(person, out, identify)
+        found = excite.identify_person(person, out, identify, estimator, loaded=loaded)
         document["identification"] = found.identification.to_json()
+        document["ground_reaction"] = found.reaction_table.to_json()
         summary += f"\n\n{found.summary()}"
+        worn = None
+        if weight is not None:
+            worn = excite.identify_wearing(person, out, weight, found, loaded, identify, estimator)
+            document["worn_weight"] = worn.to_json()
+            summary += f"\n\n{worn.summary()}"
+        human_figures(found, None if worn is None else worn.wearing, settings.table, out)
     write_json(document, out / "human.json")
     emit(summary, document, as_json=as_json)

@@ -11,6 +11,7 @@ import typer
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import emit
+from excite.cli.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
 from excite.json_document import write_json
 
@@ -48,6 +49,8 @@ def command(
             help="Write bounds of this robot to edit, and identify nothing.",
         ),
     ] = None,
+    asymmetric: AsymmetricOption = None,
+    mass_range: MassRangeOption = None,
     drives: Annotated[
         bool, typer.Option("--drives", help="Write identified friction into the model files too.")
     ] = False,
@@ -99,7 +102,7 @@ def command(
     lag = excite.estimate_torque_delay(loaded, log, settings) if align else None
     if lag is not None:
         settings = replace(settings, torque_delay_s=lag.lag_s)
-    estimator = excite.EstimatorSettings(total_mass=total_mass, bounds=stated)
+    estimator = segment_settings(method, asymmetric, mass_range, total_mass=total_mass, bounds=stated)
     try:
         result = excite.identify(loaded, log, method, settings=estimator, problem_settings=settings)
     except excite.NoSolutionError as error:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.errors import InputError, UnknownNameError
 from excite.human.dimensions import Dimensions, joint_offsets, stature_dimensions
 from excite.human.inertials import Anthropometry, BodyInertia, body_inertias
-from excite.human.segments import SEGMENTS
+from excite.human.segments import NAMES, SEGMENTS
 from excite.human.subject import Subject
 from excite.robot.robot import Array
 
@@ -40,6 +42,44 @@ class Body:
     def with_table(self, table: Anthropometry) -> Body:
         """The same body with inertial parameters of another table."""
         return replace(self, table=table, inertias=body_inertias(self.subject, self.dimensions, table))
+
+    def with_masses(self, masses: Mapping[str, float]) -> Body:
+        """The body with nominal masses [kg] of some segments by hand; the others share the rest as they did.
+
+        Raises:
+            UnknownNameError: no such segment.
+            InputError: a mass that is not positive, or masses that leave nothing for the others.
+        """
+        for name, mass in masses.items():
+            if name not in NAMES:
+                raise UnknownNameError("segment", name, list(NAMES))
+            if not mass > 0.0:
+                raise InputError(
+                    f"is {mass:g} kg", field=name, remedy="give what is left of it, 0.1 for a stump"
+                )
+        own = np.array([inertia.mass for inertia in self.inertias])
+        stated = np.array([name in masses for name in NAMES])
+        rest = self.subject.mass - sum(masses.values())
+        if rest <= 0.0:
+            raise InputError(
+                f"stated masses add up to {sum(masses.values()):g} kg of {self.subject.mass:g}",
+                field=", ".join(masses),
+                remedy="give masses in kilograms",
+            )
+        shared = own * rest / max(float(own[~stated].sum()), 1e-9)
+        wanted = [masses.get(name, float(shared[k])) for k, name in enumerate(NAMES)]
+        inertias = [
+            BodyInertia(mass, b.center, b.inertia * mass / b.mass)
+            for b, mass in zip(self.inertias, wanted, strict=True)
+        ]
+        return replace(self, inertias=tuple(inertias))
+
+    def wearing(self, segment: str, weight: BodyInertia) -> Body:
+        """The body with a weight on a segment, in the segment's frame."""
+        inertias = list(self.inertias)
+        inertias[NAMES.index(segment)] = inertias[NAMES.index(segment)] + weight
+        subject = replace(self.subject, mass=self.subject.mass + weight.mass)
+        return replace(self, subject=subject, inertias=tuple(inertias))
 
 
 def body_of(subject: Subject, dimensions: Dimensions | None = None, table: Anthropometry = "de_leva") -> Body:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 
 from excite.errors import LogError
 from excite.human.body import Body
-from excite.human.pressure import foot_distances, foot_line, pressure_center
+from excite.human.exchanged_plates import FAR, NEAR, unswapped_plates
+from excite.human.pressure import foot_distances, foot_line, pressure_center, typical_miss
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import SIDES
 from excite.human.skeleton import Placement
@@ -21,8 +21,6 @@ from excite.robot.robot import Array
 
 GRAVITY = 9.81
 _UNLOADED_N = 20.0
-# A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres.
-_NEAR, _FAR = 0.15, 0.25
 _FREE_MOMENT_NM = 200.0
 _SHARED = 0.15
 
@@ -91,7 +89,7 @@ def plate_readings(
     read = [_at_times(plate, recording.time, cutoff_hz, source) for plate in plates]
     feet = {side: foot_line(placement, side, body) for side in SIDES}
     read, units = _in_metres(read, feet, ground, source)
-    read, swaps = _unswapped_plates(read, feet, ground, source)
+    read, swaps = unswapped_plates(read, feet, ground, source)
     readings, sides = _assigned(read, feet, ground, source)
     return readings, (*findings, *signs, *units, *swaps, *sides)
 
@@ -131,17 +129,11 @@ def _at_times(plate: PlateRecording, time: Array, cutoff_hz: float | None, sourc
     return replace(plate, time=time, force=at[:, :3], moment=at[:, 3:])
 
 
-def _miss(plate: PlateRecording, feet: dict[str, Array], height: float) -> float:
-    """Typical distance of the centre of pressure from the nearer foot [m]."""
-    nearest = np.minimum(*foot_distances(plate, feet, height).values())
-    return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0
-
-
 def _in_metres(
     plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
 ) -> tuple[list[PlateRecording], list[Finding]]:
     """Points of application that are a thousand times too far out."""
-    if max(_miss(plate, feet, height) for plate in plates) < 5.0:
+    if max(typical_miss(plate, feet, height) for plate in plates) < 5.0:
         return plates, []
     scaled = []
     for plate in plates:
@@ -149,56 +141,12 @@ def _in_metres(
         free = plate.moment - np.cross(point, plate.force)
         factor = 1e-3 if np.abs(free[:, 2]).max() > _FREE_MOMENT_NM else 1.0
         scaled.append(replace(plate, moment=np.cross(1e-3 * point, plate.force) + factor * free))
-    if max(_miss(plate, feet, height) for plate in scaled) > _FAR:
+    if max(typical_miss(plate, feet, height) for plate in scaled) > FAR:
         return plates, []
     text = (
         f"{source.name}: points of application lie kilometres from the feet: they are millimetres; converted"
     )
     return scaled, [Finding("units", text, {"factor": 1e-3}, tuple(plate.name for plate in plates))]
-
-
-def _unswapped_plates(
-    plates: list[PlateRecording], feet: dict[str, Array], height: float, source: Path
-) -> tuple[list[PlateRecording], list[Finding]]:
-    """Plates whose channels and poses do not belong together."""
-    worst = max(_miss(plate, feet, height) for plate in plates)
-    placed = [plate for plate in plates if plate.corners is not None]
-    if worst < _NEAR or len(placed) < len(plates) or not 2 <= len(plates) <= 4:
-        return plates, []
-    best, best_miss, order = plates, worst, tuple(range(len(plates)))
-    for chosen in permutations(range(len(plates))):
-        moved = [_moved(plates[i], plates[j]) for i, j in enumerate(chosen)]
-        miss = max(_miss(plate, feet, height) for plate in moved)
-        if miss < best_miss:
-            best, best_miss, order = moved, miss, chosen
-    if best_miss > 0.5 * worst or best_miss > _FAR:
-        return plates, []
-    names = tuple(plates[i].name for i, j in enumerate(order) if i != j)
-    text = (
-        f"{source.name}: {' and '.join(names)} are swapped: their forces act {100 * worst:.0f} cm from any "
-        f"foot, and {100 * best_miss:.0f} cm with each other's place; put back"
-    )
-    return best, [Finding("swapped_plates", text, {"miss_m": worst, "mended_m": best_miss}, names)]
-
-
-def _moved(plate: PlateRecording, other: PlateRecording) -> PlateRecording:
-    """A plate's reading at another plate's pose."""
-    if plate.corners is None or other.corners is None:
-        return plate
-    here, there = _pose(plate.corners), _pose(other.corners)
-    turn = there[0] @ here[0].T
-    local = plate.moment - np.cross(here[1], plate.force)
-    force, moment = plate.force @ turn.T, local @ turn.T
-    return replace(plate, force=force, moment=moment + np.cross(there[1], force), corners=other.corners)
-
-
-def _pose(corners: Array) -> tuple[Array, Array]:
-    """Rotation and centre of a plate; x and y along its edges, as C3D counts its corners."""
-    x = corners[0] + corners[3] - corners[1] - corners[2]
-    y = corners[0] + corners[1] - corners[2] - corners[3]
-    z = np.cross(x, y)
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    return np.column_stack([x, np.cross(z, x), z]), corners.mean(axis=0)
 
 
 def _assigned(
@@ -214,14 +162,14 @@ def _assigned(
         foot = "right" if on_right else "left"
         miss = float(np.sqrt(np.nanmean(distances[foot] ** 2))) if loaded.any() else float("nan")
         typical = float(np.nanmedian(distances[foot])) if loaded.any() else 0.0
-        if typical > _FAR:
+        if typical > FAR:
             raise LogError(
                 f"its centre of pressure lies {100 * typical:.0f} cm from the nearer foot",
                 source=source,
                 field=plate.name,
                 remedy="check the plate's place, its unit of length, and that markers and forces belong together",
             )
-        near = loaded & (np.minimum(right, left) < _NEAR)
+        near = loaded & (np.minimum(right, left) < NEAR)
         weight = plate.force[near, 2]
         share = float(weight[right[near] < left[near]].sum() / max(weight.sum(), 1e-9))
         if _SHARED < share < 1.0 - _SHARED:

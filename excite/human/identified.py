@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from excite.atomic import atomic_path
+from excite.errors import InputError
 from excite.human.added_mass import AddedMass, locate_added_mass
+from excite.human.ground_reaction import GroundReaction, ReactionTable, ground_reactions
 from excite.human.measure import MeasuredPerson
 from excite.human.osim import write_osim
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
@@ -30,18 +32,31 @@ class IdentifiedPerson:
     Attributes:
         identification: parameters, fit and validation.
         table: masses by segment.
+        reactions: ground reaction of each trial, measured and by both models.
     """
 
     identification: Identification
     table: SegmentTable
+    reactions: tuple[GroundReaction, ...]
+
+    @property
+    def reaction_table(self) -> ReactionTable:
+        """RMSE and correlation of the ground reaction."""
+        return ReactionTable.of(self.reactions)
 
     def summary(self) -> str:
-        """Fit, validation and the table of masses."""
-        return f"{self.identification.summary()}\n\n{self.table.summary()}"
+        """Fit, validation, ground reaction and the table of masses."""
+        parts = (self.identification.summary(), self.reaction_table.summary(), self.table.summary())
+        return "\n\n".join(parts)
 
 
 def identify_person(
-    person: MeasuredPerson, folder: Path, method: str = "lmi", settings: EstimatorSettings | None = None
+    person: MeasuredPerson,
+    folder: Path,
+    method: str = "lmi",
+    settings: EstimatorSettings | None = None,
+    *,
+    loaded: int = 0,
 ) -> IdentifiedPerson:
     """Identify a person's segments from the log folder that was written, and write what was found beside it.
 
@@ -52,22 +67,28 @@ def identify_person(
         person: the person as measured.
         folder: where :func:`~excite.human.measure.write_person` wrote.
         method: registry name of the estimator; ``lmi`` gives bodies that exist, ``hqp`` is the paper's.
-        settings: of the estimator, for example ``mirror`` and ``segment_mass_range``.
+        settings: of the estimator, for example ``asymmetric`` and ``segment_mass_range``.
+        loaded: how many trials, the last ones, were done wearing a weight and say nothing of the body.
 
     Raises:
         NoSolutionError: the estimator found no parameters that pass its checks.
     """
     robot = load_robot(folder / ROBOT_FILE)
-    result = identify(robot, load_log(folder, robot), method, settings=settings)
-    table = segment_table(person.body, result)
+    log = load_log(folder, robot)
+    if loaded:
+        log = split_trials(log, loaded)[0]
+    result = identify(robot, log, method, settings=settings)
+    found = IdentifiedPerson(
+        result, segment_table(person.body, result), ground_reactions(robot, log, result.parameters)
+    )
     body = identified_body(person.body, result)
     write_json(result.to_json(), folder / "identification.json")
     with atomic_path(folder / "segments.csv") as temporary:
-        temporary.write_text(table.csv(), encoding="utf-8")
+        temporary.write_text(found.table.csv(), encoding="utf-8")
     with atomic_path(folder / f"{IDENTIFIED}.urdf") as temporary:
         temporary.write_text(urdf_text(body), encoding="utf-8")
     write_osim(body, folder / f"{IDENTIFIED}.osim", person.calibration.model, IDENTIFIED)
-    return IdentifiedPerson(result, table)
+    return found
 
 
 def added_mass(folder: Path, loaded: int) -> AddedMass:
@@ -76,14 +97,41 @@ def added_mass(folder: Path, loaded: int) -> AddedMass:
     Args:
         folder: log folder of a person.
         loaded: how many of its trials, the last ones, were recorded with the weight.
+
+    Raises:
+        InputError: no trial is left without it.
     """
     robot = load_robot(folder / ROBOT_FILE)
-    log = load_log(folder, robot)
+    without, wearing = split_trials(load_log(folder, robot), loaded)
+    return locate_added_mass(robot, without, wearing, com_boxes(robot))
+
+
+def split_trials(log: Log, loaded: int) -> tuple[Log, Log]:
+    """Trials without and with a weight; in either the last of several validates.
+
+    Raises:
+        InputError: no trial is left without it.
+    """
     first = len(log.trials) - loaded
-    boxes = com_boxes(robot)
-    return locate_added_mass(robot, _trials(log, slice(0, first)), _trials(log, slice(first, None)), boxes)
+    if first < 1:
+        raise InputError(
+            f"{loaded} of {len(log.trials)} trials with a weight",
+            field="loaded",
+            remedy="give a trial without it too, before those with it",
+        )
+    return _trials(log, slice(0, first)), _trials(log, slice(first, None))
 
 
 def _trials(log: Log, span: slice) -> Log:
-    header = log.header.model_copy(update={"trials": log.header.trials[span]})
-    return replace(log, header=header, trials=log.trials[span])
+    headers, trials = log.header.trials[span], log.trials[span]
+    roles = ["identification"] * len(trials)
+    if len(trials) > 1:
+        roles[-1] = "validation"
+    header = log.header.model_copy(
+        update={
+            "trials": tuple(h.model_copy(update={"role": r}) for h, r in zip(headers, roles, strict=True))
+        }
+    )
+    return replace(
+        log, header=header, trials=tuple(replace(t, role=r) for t, r in zip(trials, roles, strict=True))
+    )

@@ -28,8 +28,16 @@ def with_known_labels(recording: Recording, markers: MarkerSet) -> Recording:
     """The recording with the set's labels only, and findings on those that are missing or unknown.
 
     Raises:
-        LogError: no marker of the set is in the file.
+        LogError: no marker of the set is in the file, or markers of several people are.
     """
+    people = sorted({label.rsplit(":", 1)[0] for label in recording.markers if ":" in label})
+    shared = [bare_label(label) for label in recording.markers if bare_label(label) in markers.sites]
+    if len(people) > 1 and len(shared) > len(set(shared)):
+        raise LogError(
+            f"holds the markers of {len(people)} people: {listed(people)}",
+            source=recording.source,
+            remedy="export one person's markers at a time",
+        )
     by_bare = {bare_label(label): values for label, values in recording.markers.items()}
     known = {label: values for label, values in by_bare.items() if label in markers.sites}
     if not known:

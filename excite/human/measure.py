@@ -44,6 +44,7 @@ class MeasureSettings:
         up: laboratory axis that points up; None finds it.
         cutoff_hz: low-pass on markers and forces [Hz]; 0 for none.
         hold_out: share of a single trial that validates.
+        segment_mass: nominal masses that are known better than by the table, by segment [kg].
     """
 
     table: Anthropometry = "de_leva"
@@ -51,6 +52,7 @@ class MeasureSettings:
     up: str | None = None
     cutoff_hz: float = 6.0
     hold_out: float = 0.3
+    segment_mass: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +163,7 @@ def measure_recordings(
     calibration = calibrate(
         subject, markers.sites, [recording.markers for recording in (*still, *upright_trials)]
     )
-    body = body_of(subject, calibration.dimensions, settings.table)
+    body = body_of(subject, calibration.dimensions, settings.table).with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
     reports: dict[str, dict[str, Any]] = {}
     findings: list[Finding] = []

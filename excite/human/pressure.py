@@ -48,3 +48,9 @@ def foot_distances(plate: PlateRecording, feet: dict[str, Array], height: float)
         nearest = heel + np.clip(share, 0.0, 1.0)[:, None] * along
         found[side] = np.linalg.norm(point - nearest, axis=1)
     return found
+
+
+def typical_miss(plate: PlateRecording, feet: dict[str, Array], height: float) -> float:
+    """Typical distance of the centre of pressure from the nearer foot [m]."""
+    nearest = np.minimum(*foot_distances(plate, feet, height).values())
+    return float(np.nanmedian(nearest)) if np.isfinite(nearest).any() else 0.0

@@ -23,7 +23,7 @@ from excite.logs.files import load_log
 from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
 from tests.benchmarks.table import Row
-from tests.human.virtual_subject import Belt, draw_subject, perform, record, standing
+from tests.human.virtual_subject import Belt, draw_subject, perform, record, repeated, standing
 
 DRAWS = int(os.environ.get("EXCITE_BELT_DRAWS", "100"))
 SECONDS = 40.0
@@ -79,7 +79,8 @@ def experiment(
     box = segment_box(who.body, NAMES.index(segment))
     place = box.mean(axis=0) + 0.25 * (box[1] - box[0]) * rng.uniform(-1.0, 1.0, 3)
     belt = Belt(segment, mass, tuple(place.tolist()))
-    sessions = [record(who, show, rng, name="without"), record(who, show, rng, belt, name="with")]
+    again = repeated(who, show, rng)
+    sessions = [record(who, show, rng, name="without"), record(who, again, rng, belt, name="with")]
     person = measure_recordings(who.body.subject, sessions, [standing(who, rng)], MeasureSettings())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "log"

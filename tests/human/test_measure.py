@@ -233,3 +233,9 @@ def test_a_person_on_a_plate_weighs_what_the_model_says(data_dir):
     rows = np.genfromtxt(data_dir / "human_figaroh_forceplate_only" / "force_plate_wrench.csv", delimiter=",")
     rows = rows[np.isfinite(rows).all(axis=1)]
     assert rows[:, 2].mean() / 9.81 == pytest.approx(72.2, rel=0.01)
+
+
+def test_two_people_in_one_file_are_refused(session):
+    markers = {f"{who}:{label}": v for who in ("Anna", "Ben") for label, v in session.trial.markers.items()}
+    with pytest.raises(LogError, match="markers of 2 people: Anna, Ben"):
+        measured(session, replace(session.trial, markers=markers))

@@ -9,6 +9,7 @@ from excite.errors import InputError, LogError
 from excite.human.markers.marker_set import MarkerSite, find_marker_set, read_marker_set
 from excite.human.pressure import pressure_center
 from excite.human.readers.registry import read_recording
+from tests.human.c3d_file import DEC, Style, plate_of, write
 from tests.human.recordings import write_c3d, write_mot, write_trc
 
 FROM_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -94,3 +95,50 @@ def test_the_set_is_found_by_its_labels(session):
     assert find_marker_set([f"Anna:{label}" for label in session.trial.markers]).name == "jovic"
     with pytest.raises(InputError, match="mapping file"):
         find_marker_set(["M1", "M2", "M3"])
+
+
+@pytest.fixture(scope="module")
+def laboratory():
+    """Two markers, one with a gap, and the wrench of one plate, at 100 Hz and 1000 Hz."""
+    rng = np.random.default_rng(4)
+    time = np.arange(40) / 100.0
+    markers = {"LASI": np.column_stack([0.1 + time, -0.2 * time, 0.9 + 0 * time]), "RASI": np.zeros((40, 3))}
+    markers["RASI"][:] = markers["LASI"] + [0.0, -0.25, 0.01]
+    markers["RASI"][7:11] = np.nan
+    force = np.column_stack([rng.normal(0, 20, (400, 2)), 700 + rng.normal(0, 30, 400)])
+    point = np.array([0.52, 0.23, 0.0]) + np.append(rng.normal(0, 0.05, (400, 2)), np.zeros((400, 1)), axis=1)
+    moment = np.cross(point, force) + np.outer(rng.normal(0, 3, 400), [0.0, 0.0, 1.0])
+    # x of the plate across the laboratory, its z down.
+    corners = np.array([[0.7, 0.5, 0], [0.7, -0.1, 0], [0.3, -0.1, 0], [0.3, 0.5, 0]])
+    return markers, force, moment, corners
+
+
+@pytest.mark.parametrize("kind", [2, 3, 4])
+@pytest.mark.parametrize(
+    "style",
+    [
+        Style(),
+        Style(processor=DEC),
+        Style(integers=True),
+        Style(processor=DEC, integers=True, first_frame=351),
+        Style(unit=("m", 1.0), moment_unit="Nm"),
+        Style(unit=("m", 1.0), moment_unit=None),
+        Style(moment_unit=None),
+        Style(prefix="S01:", extra=300),
+    ],
+    ids=["intel", "dec", "integers", "dec integers", "metres", "metres, no units", "no units", "labels2"],
+)
+def test_c3d_of_the_field(laboratory, tmp_path, style, kind):
+    """Whatever the processor, number format, units, plate and count of labels: positions, gaps, wrenches come back."""
+    markers, force, moment, corners = laboratory
+    length = style.unit[1]
+    plate = plate_of(kind, corners * length, 0.045 * length, force, moment * length)
+    read = read_recording(write(tmp_path / "field.c3d", markers, 100.0, [plate], style))
+    for label, true in markers.items():
+        assert read.markers[style.prefix + label] == pytest.approx(true, abs=1e-4, nan_ok=True), label
+    assert len(read.time) == 40 and read.rate_hz == pytest.approx(100.0)
+    (found,) = read.plates
+    assert len(found.force) == 400 and found.time[10] == pytest.approx(0.01)
+    assert found.force == pytest.approx(force, abs=0.1)
+    assert found.moment == pytest.approx(moment, abs=0.1)
+    assert found.corners == pytest.approx(corners, abs=1e-4)

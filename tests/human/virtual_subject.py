@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import CubicSpline
+from scipy.signal import fftconvolve
 from scipy.spatial.transform import Rotation
 
 from excite.human.body import Body, body_of
@@ -158,6 +160,26 @@ def perform(who: VirtualSubject, seconds: float = 60.0, rate_hz: float = 100.0, 
         put(f"{side}_ankle_adduction", free * wave(0.15))
         put(f"{side}_ankle_rotation", free * wave(0.1))
     return _balanced(who.body, time, angles, right_share)
+
+
+def repeated(who: VirtualSubject, show: Performance, rng: np.random.Generator) -> Performance:
+    """The same exercise done again: timing wanders by some tenths of a second, each joint's range by some 5 %."""
+    n = len(show.time)
+    rate = 1.0 / (show.time[1] - show.time[0])
+    late = np.cumsum(_wandering(n, rate, 4.0, 1, rng)[:, 0]) * 0.05 / rate
+    at = np.clip(show.time + late - late.mean(), show.time[0], show.time[-1])
+    angles, share = (CubicSpline(show.time, values)(at) for values in (show.angles, show.right_share))
+    middle = angles.mean(axis=0)
+    angles = middle + (angles - middle) * (1.0 + 0.05 * _wandering(n, rate, 3.0, angles.shape[1], rng))
+    return _balanced(who.body, show.time, angles, share)
+
+
+def _wandering(n: int, rate: float, seconds: float, columns: int, rng: np.random.Generator) -> np.ndarray:
+    """Smooth noise of unit variance that forgets itself in so many seconds, ``(n, columns)``."""
+    kernel = np.hanning(int(2 * seconds * rate))
+    noise = rng.standard_normal((n + len(kernel), columns))
+    smooth = np.column_stack([fftconvolve(column, kernel, "valid")[:n] for column in noise.T])
+    return smooth / np.sqrt((kernel**2).sum())
 
 
 def _balanced(body: Body, time: np.ndarray, angles: np.ndarray, share: np.ndarray) -> Performance:

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from excite.cli.identify import METHODS
-from excite.errors import InputError, NoSolutionError
+from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.bounds import within_bounds
 from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.constraints.mass_range import masses_in_range
@@ -183,6 +183,22 @@ class TestRows:
             s.pair is not None and s.pair > k for k, s in enumerate(standing.robot.segments)
         )
         assert rows.violations(standing.prior).max() < 0.05
+
+    def test_named_segments_need_not_mirror(self, standing):
+        robot = standing.robot
+        left = next(k for k, s in enumerate(robot.segments) if s.pair is not None and s.pair > k)
+        for one in (left, robot.segments[left].pair):
+            settings = EstimatorSettings(asymmetric=(robot.segments[one].link,))
+            rows = mirrored_pairs(standing, 0.1, settings.free_of_symmetry(robot))
+            assert len(rows.bound) == len(mirrored_pairs(standing, 0.1).bound) - 16
+            assert f"mirror:{robot.segments[left].link}" not in rows.labels
+        for settings in (
+            EstimatorSettings(asymmetric=("tail",)),
+            EstimatorSettings(segment_mass_range={"tail": 1}),
+        ):
+            with pytest.raises(UnknownNameError, match="segment 'tail'"):
+                settings.free_of_symmetry(robot)
+                settings.mass_ranges(robot)
 
     def test_mass_range_is_eq_16(self, arm):
         rows = masses_in_range(arm, np.full(len(arm.robot.segments), 0.2))

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.errors import InputError
 from excite.human.dimensions import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
@@ -39,7 +40,8 @@ _ROUNDS = 12
 _CONVERGED = 1e-4
 _FRAMES = 60
 _FEWEST_MARKERS = 3
-_BAD_FRAME = 2.5
+# Cost of a frame, in usual ones, beyond which a limb is taken to be folded: before and after it is adjusted.
+_BAD_FRAME, _FOLDED = 2.5, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +112,7 @@ def calibrate(
     model = _with_free_markers(
         replace(model, local=np.where(np.isfinite(guess), guess, np.nan)), points, solution
     )
-    # Single frames in which a limb was still found the wrong way would pull the joints.
-    sound = solution.cost <= _BAD_FRAME * np.median(solution.cost)
+    sound = _sound(solution, _BAD_FRAME)
     points, solution = points[sound], replace(solution, pose=solution.pose[sound])
     sigma = np.where(np.isfinite(guess).all(axis=1), _LANDMARK_SIGMA, _FREE_SIGMA)
     return _adjust(model, dimensions, points, solution.pose, sigma)
@@ -125,15 +126,10 @@ def _chosen(recording: Mapping[str, Array], labels: tuple[str, ...]) -> Array:
     return np.stack([recording[label][frames] if label in recording else nothing for label in labels], axis=1)
 
 
-def _trunk_seen(points: Array, segment: Array, guess: Array) -> Array:
+def _trunk_seen(points: Array, segment: NDArray[np.int64], guess: Array) -> NDArray[np.bool_]:
     seen = np.isfinite(points).all(axis=2) & np.isfinite(guess).all(axis=1)
-    return np.all(
-        [
-            seen[:, segment == NAMES.index(trunk)].sum(axis=1) >= _FEWEST_MARKERS
-            for trunk in ("pelvis", "torso")
-        ],
-        axis=0,
-    )
+    pelvis, torso = (seen[:, segment == NAMES.index(trunk)].sum(axis=1) for trunk in ("pelvis", "torso"))
+    return np.asarray((pelvis >= _FEWEST_MARKERS) & (torso >= _FEWEST_MARKERS))
 
 
 def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) -> MarkerModel:
@@ -148,6 +144,11 @@ def _with_free_markers(model: MarkerModel, points: Array, solution: Solution) ->
     return replace(model, local=local)
 
 
+def _sound(solution: Solution, most: float) -> NDArray[np.bool_]:
+    """Frames without a limb that was found the wrong way, which would pull the joints: cost near the usual one."""
+    return np.asarray(solution.cost <= most * np.median(solution.cost))
+
+
 def _adjust(
     model: MarkerModel, dimensions: Dimensions, points: Array, pose: Pose, sigma: Array
 ) -> Calibration:
@@ -159,15 +160,16 @@ def _adjust(
     precision = np.concatenate([dimensions.spread**-2.0, np.repeat(sigma**-2.0, 3)])
     covariance = np.diag(1.0 / precision)
     last = np.inf
-    share = min(1.0, _INDEPENDENT_FRAMES / len(points))
     for _ in range(_ROUNDS):
         model = replace(model, local=local, offsets=basis @ values)
-        pose = solve_poses(model, points, pose, steps=6).pose
+        solution = solve_poses(model, points, pose, steps=6)
+        pose, sound = solution.pose, np.flatnonzero(_sound(solution, _FOLDED))
+        share = min(1.0, _INDEPENDENT_FRAMES / len(sound))
         normal = np.diag(precision)
         right = precision * np.concatenate([first_values - values, (first_local - local).ravel()])
         total = float(right @ (right / precision))
-        for start in range(0, len(points), 64):
-            block = slice(start, start + 64)
+        for start in range(0, len(sound), 64):
+            block = sound[start : start + 64]
             h, g, cost = _shared_equations(model, points[block], pose[block], basis)
             normal, right, total = normal + share * h, right + share * g, total + share * cost
         covariance = np.linalg.inv(normal)
@@ -181,10 +183,11 @@ def _adjust(
     solution = solve_poses(model, points, pose, steps=10)
     spread = np.sqrt(np.diag(covariance))[: len(values)]
     changed = replace(dimensions, values=values, spread=spread)
-    rms = float(np.sqrt(np.nanmean(solution.residual**2)))
+    sound = np.flatnonzero(_sound(solution, _FOLDED))
+    rms = float(np.sqrt(np.nanmean(solution.residual[sound] ** 2)))
     if n_shared > np.isfinite(points).sum():
         raise InputError("has too few markers and frames to calibrate a body", field="markers")
-    return Calibration(model, changed, rms, len(points))
+    return Calibration(model, changed, rms, len(sound))
 
 
 def _shared_equations(

@@ -31,7 +31,7 @@ class C3dReader(RecordingReader):
             raise LogError(f"cannot be read ({line})", source=path, remedy="export it again") from error
         point = content["parameters"]["POINT"]
         rate = float(content["header"]["points"]["frame_rate"])
-        labels = [str(label).strip() for label in point["LABELS"]["value"]]
+        labels = _labels(point)
         data = np.asarray(content["data"]["points"], dtype=float)
         n = data.shape[2]
         if n < 2 or rate <= 0.0:
@@ -49,6 +49,17 @@ class C3dReader(RecordingReader):
             _plate(plate, i, unit, time, path) for i, plate in enumerate(content["data"].get("platform", ()))
         )
         return Recording(path, time, markers, plates)
+
+
+def _labels(point: Any) -> list[str]:
+    """Names of the points; a list holds 255 of them, others follow in LABELS2, LABELS3, …"""
+    found: list[str] = []
+    names = ["LABELS", *(f"LABELS{i}" for i in range(2, 256))]
+    for name in names:
+        if name not in point:
+            break
+        found += [str(label).strip() for label in point[name]["value"]]
+    return found
 
 
 def _plate(plate: Any, index: int, length: float, time: np.ndarray, path: Path) -> PlateRecording:

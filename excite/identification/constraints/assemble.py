@@ -37,7 +37,7 @@ def model_constraints(rows: Regression, settings: EstimatorSettings) -> ModelCon
     if mass is not None:
         parts.append(total_mass(problem, mass))
     if settings.symmetry is not None:
-        parts.append(symmetric_pairs(problem, settings.symmetry))
+        parts.append(symmetric_pairs(problem, settings.symmetry, settings.free_of_symmetry(problem.robot)))
     return ModelConstraints(stack(parts, problem.n_params), mass)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import pinocchio as pin
 
@@ -14,7 +16,9 @@ _MIRROR = np.diag([1.0, -1.0, 1.0])
 _DIAGONAL = (4, 6, 9)
 
 
-def mirrored_pairs(problem: IdentificationProblem, share: float) -> LinearConstraints:
+def mirrored_pairs(
+    problem: IdentificationProblem, share: float, free: Collection[int] = ()
+) -> LinearConstraints:
     """``(1 − α) x_j ≤ x_i ≤ (1 + α) x_j`` and the same with ``i`` and ``j`` exchanged.
 
     ``x`` are the mass and the three moments of inertia about the axes of the joint frame; those of the left
@@ -24,12 +28,13 @@ def mirrored_pairs(problem: IdentificationProblem, share: float) -> LinearConstr
     Args:
         problem: the problem; its robot says which segments are pairs.
         share: α.
+        free: segments whose pairs have no rows.
     """
     rows: list[Array] = []
     labels: list[str] = []
     for index, segment in enumerate(problem.robot.segments):
         other = segment.pair
-        if other is None or other < index:
+        if other is None or other < index or index in free or other in free:
             continue
         mirror = mirrored_parameters(problem.robot, index, other)
         for place in (0, *_DIAGONAL):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import pinocchio as pin
 
@@ -12,7 +14,9 @@ from excite.robot.robot import Array, Robot
 _MIRROR = np.diag([1.0, -1.0, 1.0])
 
 
-def symmetric_pairs(problem: IdentificationProblem, tolerance: float) -> LinearConstraints:
+def symmetric_pairs(
+    problem: IdentificationProblem, tolerance: float, free: Collection[int] = ()
+) -> LinearConstraints:
     """Mass and first moments of paired segments differ by at most a share of their nominal size.
 
     The right first moment is compared with the left one mirrored at the base's sagittal (x–z) plane, with
@@ -21,6 +25,7 @@ def symmetric_pairs(problem: IdentificationProblem, tolerance: float) -> LinearC
     Args:
         problem: the problem; its robot says which segments are pairs.
         tolerance: relative difference; at zero the rows are equalities.
+        free: segments whose pairs have no rows.
     """
     rows: list[Array] = []
     bounds: list[float] = []
@@ -30,6 +35,8 @@ def symmetric_pairs(problem: IdentificationProblem, tolerance: float) -> LinearC
         if segment.pair is None or segment.pair < index:
             continue
         other = segment.pair
+        if index in free or other in free:
+            continue
         mirror = _mirror_of_first_moment(problem.robot, index, other)
         nominal = ten[other, :4] - mirror @ ten[index, :4]
         mass = 0.5 * (ten[index, 0] + ten[other, 0])

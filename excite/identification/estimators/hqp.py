@@ -184,7 +184,7 @@ def paper_levels(rows: Regression, settings: EstimatorSettings, scaled: Scaled) 
     first = Level("feasible", scaled.constraints(model), ScaledSphere(sphere, scaled))
     parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]
     if settings.mirror is not None:
-        parts.append(mirrored_pairs(problem, settings.mirror))
+        parts.append(mirrored_pairs(problem, settings.mirror, settings.free_of_symmetry(problem.robot)))
     second = Level("plausible", scaled.constraints(stack(parts, problem.n_params)))
     return first, second
 

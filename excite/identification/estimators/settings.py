@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from excite.errors import InputError
+from excite.errors import InputError, UnknownNameError
 from excite.identification.physical.known_bounds import KnownBounds
 from excite.robot.robot import Array, Robot
 
@@ -48,6 +48,7 @@ class EstimatorSettings:
             Lee, Wensing and Park 2020, which do not depend on units or frames.
         sphere_epsilon: the ε of eq. (13) of Jovic et al. 2016, absolute as there.
         mirror: the α of eq. (15) of Jovic et al. 2016; None leaves the left and right side free.
+        asymmetric: links that need not mirror the other side's; a pair is free where either of its two is named.
         mass_range: the β of eq. (16) of Jovic et al. 2016; there 0.35 for modified segments, 0.05 for others.
         segment_mass_range: ``mass_range`` of single segments, by link.
         bound_width: bounds of ``cls1`` and ``cls2`` about nominal, where ``parameter_bounds`` are not given.
@@ -80,6 +81,7 @@ class EstimatorSettings:
     )
     sphere_epsilon: float = _setting(0.01, "kg·m²", 0.0, 1e3, "least moment of inertia in hqp")
     mirror: float | None = _setting(0.1, "1", 0.0, 1.0, "relative left/right difference in hqp")
+    asymmetric: tuple[str, ...] = ()
     mass_range: float = _setting(
         0.35, "1", 0.0, 1e6, "range of masses about nominal in hqp, as share of them"
     )
@@ -96,8 +98,14 @@ class EstimatorSettings:
         """Spread of each segment's mass about the nominal one, as share of it, ``(n_segments,)``."""
         return np.array([self.segment_spread.get(s.link, self.prior_spread) for s in robot.segments])
 
+    def free_of_symmetry(self, robot: Robot) -> tuple[int, ...]:
+        """Segments that ``asymmetric`` names; raises UnknownNameError for a link that is no segment."""
+        links = _known_segments(robot, self.asymmetric)
+        return tuple(links.index(name) for name in self.asymmetric)
+
     def mass_ranges(self, robot: Robot) -> Array:
-        """β of eq. (16) of Jovic et al. 2016 for each segment, ``(n_segments,)``."""
+        """β of eq. (16) of Jovic et al. 2016 for each segment, ``(n_segments,)``; raises UnknownNameError."""
+        _known_segments(robot, self.segment_mass_range)
         return np.array([self.segment_mass_range.get(s.link, self.mass_range) for s in robot.segments])
 
     def __post_init__(self) -> None:
@@ -128,3 +136,14 @@ class EstimatorSettings:
                     field=item.name,
                     remedy=f"choose {low:g} … {high:g}" + ("" if unit == "1" else f" {unit}"),
                 )
+
+
+def _known_segments(robot: Robot, names: Iterable[str]) -> list[str]:
+    """Links of the segments, in their order; raises UnknownNameError for a name that is none of them."""
+    links = [segment.link for segment in robot.segments]
+    for name in names:
+        if name not in links:
+            massive = robot.nominal_parameters[::10] > 0.0
+            known = [link for link, body in zip(links, massive, strict=True) if body]
+            raise UnknownNameError("segment", name, known)
+    return links

@@ -1,0 +1,48 @@
+"""Figures and report data of an identified person, beside the log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from excite.human.identified import IdentifiedPerson
+    from excite.human.segment_table import SegmentTable
+
+MASSES, REACTION = "segment_masses.png", "ground_reaction.png"
+
+
+def human_figures(found: IdentifiedPerson, wearing: SegmentTable | None, table: str, out: Path) -> None:
+    """Write the masses as bars, the ground reaction of the last trial as curves, and what `excite report` reads.
+
+    Args:
+        found: what was identified.
+        wearing: masses from trials with a weight, None without any.
+        table: of the nominal masses.
+        out: log folder.
+    """
+    # Matplotlib takes a second to import.
+    import numpy as np
+
+    from excite.human.ground_reaction import AXES, UNITS
+    from excite.report.data import ForceComparison, MassComparison, ReportData, save_report_data
+    from excite.report.plots.segment_masses import save_force_figure, save_segment_figure
+
+    rows = found.table.rows
+    names, nominal = [row.segment for row in rows], [row.nominal[table] for row in rows]
+    identified = [row.identified for row in rows]
+    heavier = None if wearing is None else [row.identified for row in wearing.rows]
+    save_segment_figure(names, nominal, identified, out / MASSES, heavier)
+    shown = found.reactions[-1]
+    curves = ForceComparison(
+        trial=f"{shown.trial} ({shown.role})",
+        channels=AXES,
+        units=UNITS,
+        time=shown.time,
+        measured=shown.measured,
+        nominal=shown.nominal,
+        identified=shown.identified,
+    )
+    save_force_figure(curves, out / REACTION)
+    masses = MassComparison(tuple(names), np.array(nominal), np.array(identified))
+    save_report_data(ReportData(forces=curves, masses=masses), out / "report_data.npz")

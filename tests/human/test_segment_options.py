@@ -1,0 +1,95 @@
+"""What is known of single segments: nominal masses by hand, symmetry that does not hold, ranges of masses."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from excite.cli.main import app
+from excite.errors import InputError, UnknownNameError
+from excite.human.body import body_of
+from excite.human.inertials import BodyInertia
+from excite.human.segments import NAMES
+from excite.human.subject import Subject
+from tests.human.recordings import write_c3d
+
+WHO = ["--mass", "70", "--height", "1.82", "--sex", "male"]
+
+
+def masses(body) -> dict[str, float]:
+    return dict(zip(NAMES, (inertia.mass for inertia in body.inertias), strict=True))
+
+
+def test_masses_by_hand_leave_the_rest_in_proportion():
+    body = body_of(Subject(70.0, 1.82, "male"))
+    amputee = body.with_masses({"left_foot": 0.1, "left_shank": 1.5})
+    before, after = masses(body), masses(amputee)
+    assert after["left_foot"] == 0.1 and after["left_shank"] == 1.5
+    assert sum(after.values()) == pytest.approx(70.0)
+    assert after["torso"] / after["head"] == pytest.approx(before["torso"] / before["head"])
+    k = NAMES.index("left_shank")
+    ratio = amputee.inertias[k].inertia / body.inertias[k].inertia.clip(1e-12)
+    assert ratio[0, 0] == pytest.approx(1.5 / before["left_shank"])
+    with pytest.raises(UnknownNameError, match="segment 'tail'"):
+        body.with_masses({"tail": 1.0})
+    with pytest.raises(InputError, match="for a stump"):
+        body.with_masses({"left_foot": 0.0})
+    with pytest.raises(InputError, match="kilograms"):
+        body.with_masses({"torso": 60.0, "pelvis": 15.0})
+
+
+def test_a_worn_weight_adds_its_steiner_term():
+    body = body_of(Subject(70.0, 1.82, "male"))
+    weight = BodyInertia(2.0, np.array([0.0, 0.0, -0.1]), np.zeros((3, 3)))
+    k = NAMES.index("right_hand")
+    hand, worn = body.inertias[k], body.wearing("right_hand", weight).inertias[k]
+    assert worn.mass == pytest.approx(hand.mass + 2.0)
+    assert worn.mass * worn.center == pytest.approx(hand.mass * hand.center + 2.0 * weight.center)
+    origin = np.zeros(3)
+    assert worn.about(origin) == pytest.approx(hand.about(origin) + 2.0 * 0.01 * np.diag([1.0, 1.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--asymmetric", "left_foot"], "add --identify hqp"),
+        (["--mass-range", "left_foot=0.5", "--identify", "lmi"], "not used by method 'lmi'"),
+        (["--mass-range", "left_foot:0.5", "--identify", "hqp"], "SEGMENT=NUMBER"),
+        (["--segment-mass", "tail=1"], "unknown segment 'tail'"),
+    ],
+)
+def test_wrong_options_are_named(session, tmp_path, words, says):
+    trial = write_c3d(session.trial, tmp_path / "walk.c3d")
+    run = CliRunner().invoke(app, ["human", str(trial), *WHO, *words, "--out", str(tmp_path / "out")])
+    assert isinstance(run.exception, InputError)
+    assert says in str(run.exception) and "\n" not in str(run.exception)
+
+
+@pytest.mark.slow
+def test_hqp_keeps_ranges_and_lets_sides_differ(session, tmp_path):
+    trial = write_c3d(session.trial, tmp_path / "walk.c3d")
+    out = tmp_path / "out"
+    words = ["--segment-mass", "left_foot=0.3", "--asymmetric", "left_foot", "--identify", "hqp"]
+    words += ["--mass-range", "0.2", "--mass-range", "torso=0.01"]
+    run = CliRunner().invoke(app, ["human", str(trial), *WHO, *words, "--out", str(out), "--json"])
+    assert run.exit_code == 0, run.output
+    document = json.loads(run.stdout)
+    nominal = {
+        name: found["nominal_mass"]
+        for name, found in document["identification"]["standard_parameters"].items()
+    }
+    with (out / "segments.csv").open() as file:
+        found = {row["segment"]: float(row["identified_kg"]) for row in csv.DictReader(file)}
+    assert nominal["left_foot"] == pytest.approx(0.3)
+    assert 0.24 - 1e-6 <= found["left_foot"] <= 0.36 + 1e-6
+    assert found["right_foot"] > 2.0 * found["left_foot"]
+    assert found["torso"] == pytest.approx(nominal["torso"], rel=0.0101)
+    for side in ("thigh", "hand"):
+        assert 0.9 - 1e-6 <= found[f"left_{side}"] / found[f"right_{side}"] <= 1.0 / 0.9 + 1e-6
+    reaction = document["ground_reaction"]["identification"]
+    assert reaction["fz"]["rmse"] < reaction["fz"]["reference_rmse"] < 30.0
+    assert (out / "segment_masses.png").is_file() and (out / "ground_reaction.png").is_file()
