@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from excite.campaign.on_disk import OnDisk, write_value
 from excite.campaign.pool import Pool
@@ -20,6 +20,21 @@ from excite.robot.robot import Robot
 _N_VALIDATION = 4
 
 
+@dataclass(frozen=True)
+class Rule:
+    """How motions are chosen.
+
+    Attributes:
+        name: in ``SELECTIONS``.
+        budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
+        limits: by segment, the condition number that is good enough, for the choice by ``segments``.
+    """
+
+    name: str
+    budget_s: float | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, eq=False)
 class Choice:
     """Motions that were chosen and rehearsed: indices are those of the pool."""
@@ -31,14 +46,14 @@ class Choice:
 
 
 def choose(
-    robot: Robot, pool: Pool, base: BaseParameters, rule: str, jobs: int, progress: Progress
+    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, jobs: int, progress: Progress
 ) -> Choice:
     """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError."""
     fallen: set[str] = set()
     stood: set[str] = set()
     while True:
         left = pool.without(fallen)
-        selection = select(rule, candidates(robot, left, base)) if left.entries else None
+        selection = select(rule.name, candidates(robot, left, base, rule)) if left.entries else None
         if selection is None or not selection.indices:
             raise NoSolutionError(
                 f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
@@ -55,8 +70,8 @@ def choose(
             (stood if stands else fallen).add(names[i])
 
 
-def candidates(robot: Robot, pool: Pool, base: BaseParameters) -> Candidates:
-    """What a rule of selection chooses from."""
+def candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None) -> Candidates:
+    """What a rule of selection chooses from, within its bounds."""
 
     def weighted() -> OnDisk[MotionFactor]:
         noise, motions = row_noise(robot), pool.motions
@@ -74,6 +89,8 @@ def candidates(robot: Robot, pool: Pool, base: BaseParameters) -> Candidates:
         durations=pool.durations,
         base=base,
         weighted=weighted,
+        budget_s=None if rule is None else rule.budget_s,
+        limits={} if rule is None else rule.limits,
     )
 
 

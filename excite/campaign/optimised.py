@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 
+from excite.errors import InputError, NoSolutionError
+from excite.excitation.optimisation.criterion import make_criterion
 from excite.excitation.optimisation.family import FourierFamily
 from excite.excitation.optimisation.limits import JointLimits
-from excite.excitation.optimisation.search import NAME, SearchSettings, optimise
+from excite.excitation.optimisation.search import NAME, OptimisedMotion, SearchSettings, optimise
 from excite.excitation.optimisation.task import ExcitationTask
-from excite.motion.generators.bodyparts import central_range, upper_body
+from excite.motion.generators.bodyparts import central_range, rest_joints, upper_body
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
@@ -19,8 +24,38 @@ HARMONICS = 5
 _PERIODS = (6.0, 20.0)
 
 
+# Share of their range that the other joints use where some are aimed at: the middle of what random candidates use.
+_OTHERS = 0.4
+
+
+@dataclass(frozen=True)
+class SeriesSettings:
+    """What a plan's optimised series are to be.
+
+    Attributes:
+        criterion: ``condition``, ``log_det`` or ``largest_rsd``.
+        period_s: of the series [s]; what the slowest joint needs for its range, from 6 to 20 s, if None.
+    """
+
+    criterion: str = "condition"
+    period_s: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the bounds; raises UnknownNameError or InputError."""
+        make_criterion(self.criterion)
+        if self.period_s is not None and not 0.0 < self.period_s < np.inf:
+            raise InputError(f"is {self.period_s} s", field="period", remedy="give a positive one")
+
+
 def optimised_candidates(
-    robot: Robot, count: int, seed: int, *, jobs: int = 1, progress: Progress = silent
+    robot: Robot,
+    count: int,
+    seed: int,
+    *,
+    targets: Sequence[str] = (),
+    settings: SeriesSettings | None = None,
+    jobs: int = 1,
+    progress: Progress = silent,
 ) -> list[Candidate]:
     """Optimised Fourier series within the share of the limits that repairs leave alone.
 
@@ -28,38 +63,75 @@ def optimised_candidates(
         robot: an arm, or a robot whose upper body moves while its base stands still.
         count: number of starts; those that end in no safe motion are left out.
         seed: of all random numbers.
+        targets: joints to aim at, each with its share of the starts: it has the whole of its range, the others a
+            part of theirs about where they rest. All have the whole, if empty.
+        settings: criterion and period; defaults if None.
         jobs: number of processes; the candidates do not depend on it.
         progress: told after each solve.
 
     Raises:
         NoSolutionError: limits leave no room, or no start ended in a safe motion.
+        UnknownNameError: a target is no joint of the robot.
+        InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
     """
+    settings = settings or SeriesSettings()
+    moved = upper_body(robot)
+    for joint in targets:
+        if not moved[robot.joint_index(joint)]:
+            raise InputError(
+                f"joint {joint!r} stands still in optimised series",
+                source=robot.name,
+                remedy="aim at a joint that is in no leg, or use another generator",
+            )
+    aims: list[str | None] = [*targets[:count]] or [None]
+    made: list[Candidate] = []
+    failed: NoSolutionError | None = None
+    for place, aim in enumerate(aims):
+        starts = len(range(place, count, len(aims)))
+        search = SearchSettings(starts=starts, kicks=1, seed=seed + place)
+        try:
+            found = optimise(_task(robot, aim, settings), search, jobs=jobs, progress=progress).found
+        except NoSolutionError as error:
+            # Other targets may have more room.
+            failed = error
+            continue
+        made += [_candidate(robot, item, aim, seed + place) for item in found]
+    if failed is not None and not made:
+        raise failed
+    return [replace(candidate, name=f"{NAME}_{i:03d}") for i, candidate in enumerate(made)]
+
+
+def _task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:
     lower, upper = central_range(robot)
     own, shares = robot.limits, Shares()
+    velocity = shares.velocity * own.velocity
+    moved = upper_body(robot)
+    period = settings.period_s
+    if period is None:
+        period = float(np.clip(np.pi * ((upper - lower) / velocity)[moved].max(), *_PERIODS))
+    if aim is not None:
+        rest = np.clip(rest_joints(robot), lower, upper)
+        share = np.full(robot.n_joints, _OTHERS)
+        share[robot.joint_index(aim)] = 1.0
+        lower, upper = rest + share * (lower - rest), rest + share * (upper - rest)
     limits = JointLimits(
         lower=lower,
         upper=upper,
-        velocity=shares.velocity * own.velocity,
+        velocity=velocity,
         acceleration=shares.acceleration * own.acceleration,
         torque=shares.torque * own.torque,
     )
-    moved = upper_body(robot)
-    period = np.pi * ((upper - lower) / limits.velocity)[moved].max()
-    family = FourierFamily(float(np.clip(period, *_PERIODS)), HARMONICS)
-    task = ExcitationTask(robot, family, limits=limits)
-    found = optimise(
-        task, SearchSettings(starts=count, kicks=1, seed=seed), jobs=jobs, progress=progress
-    ).found
+    return ExcitationTask(robot, FourierFamily(period, HARMONICS), settings.criterion, limits)
+
+
+def _candidate(robot: Robot, item: OptimisedMotion, aim: str | None, seed: int) -> Candidate:
     feet = tuple(foot.name for foot in robot.feet)
-    return [
-        Candidate(
-            name=item.motion.name,
-            generator=NAME,
-            targets=item.motion.metadata.targets,
-            seed=seed,
-            posture=item.curve,
-            speed=1.0,
-            phases=(SupportPhase(0.0, item.curve.length, feet),) if feet else (),
-        )
-        for item in found
-    ]
+    return Candidate(
+        name=item.motion.name,
+        generator=NAME,
+        targets=item.motion.metadata.targets if aim is None else (aim,),
+        seed=seed,
+        posture=item.curve,
+        speed=1.0,
+        phases=(SupportPhase(0.0, item.curve.length, feet),) if feet else (),
+    )

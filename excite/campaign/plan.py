@@ -8,13 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from excite.campaign import optimised
-from excite.campaign.choice import choose
+from excite.campaign.choice import Rule, choose
 from excite.campaign.on_disk import TemporaryFolder
+from excite.campaign.optimised import SeriesSettings
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import conditioning
-from excite.excitation.selection import check_selection
+from excite.excitation.selection import BEST_THREE, check_selection
 from excite.motion.generators.generator import child_seed
 from excite.motion.generators.registry import GENERATORS, plan_candidates
 from excite.progress import Progress, silent
@@ -32,7 +33,9 @@ def plan(
     n_candidates: int = 140,
     targets: Sequence[str] = (),
     generator: str | None = None,
-    selection: str = "best_three",
+    series: SeriesSettings | None = None,
+    selection: str = BEST_THREE,
+    budget_s: float | None = None,
     seed: int | np.random.SeedSequence = 0,
     prefix: str = "",
     jobs: int = 1,
@@ -50,8 +53,12 @@ def plan(
         targets: joints to aim at; all, if empty.
         generator: the only one to use: a name of the registry, or ``optimised_fourier``, of which each candidate
             is a start of the search; None for the robot's mixture.
-        selection: ``best_three`` motions of every segment; or, in as many seconds, greedily those of greatest
-            ``log_det`` (log-determinant) or least ``rsd`` (sum of predicted relative standard deviations).
+        series: criterion and period of ``optimised_fourier``, with which alone they go.
+        selection: ``best_three`` motions of every segment; or, within ``budget_s``, those of greatest ``log_det``
+            (log-determinant), of least ``rsd`` (sum of predicted relative standard deviations), or few that give
+            all ``segments`` together low condition numbers.
+        budget_s: duration that the chosen motions stay within together [s], except for ``best_three``; as long as
+            the best three take, if None.
         seed: of all random numbers.
         prefix: put before the name of every motion.
         jobs: number of processes; the plan does not depend on it.
@@ -63,19 +70,19 @@ def plan(
     Raises:
         NoSolutionError: no candidate was accepted; the error says why they were refused.
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
-        InputError: fewer than one candidate asked for.
+        InputError: fewer than one candidate asked for, or settings that do not go together.
     """
     if n_candidates < 1:
         raise InputError(f"{n_candidates} candidates", field="n_candidates", remedy="ask for at least one")
-    check_selection(selection)
+    _check_settings(generator, series, selection, budget_s)
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     started = time.perf_counter()
     if generator == optimised.NAME:
         number = child_seed(root, 0)
-        candidates = optimised.optimised_candidates(robot, n_candidates, number, jobs=jobs, progress=progress)
+        candidates = optimised.optimised_candidates(
+            robot, n_candidates, number, targets=targets, settings=series, jobs=jobs, progress=progress
+        )
     else:
-        if generator is not None and generator not in GENERATORS:
-            raise UnknownNameError("generator", generator, sorted([*GENERATORS, optimised.NAME]))
         mix = None if generator is None else {generator: 1.0}
         candidates = plan_candidates(robot, n_candidates, root, mix=mix, targets=targets)
     generated = time.perf_counter()
@@ -93,7 +100,7 @@ def plan(
     base = structural_base_parameters(robot)
     pool = Pool(report.kept, folder)
     ranked = time.perf_counter()
-    choice = choose(robot, pool, base, selection, jobs, progress)
+    choice = choose(robot, pool, base, Rule(selection, budget_s), jobs, progress)
     pool = choice.pool
     indices = choice.selection.indices
     chosen = conditioning(robot, pool.factors.only(indices), base)
@@ -117,3 +124,28 @@ def plan(
             "choose": finished - ranked,
         },
     )
+
+
+def _check_settings(
+    generator: str | None, series: SeriesSettings | None, selection: str, budget_s: float | None
+) -> None:
+    """Raise InputError or UnknownNameError where settings are unknown or do not go together."""
+    check_selection(selection)
+    if generator is not None and generator not in {*GENERATORS, optimised.NAME}:
+        raise UnknownNameError("generator", generator, sorted([*GENERATORS, optimised.NAME]))
+    if series is not None and generator != optimised.NAME:
+        raise InputError(
+            "criterion and period are those of optimised series",
+            field="series",
+            remedy=f"ask for the generator {optimised.NAME!r}, or leave them out",
+        )
+    if budget_s is None:
+        return
+    if not 0.0 < budget_s < np.inf:
+        raise InputError(f"is {budget_s} s", field="budget", remedy="give a positive duration")
+    if selection == BEST_THREE:
+        raise InputError(
+            "the best three of every segment take as long as they take",
+            field="budget",
+            remedy="choose by another selection, or leave it out",
+        )

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import emit, progress_bars
+
+if TYPE_CHECKING:
+    from excite.campaign.optimised import SeriesSettings
 
 NAME = "plan"
 
@@ -33,9 +36,25 @@ def command(
         str,
         typer.Option(
             "--select",
-            help="Choose best_three per DoF or, in as many seconds, greedily by log_det or by predicted rsd.",
+            help="Choose best_three per DoF or, within --budget, by log_det, by predicted rsd, or by the condition "
+            "numbers of all segments.",
         ),
     ] = "best_three",
+    budget: Annotated[
+        float | None,
+        typer.Option(
+            "--budget", help="Seconds that the choice stays within; as many as best_three takes, if left out."
+        ),
+    ] = None,
+    criterion: Annotated[
+        str | None,
+        typer.Option(
+            "--criterion", help="What optimised_fourier makes small: condition, log_det or largest_rsd."
+        ),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option("--period", help="Period of optimised_fourier [s], else as joints need.")
+    ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -49,7 +68,9 @@ def command(
             n_candidates=candidates,
             targets=tuple(target or ()),
             generator=generator,
+            series=_series(criterion, period),
             selection=select,
+            budget_s=budget,
             seed=seed,
             jobs=jobs,
             progress=progress,
@@ -57,3 +78,10 @@ def command(
         plan.save(folder)
         excite.report(folder)
     emit(f"{plan.summary()}\nwritten to {folder}", plan.to_json(), as_json=as_json)
+
+
+def _series(criterion: str | None, period: float | None) -> SeriesSettings | None:
+    if criterion is None and period is None:
+        return None
+    default = excite.SeriesSettings()
+    return excite.SeriesSettings(criterion or default.criterion, period)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,11 +19,14 @@ from excite.excitation.greedy import (
 )
 from excite.excitation.precision import nominal_values
 from excite.excitation.ranking import Ranking
+from excite.excitation.segment_choice import choose_by_segments, segment_information
+from excite.excitation.sub_regressors import segment_columns
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.robot import Array, Robot
 
 # A base parameter smaller than this counts as negligible (Xu et al. 2020) [SI]: its RSD is not to decide.
 NEGLIGIBLE = 0.01
+BEST_THREE = "best_three"
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,8 @@ class Candidates:
         durations: ``(n_motions,)`` [s].
         base: structural base parameters.
         weighted: the same factors with rows divided by their noise; made on demand, as few rules need them.
+        budget_s: total duration that a greedy choice stays within [s]; as long as the best three take, if None.
+        limits: by segment, the condition number that is good enough.
     """
 
     robot: Robot
@@ -113,6 +118,8 @@ class Candidates:
     durations: Array
     base: BaseParameters
     weighted: Callable[[], Sequence[MotionFactor]]
+    budget_s: float | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
 
 
 def by_best_three(candidates: Candidates) -> Selection:
@@ -121,12 +128,12 @@ def by_best_three(candidates: Candidates) -> Selection:
 
 
 def by_log_det(candidates: Candidates) -> Selection:
-    """Greedy by the log-determinant of the information matrix, in as many seconds as the best three take."""
+    """Greedy by the log-determinant of the information matrix, within the budget."""
     return _greedy(candidates, information(candidates.factors, candidates.base), LogDeterminant())
 
 
 def by_rsd(candidates: Candidates) -> Selection:
-    """Greedy by the sum of predicted relative standard deviations, in as many seconds as the best three take.
+    """Greedy by the sum of predicted relative standard deviations, within the budget.
 
     A parameter's deviation is taken relative to its value in the model, or to 0.01 where that is smaller.
     """
@@ -136,10 +143,19 @@ def by_rsd(candidates: Candidates) -> Selection:
     return _greedy(candidates, known, TotalDeviation(known.back, scale))
 
 
+def by_segments(candidates: Candidates) -> Selection:
+    """Few motions that together give every segment a low condition number, within the budget."""
+    columns = segment_columns(candidates.robot, candidates.factors[0].columns, candidates.base)
+    known = segment_information(candidates.factors, columns)
+    chosen = choose_by_segments(known, candidates.durations, _budget(candidates), candidates.limits)
+    return _selection(candidates, chosen)
+
+
 SELECTIONS: dict[str, Callable[[Candidates], Selection]] = {
-    "best_three": by_best_three,
+    BEST_THREE: by_best_three,
     "log_det": by_log_det,
     "rsd": by_rsd,
+    "segments": by_segments,
 }
 
 
@@ -160,11 +176,22 @@ def check_selection(name: str) -> None:
 
 
 def _greedy(candidates: Candidates, known: Information, criterion: Criterion) -> Selection:
-    """The greedy choice, each motion with the segments that it is among the best three of the chosen for."""
+    chosen = greedy_choice(known, criterion, candidates.durations, _budget(candidates))
+    return _selection(candidates, chosen)
+
+
+def _budget(candidates: Candidates) -> float:
+    """Total duration that a choice stays within [s]."""
+    if candidates.budget_s is not None:
+        return candidates.budget_s
+    best = best_three_per_dof(candidates.robot, candidates.ranking)
+    return float(candidates.durations[list(best.indices)].sum())
+
+
+def _selection(candidates: Candidates, chosen: Sequence[int]) -> Selection:
+    """A choice, each motion with the segments that it is among the best three of the chosen for."""
     robot, ranking = candidates.robot, candidates.ranking
     best = best_three_per_dof(robot, ranking)
-    budget = float(candidates.durations[list(best.indices)].sum())
-    chosen = greedy_choice(known, criterion, candidates.durations, budget)
     served: dict[int, list[str]] = {index: [] for index in chosen}
     for segment in ranking.segments:
         for index in [i for i in ranking.best(segment) if i in served][:3]:

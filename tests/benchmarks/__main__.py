@@ -38,7 +38,7 @@ SHOWN = (
 def parts() -> list[str]:
     """Modules of this package that measure something: those that define ``rows()``; the README's first."""
     names = {module.name for module in pkgutil.iter_modules(tests.benchmarks.__path__)}
-    names = {name for name in names - {"table", "__main__"} if not name.startswith("test_")}
+    names = {name for name in names - {"table", "tree_memory", "__main__"} if not name.startswith("test_")}
     return [*SHOWN, *sorted(names - set(SHOWN))]
 
 

@@ -1,75 +1,164 @@
-"""Generating, filtering and ranking candidates: seconds for 300 of a humanoid, and how the work grows."""
+"""Generating, filtering and ranking candidates: seconds and memory, against their number and the joints'.
+
+The figure ``docs/images/planning_work.png`` is drawn from what is measured.
+"""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
+
+from excite.atomic import atomic_path
+from excite.report.theme import IDENTIFIED, MUTED, NOMINAL, draw, to_png
 from tests.benchmarks.table import Row
+from tests.benchmarks.tree_memory import TreeMemory
 
-# Each size in a process of its own, so that the peak memory is that of this size.
+IMAGE = Path(__file__).resolve().parents[2] / "docs" / "images" / "planning_work.png"
+
+# Each size in a process of its own, from the start of Python on. Workers are waited for when they are shut down, so
+# that their processor time is in RUSAGE_CHILDREN by the time that the script ends.
 _SCRIPT = """
 import json, resource, sys, time
-import numpy as np
-from excite.excitation.conditioning import motion_factor
-from excite.excitation.ranking import rank
-from excite.motion.generators.registry import plan_candidates
-from excite.regressor.base_parameters import structural_base_parameters
-from excite.robot.loading import load_robot
-from excite.safety.filter import filter_candidates
-
-name, count = sys.argv[1], int(sys.argv[2])
-robot = load_robot(name)
-base = structural_base_parameters(robot)
-filter_candidates(robot, plan_candidates(robot, 2, np.random.SeedSequence(0)), jobs=2)
 started = time.perf_counter()
-report = filter_candidates(robot, plan_candidates(robot, count, np.random.SeedSequence(1)), jobs=2)
-filtered = time.perf_counter()
-rank(robot, [motion_factor(robot, motion) for motion in report.motions], base)
-ended = time.perf_counter()
-peaks = [resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+import numpy as np
+from excite.robot.loading import load_robot
+
+name, count, whole = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "plan"
+robot = load_robot(name)
+if whole:
+    from excite.campaign.plan import plan
+    made = plan(robot, n_candidates=count, seed=1, jobs=2)
+    made.to_json()
+    accepted = len(made.accepted)
+else:
+    from excite.campaign.on_disk import TemporaryFolder
+    from excite.campaign.pool import Keeper, Pool
+    from excite.motion.generators.registry import plan_candidates
+    from excite.safety.filter import filter_candidates
+    folder = TemporaryFolder()
+    candidates = plan_candidates(robot, count, np.random.SeedSequence(1))
+    report = filter_candidates(robot, candidates, jobs=2, keep=Keeper(folder.path))
+    Pool(report.kept, folder).ranking
+    accepted = len(report.kept)
+used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 print(json.dumps({
-    "seconds": ended - started,
-    "rank": ended - filtered,
-    "accepted": len(report.motions),
-    "memory": (peaks[0] + 2 * peaks[1]) / 2**20,
+    "wall": time.perf_counter() - started,
+    "cpu": sum(u.ru_utime + u.ru_stime for u in used),
+    "accepted": accepted,
 }))
 """
-_SIZES = (30, 100, 300)
-_ROBOTS = (("ur10", 6), ("panda", 7), ("talos", 32), ("hrp2like", 30))
+_SIZES = (30, 100, 300, 1000)
+# One size of every robot, by its number of joints.
+_JOINTS = {"ur10": 6, "panda": 7, "g1": 29, "hrp2like": 30, "talos": 32}
+_COUNT = 60
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a number of candidates took, all processes together.
+
+    Attributes:
+        wall: seconds on the clock, imports included.
+        cpu: seconds of processor time.
+        accepted: candidates that were.
+        memory: peak [GB], shared pages counted once.
+        resident: peak [GB], shared pages counted in every process.
+    """
+
+    wall: float
+    cpu: float
+    accepted: int
+    memory: float
+    resident: float
 
 
 def rows() -> list[Row]:
-    """G1 at several sizes, other robots at one."""
-    measured = {count: _measure("g1", count) for count in _SIZES}
-    largest = measured[_SIZES[-1]]
-    each = ", ".join(f"{count}: {1e3 * found['seconds'] / count:.0f} ms" for count, found in measured.items())
-    memory = ", ".join(f"{count}: {found['memory']:.2f} GB" for count, found in measured.items())
-    growth = (largest["seconds"] / 300.0) / (measured[100]["seconds"] / 100.0)
-    found = [
-        Row.at_most(
-            "G1: 300 candidates generated, filtered and ranked, two cores", largest["seconds"], 60.0, "s"
+    """G1 at several sizes, a whole plan of it, other robots at one size."""
+    g1 = {count: _measure("g1", count) for count in _SIZES}
+    plan = _measure("g1", 300, "plan")
+    joints = {name: _measure(name, _COUNT) for name in _JOINTS}
+    exponent, start, each = _growth(g1)
+    _draw(g1, joints, start, each)
+    return [
+        Row.at_most("G1: 300 candidates generated, filtered and ranked, two cores", g1[300].wall, 60.0, "s"),
+        Row("… processor time", "", f"{g1[300].cpu:.0f} s", None),
+        Row.at_least("… of which accepted", g1[300].accepted, 270),
+        Row.at_most("… memory, three processes together", g1[300].memory, 1.5, "GB"),
+        Row.at_most("… of the whole plan, rehearsal and prediction included", plan.memory, 1.5, "GB"),
+        Row.holds(
+            "… memory (pages counted in every process that maps them)",
+            "flat",
+            ", ".join(f"{n}: {w.memory:.2f} ({w.resident:.2f}) GB" for n, w in g1.items()),
+            g1[1000].memory < 1.15 * g1[30].memory,
         ),
-        Row.at_least("… of which accepted", largest["accepted"], 270),
-        Row.at_most("… memory, three processes together", largest["memory"], 1.5, "GB"),
-        Row.holds("… time for each of 30, 100, 300 candidates", "linear", each, growth < 1.15),
-        Row("… memory", "flat", memory, largest["memory"] < 1.3 * measured[30]["memory"]),
-    ]
-    for name, joints in _ROBOTS:
-        one = _measure(name, 60)
-        found.append(
+        Row.holds(
+            "… processor time against candidates",
+            "linear",
+            ", ".join(f"{n}: {w.cpu:.0f} s" for n, w in g1.items())
+            + f"; {start:.0f} s to start, then exponent {exponent:.2f}",
+            abs(exponent - 1.0) < 0.1,
+        ),
+        *(
             Row(
-                f"{name}, {joints} joints: time for each of 60 candidates",
+                f"{name}, {count} joints: processor time for each of {_COUNT} candidates",
                 "",
-                f"{1e3 * one['seconds'] / 60:.0f} ms, {one['accepted']:.0f} accepted",
+                f"{1e3 * joints[name].cpu / _COUNT:.0f} ms, {joints[name].accepted} accepted",
                 None,
             )
-        )
-    return found
+            for name, count in _JOINTS.items()
+        ),
+    ]
 
 
-def _measure(robot: str, count: int) -> dict[str, float]:
-    command = [sys.executable, "-c", _SCRIPT, robot, str(count)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout.splitlines()[-1])
+def _measure(robot: str, count: int, what: str = "rank") -> Work:
+    command = [sys.executable, "-c", _SCRIPT, robot, str(count), what]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        memory = TreeMemory(process)
+        printed = process.communicate()[0]
+        memory.join()
+    found = json.loads(printed.splitlines()[-1])
+    return Work(found["wall"], found["cpu"], found["accepted"], memory.peak_gb, memory.rss_gb)
+
+
+def _growth(sizes: dict[int, Work]) -> tuple[float, float, float]:
+    """Exponent of the work beyond the start, the start itself [s], and seconds for each candidate.
+
+    The start is what a straight line through the two smallest sizes leaves at none.
+    """
+    counts, cpu = np.array(list(sizes)), np.array([work.cpu for work in sizes.values()])
+    each = (cpu[1] - cpu[0]) / (counts[1] - counts[0])
+    start = float(cpu[0] - each * counts[0])
+    exponent = np.polyfit(np.log(counts), np.log(cpu - start), 1)[0]
+    return float(exponent), start, float(each)
+
+
+def _draw(g1: dict[int, Work], joints: dict[str, Work], start: float, each: float) -> None:
+    def paint(figure) -> None:
+        left, middle, right = figure.subplots(1, 3)
+        counts = np.array(list(g1))
+        left.loglog(counts, start + each * counts, color=MUTED.light, linestyle="--", label="straight line")
+        left.loglog(counts, [w.cpu for w in g1.values()], "o", color=IDENTIFIED.light, label="G1")
+        left.set(title="Processor time [s]", xlabel="candidates")
+        left.legend()
+        middle.semilogx(counts, [w.memory for w in g1.values()], "o-", color=IDENTIFIED.light)
+        middle.axhline(1.5, color=NOMINAL.light, linestyle="--")
+        middle.set(title="Memory, three processes [GB]", xlabel="candidates", ylim=(0.0, 1.7))
+        for name, work in joints.items():
+            right.plot(_JOINTS[name], 1e3 * work.cpu / _COUNT, "o", color=IDENTIFIED.light)
+            right.annotate(
+                name,
+                (_JOINTS[name], 1e3 * work.cpu / _COUNT),
+                xytext=(-4, 5),
+                textcoords="offset points",
+                ha="right",
+            )
+        right.set(title=f"Processor time for each of {_COUNT} [ms]", xlabel="joints", xlim=(0, 36))
+        right.set_ylim(bottom=0.0)
+
+    with atomic_path(IMAGE) as temporary:
+        temporary.write_bytes(to_png(draw(paint, 2.6), dpi=100))

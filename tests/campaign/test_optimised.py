@@ -1,0 +1,45 @@
+"""Plans of optimised series: what is aimed at, what is made small, how long a period is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.campaign.optimised import SeriesSettings, optimised_candidates
+from excite.campaign.plan import plan
+from excite.errors import InputError, UnknownNameError
+from excite.motion.generators.bodyparts import central_range
+from excite.robot.robot import Robot
+
+
+def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(ur10: Robot) -> None:
+    aimed = ("wrist_2_joint", "elbow_joint")
+    settings = SeriesSettings("log_det", 7.0)
+    made = optimised_candidates(ur10, 2, 3, targets=aimed, settings=settings)
+    assert [candidate.targets for candidate in made] == [(joint,) for joint in aimed]
+    assert len({candidate.name for candidate in made}) == 2
+    lower, upper = central_range(ur10)
+    for candidate in made:
+        assert candidate.posture.length == pytest.approx(7.0)
+        path = candidate.posture.evaluate(np.linspace(0.0, 7.0, 500))
+        used = (path.max(axis=0) - path.min(axis=0)) / (upper - lower)
+        others = [joint not in candidate.targets for joint in ur10.joint_names]
+        assert used[others].max() <= 0.4 + 1e-6
+
+
+def test_a_joint_that_stands_still_cannot_be_aimed_at(g1: Robot) -> None:
+    with pytest.raises(InputError, match=r"left_knee_joint.*stands still.*another generator"):
+        optimised_candidates(g1, 1, 0, targets=("left_knee_joint",))
+
+
+def test_settings_that_do_not_go_together_are_refused(ur10: Robot) -> None:
+    with pytest.raises(InputError, match=r"criterion and period.*optimised_fourier"):
+        plan(ur10, n_candidates=1, series=SeriesSettings())
+    with pytest.raises(InputError, match="best three"):
+        plan(ur10, n_candidates=1, budget_s=10.0)
+    with pytest.raises(InputError, match="budget: is -1"):
+        plan(ur10, n_candidates=1, selection="log_det", budget_s=-1.0)
+    with pytest.raises(InputError, match="period: is 0"):
+        SeriesSettings(period_s=0.0)
+    with pytest.raises(UnknownNameError, match="unknown criterion 'least'; choose one of condition"):
+        SeriesSettings("least")
