@@ -13,13 +13,15 @@ from excite.excitation.optimisation.family import FourierFamily
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.search import NAME, OptimisedMotion, SearchSettings, optimise
 from excite.excitation.optimisation.task import ExcitationTask
-from excite.motion.generators.bodyparts import central_range, rest_joints, upper_body
+from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.safety.repairs.shares import Shares
 
 HARMONICS = 5
+# Share of a joint's range that stays on either side of where it rests.
+_ROOM_AT_REST = 0.02
 # Period of the series [s]: the slowest joint's range takes one, within these bounds.
 _PERIODS = (6.0, 20.0)
 
@@ -75,7 +77,7 @@ def optimised_candidates(
         InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
     """
     settings = settings or SeriesSettings()
-    moved = upper_body(robot)
+    moved = free_upper_body(robot)
     for joint in targets:
         if not moved[robot.joint_index(joint)]:
             raise InputError(
@@ -104,8 +106,14 @@ def optimised_candidates(
 def _task(robot: Robot, aim: str | None, settings: SeriesSettings) -> ExcitationTask:
     lower, upper = central_range(robot)
     own, shares = robot.limits, Shares()
+    if robot.feet:
+        # A standing robot starts at rest, which may be outside the central range.
+        away = _ROOM_AT_REST * (own.position_upper - own.position_lower)
+        rest = rest_joints(robot)
+        lower = np.minimum(lower, np.maximum(own.position_lower, rest - away))
+        upper = np.maximum(upper, np.minimum(own.position_upper, rest + away))
     velocity = shares.velocity * own.velocity
-    moved = upper_body(robot)
+    moved = free_upper_body(robot)
     period = settings.period_s
     if period is None:
         period = float(np.clip(np.pi * ((upper - lower) / velocity)[moved].max(), *_PERIODS))

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from excite.campaign import optimised
 from excite.campaign.optimised import SeriesSettings, optimised_candidates
 from excite.campaign.plan import plan
-from excite.errors import InputError, UnknownNameError
-from excite.motion.generators.bodyparts import central_range
+from excite.errors import InputError, NoSolutionError, UnknownNameError
+from excite.excitation.optimisation.search import SearchResult
+from excite.excitation.optimisation.task import ExcitationTask
+from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
+from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 
@@ -43,3 +47,18 @@ def test_settings_that_do_not_go_together_are_refused(ur10: Robot) -> None:
         SeriesSettings(period_s=0.0)
     with pytest.raises(UnknownNameError, match="unknown criterion 'least'; choose one of condition"):
         SeriesSettings("least")
+
+
+@pytest.mark.parametrize("name", ["g1", "talos", "hrp2like"])
+def test_humanoids_have_room_about_their_rest(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    starts: list[np.ndarray] = []
+
+    def solved(task: ExcitationTask, *_: object, **__: object) -> SearchResult:
+        starts.append(task.layout().start)
+        raise NoSolutionError("nothing was searched")
+
+    monkeypatch.setattr(optimised, "optimise", solved)
+    robot = load_robot(name)
+    with pytest.raises(NoSolutionError, match="nothing was searched"):
+        optimised_candidates(robot, 1, 0)
+    assert starts[0] == pytest.approx(rest_joints(robot)[free_upper_body(robot)])

@@ -12,7 +12,7 @@ from excite.excitation.optimisation.criterion import CRITERIA
 from excite.excitation.optimisation.family import MotionFamily
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.objective import Layout
-from excite.motion.generators.bodyparts import rest_joints, upper_body
+from excite.motion.generators.bodyparts import free_upper_body, rest_joints
 from excite.robot.robot import Array, Robot
 
 
@@ -65,7 +65,7 @@ class ExcitationTask:
     def layout(self) -> Layout:
         """Variables of the task; raises NoSolutionError where the limits leave no room."""
         robot, family = self.robot, self.family
-        moved = np.flatnonzero(upper_body(robot))
+        moved = np.flatnonzero(free_upper_body(robot))
         limits = self.joint_limits
         fixed = rest_joints(robot) if robot.feet and self.start is None else self.start
         limits.checked(robot.joint_names, None if fixed is None else np.asarray(fixed)[moved], moved)

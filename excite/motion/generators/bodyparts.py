@@ -39,6 +39,17 @@ def upper_body(robot: Robot) -> NDArray[np.bool_]:
     return upper
 
 
+def free_upper_body(robot: Robot) -> NDArray[np.bool_]:
+    """The upper body less the joints between base and pelvis, ``(n_joints,)``.
+
+    Where the base is a trunk, those move the feet unless the base moves along.
+    """
+    free = upper_body(robot)
+    if robot.feet:
+        free[[joint - 2 for joint in robot.model.supports[pelvis_joint(robot)] if joint >= 2]] = False
+    return free
+
+
 def rest_joints(robot: Robot) -> Array:
     """Positions of the actuated joints at rest, ``(n_joints,)`` [rad or m]."""
     return robot.rest[robot.n_base_q :].copy()
