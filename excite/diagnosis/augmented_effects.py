@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from excite.diagnosis.augmented_plant import Plant
-from excite.robot.loading import carried_link
+from excite.robot.links import carried_link
 from excite.robot.robot import Array, Robot
 
 if TYPE_CHECKING:

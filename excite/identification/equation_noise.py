@@ -19,7 +19,7 @@ from excite.identification.problem import IdentificationProblem
 from excite.identification.settings import Filters
 from excite.motion.motion import Motion, interpolate
 from excite.regressor.wrench import base_wrench
-from excite.robot.loading import per_joint
+from excite.robot.joint_values import per_joint
 from excite.robot.robot import Array, Robot
 
 _FREQUENCIES = 4096

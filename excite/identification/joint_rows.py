@@ -17,7 +17,7 @@ from excite.logs.log import LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.trim import long_standstill
 from excite.regressor.kernels import joint_torque_regressor
-from excite.robot.loading import per_joint
+from excite.robot.joint_values import per_joint
 from excite.robot.robot import Array, Robot
 
 SHARED_GEAR_TERMS = ("joint_viscous", "joint_coulomb", "joint_armature")

@@ -14,7 +14,8 @@ from excite.logs.finding import Finding, listed
 from excite.logs.header import read_header
 from excite.logs.log import Log, LogHeader, SensorHeader
 from excite.robot.description import RobotDescription
-from excite.robot.loading import build_robot, link_placement, load_robot
+from excite.robot.links import link_placement
+from excite.robot.loading import build_robot, load_robot
 from excite.robot.robot import Array, Robot, WrenchSensor
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_inertia import inertial_faults, resting_faults

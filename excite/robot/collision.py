@@ -14,7 +14,7 @@ from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 
 from excite.errors import RobotError
-from excite.robot.loading import link_placement
+from excite.robot.links import link_placement
 from excite.robot.meshes import convex_hull, mesh_points
 from excite.robot.robot import Robot
 

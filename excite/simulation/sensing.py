@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.logs.log import LogHeader, SensorHeader, Trial, TrialHeader
-from excite.robot.loading import per_joint
+from excite.robot.joint_values import per_joint
 from excite.robot.robot import Array, Robot
 from excite.simulation.drives import nominal_drives
 from excite.simulation.recording import Recording

@@ -8,7 +8,7 @@ from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
 from excite.regressor.kernels import joint_torque_regressor
-from excite.robot.loading import carried_link
+from excite.robot.links import carried_link
 from excite.robot.robot import Array
 
 

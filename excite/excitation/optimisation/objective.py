@@ -17,7 +17,7 @@ from excite.regressor.base_parameters import base_parameters
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.regressor.tree import KinematicTree, read_tree
-from excite.robot.loading import per_joint
+from excite.robot.joint_values import per_joint
 from excite.robot.robot import Array, Robot
 
 # Speeds at which Coulomb friction's sign is smoothed, as a share of the joint's limit: the gradient needs a slope.

@@ -24,7 +24,8 @@ from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.result import Identification
-from excite.robot.loading import link_placement, model_file
+from excite.robot.links import link_placement
+from excite.robot.loading import model_file
 from excite.robot.robot import Array, Robot
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_numbers import numbers

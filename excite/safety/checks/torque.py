@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.robot.loading import per_joint
+from excite.robot.joint_values import per_joint
 from excite.robot.robot import Array
 from excite.safety.checks.base import Check, CheckResult, first_violations
 from excite.safety.checks.sweep import Sweep

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import Candidate
-from excite.robot.loading import per_joint
+from excite.robot.joint_values import per_joint
 from excite.robot.robot import Array, Robot
 from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.shares import Shares

@@ -1,0 +1,102 @@
+"""What a ``robot.yaml`` says joint by joint, in the order of the model's joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import RobotError
+from excite.robot.description import PerJoint, RobotDescription
+from excite.robot.robot import Array, Limits
+
+
+def check_joints(description: RobotDescription, names: tuple[str, ...], path: Path) -> None:
+    """Raise RobotError unless every joint that the description names exists."""
+    limits, drives = description.limits, description.drives
+    named: dict[str, dict[str, object]] = {
+        "posture.joints": dict(description.posture.joints),
+        "limits.position.joints": dict(limits.position.joints),
+        "controller.kp.joints": dict(description.controller.kp.joints),
+        "controller.kd.joints": dict(description.controller.kd.joints),
+    }
+    for field, block in {
+        "limits.velocity": limits.velocity,
+        "limits.acceleration": limits.acceleration,
+        "limits.jerk": limits.jerk,
+        "limits.torque": limits.torque,
+        "sensors.noise_torque": description.sensors.noise_torque,
+        "drives.viscous": drives.viscous,
+        "drives.coulomb": drives.coulomb,
+        "drives.armature": drives.armature,
+    }.items():
+        if block is not None:
+            named[f"{field}.joints"] = dict(block.joints)
+    for field, full in {"kp": description.controller.kp, "kd": description.controller.kd}.items():
+        _covers(full, names, f"controller.{field}", path)
+    if description.sensors.noise_torque is not None:
+        _covers(description.sensors.noise_torque, names, "sensors.noise_torque", path)
+    for field, joints in named.items():
+        for joint in joints:
+            if joint not in names:
+                raise RobotError(
+                    f"no joint {joint!r} in the model",
+                    source=path,
+                    field=field,
+                    remedy="the model has " + ", ".join(names),
+                )
+
+
+def _covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
+    """A block without default must name every joint."""
+    missing = [name for name in names if block.default is None and name not in block.joints]
+    if missing:
+        remedy = f"give a default or {field}.joints.{missing[0]}"
+        raise RobotError(
+            f"says nothing about joint {missing[0]!r}", source=path, field=f"{field}.default", remedy=remedy
+        )
+
+
+def per_joint(block: PerJoint | None, names: tuple[str, ...], fallback: Array) -> Array:
+    """Values of a per-joint block in the order of ``names``; joints it does not cover get ``fallback``."""
+    if block is None:
+        return fallback.copy()
+    default = fallback if block.default is None else np.full(len(names), block.default)
+    return np.array([block.joints.get(name, default[i]) for i, name in enumerate(names)])
+
+
+def read_limits(
+    model: pin.Model, description: RobotDescription, names: tuple[str, ...], path: Path
+) -> Limits:
+    """Joint limits of the model, with what the description says instead; raises RobotError."""
+    nq, nv = (7, 6) if description.base == "floating" else (0, 0)
+    block = description.limits
+    lower, upper = model.lowerPositionLimit[nq:].copy(), model.upperPositionLimit[nq:].copy()
+    for joint, (low, high) in block.position.joints.items():
+        lower[names.index(joint)], upper[names.index(joint)] = low, high
+    lower, upper = lower + block.position.margin, upper - block.position.margin
+    nothing = np.full(len(names), np.nan)
+    limits = Limits(
+        position_lower=lower,
+        position_upper=upper,
+        velocity=per_joint(block.velocity, names, model.velocityLimit[nv:]),
+        acceleration=per_joint(block.acceleration, names, nothing),
+        jerk=per_joint(block.jerk, names, nothing),
+        torque=per_joint(block.torque, names, model.effortLimit[nv:]),
+    )
+    for field in ("position_lower", "position_upper", "velocity", "acceleration", "jerk", "torque"):
+        values = getattr(limits, field)
+        bad = ~np.isfinite(values) | (values <= 0.0 if not field.startswith("position") else False)
+        if bad.any():
+            joint = names[int(np.argmax(bad))]
+            raise RobotError(
+                f"{field} of joint {joint!r} is {values[names.index(joint)]}",
+                source=path,
+                field=f"limits.{field.split('_')[0]}",
+                remedy="state a positive, finite limit for it",
+            )
+    if (upper <= lower).any():
+        joint = names[int(np.argmax(upper <= lower))]
+        raise RobotError(f"empty position range of joint {joint!r}", source=path, field="limits.position")
+    return limits
