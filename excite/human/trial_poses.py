@@ -50,7 +50,7 @@ class TrialPoses:
     @property
     def marker_rms(self) -> Mapping[str, float]:
         """RMS distance by marker [m]; markers that were never seen are left out."""
-        seen = np.isfinite(self.residual).any(axis=0)
+        seen = np.asarray(np.isfinite(self.residual).any(axis=0))
         return {
             label: float(np.sqrt(np.nanmean(self.residual[:, i] ** 2)))
             for i, label in enumerate(self.labels)

@@ -11,12 +11,16 @@ from typer.testing import CliRunner
 
 from excite.cli.main import app
 from excite.errors import LogError
+from excite.human.ground_reaction import ReactionTable, ground_reactions
 from excite.human.measure import MeasureSettings, measure_recordings, write_person
 from excite.human.readers.registry import read_recording
 from excite.human.segments import JOINT_NAMES
+from excite.human.urdf import urdf_text
 from excite.logs.files import load_log
+from excite.logs.signals.butterworth import lowpass
 from excite.robot.loading import load_robot
 from tests.human.recordings import write_c3d, write_mot, write_trc
+from tests.human.virtual_subject import ground_wrench, perform, true_model
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +82,36 @@ def test_log_is_read_back_with_its_robot(person, tmp_path):
     assert log.header.lowpass_hz == 6.0 and log.header.base_link == "pelvis"
     roles = [trial.role for trial in log.trials]
     assert roles == ["identification", "validation"]
+
+
+def test_ground_reaction_of_the_true_body_is_that_of_inverse_dynamics(session, person, tmp_path):
+    """True motion and parameters: both curves against pinocchio's, in the world, about a point of the ground."""
+    body = session.who.body
+    show = perform(session.who, 20.0, seed=8)
+    wrench = ground_wrench(true_model(body), show)
+    header = person.log.header
+    plates = [np.array(sensor.xyz) for sensor in header.sensors]
+    halves = [
+        np.hstack([w[:, :3], w[:, 3:] - np.cross(p, w[:, :3])])
+        for p, w in zip(plates, (0.3 * wrench, 0.7 * wrench), strict=True)
+    ]
+    wrenches = {sensor.name: half for sensor, half in zip(header.sensors, halves, strict=True)}
+    trial = replace(person.log.trials[0], time=show.time, q=show.angles, base=show.base, wrenches=wrenches)
+    alone = header.model_copy(update={"trials": header.trials[:1]})
+    log = replace(person.log, header=alone, trials=(trial,), robot_text=urdf_text(body))
+    write_person(replace(person, body=body, log=log), tmp_path / "log")
+    robot = load_robot(tmp_path / "log" / "robot.yaml")
+    (found,) = ground_reactions(robot, load_log(tmp_path / "log", robot), 0.9 * robot.nominal_parameters)
+    about = np.hstack([wrench[:, :3], wrench[:, 3:] - np.cross(found.point, wrench[:, :3])])
+    true = lowpass(about, 100.0, 6.0, 4)[np.searchsorted(show.time, found.time - 1e-9)]
+    assert found.point[2] == 0.0
+    assert np.abs(found.measured - true).max() < 1e-6
+    assert (np.sqrt(np.mean((found.nominal - true) ** 2, axis=0)) < 0.5).all()
+    assert found.identified == pytest.approx(0.9 * found.nominal, abs=1e-6)
+    table = ReactionTable.of([found])
+    fit = table.fits["identification"]["fz"]
+    assert fit.rmse == pytest.approx(68.7, abs=1.0) and fit.reference_rmse < 0.5
+    assert "GRFM y" in table.summary() and table.to_json()["identification"]["tx"]["unit"] == "N·m"
 
 
 def test_one_command_from_c3d_to_a_table(session, tmp_path):
@@ -239,3 +273,41 @@ def test_two_people_in_one_file_are_refused(session):
     markers = {f"{who}:{label}": v for who in ("Anna", "Ben") for label, v in session.trial.markers.items()}
     with pytest.raises(LogError, match="markers of 2 people: Anna, Ben"):
         measured(session, replace(session.trial, markers=markers))
+
+
+def findings_of_the_command(words, tmp_path) -> dict[str, str]:
+    """What ``excite human`` says is odd, from its JSON; every finding stands in the summary for a person too."""
+    who = ["--mass", "70", "--height", "1.82", "--sex", "male", "--out", str(tmp_path / "out")]
+    run = CliRunner().invoke(app, ["human", *map(str, words), *who, "--json"])
+    assert run.exit_code == 0, run.output
+    document = json.loads(run.stdout)
+    return {finding["kind"]: finding["text"] for finding in document["findings"]}
+
+
+def test_the_command_names_dead_and_swapped_plates_and_missing_markers_of_a_c3d(session, tmp_path):
+    plates = session.trial.plates
+    beside = np.array([1.0, 0.0, 0.0])
+    dead = replace(
+        plates[0], force=0 * plates[0].force, moment=0 * plates[0].moment, corners=plates[0].corners + beside
+    )
+    markers = {label: v for label, v in session.trial.markers.items() if label not in ("RHND", "TOP")}
+    # Each plate's channels at the other's place: what it says of its own centre, about the other's.
+    moved = []
+    for plate, other in zip(plates, plates[::-1], strict=True):
+        here, there = plate.corners.mean(axis=0), other.corners.mean(axis=0)
+        moment = plate.moment + np.cross(there - here, plate.force)
+        moved.append(replace(plate, moment=moment, corners=other.corners))
+    trial = write_c3d(replace(session.trial, markers=markers, plates=(*moved, dead)), tmp_path / "walk.c3d")
+    static = write_c3d(replace(session.static, plates=plates), tmp_path / "standing.c3d")
+    found = findings_of_the_command([trial, "--static", static], tmp_path)
+    assert "RHND" in found["missing_markers"] and "TOP" in found["missing_markers"]
+    assert "plate_3 carries no load" in found["no_load"]
+    assert "plate_1 and plate_2 are swapped" in found["swapped_plates"]
+
+
+def test_the_command_names_millimetres_and_swapped_feet_of_trc_and_mot(session, tmp_path):
+    trial = write_trc(session.trial, tmp_path / "walk.trc", unit=1e-3, name="m")
+    forces = write_mot(session.trial, tmp_path / "walk.mot", names=("L", "R"))
+    found = findings_of_the_command([trial, forces], tmp_path)
+    assert "millimetres" in found["units"] and "walk.trc" in found["units"]
+    assert "plate_left lies under the right foot" in found["swapped_plates"]

@@ -60,6 +60,7 @@ TABLE_4: dict[str, tuple[float, float, float, float]] = {
 }
 BELT = {"pelvis": 2.5, "right_hand": 1.5, "left_foot": 2.0}
 SECONDS, _SEED = 40.0, 2016
+CONSISTENT = "lmi"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +71,13 @@ class BeltTrial:
         place: segment that carries it.
         base: identified from the trial without it.
         worn: where it was found, and the segments identified with it.
+        consistent: the same by ``lmi``, whose bodies exist.
     """
 
     place: str
     base: IdentifiedPerson
     worn: WornWeight
+    consistent: WornWeight
 
 
 class BeltExperiment:
@@ -114,7 +117,9 @@ class BeltExperiment:
             folder = self.folder / place
             located = added_mass(folder, 1)
             worn = identify_wearing(person, folder, located, base, 1, method)
-            yield BeltTrial(place, base, worn)
+            other = identify_person(person, folder, CONSISTENT, loaded=1)
+            consistent = identify_wearing(person, folder, located, other, 1, CONSISTENT)
+            yield BeltTrial(place, base, worn, consistent)
 
     def _identified(
         self, person: MeasuredPerson, name: str, method: str, loaded: int = 0

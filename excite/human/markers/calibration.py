@@ -127,7 +127,7 @@ def _chosen(recording: Mapping[str, Array], labels: tuple[str, ...]) -> Array:
 
 
 def _trunk_seen(points: Array, segment: NDArray[np.int64], guess: Array) -> NDArray[np.bool_]:
-    seen = np.isfinite(points).all(axis=2) & np.isfinite(guess).all(axis=1)
+    seen = np.asarray(np.isfinite(points).all(axis=2) & np.isfinite(guess).all(axis=1))
     pelvis, torso = (seen[:, segment == NAMES.index(trunk)].sum(axis=1) for trunk in ("pelvis", "torso"))
     return np.asarray((pelvis >= _FEWEST_MARKERS) & (torso >= _FEWEST_MARKERS))
 

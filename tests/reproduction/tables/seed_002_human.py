@@ -6,12 +6,22 @@ import tempfile
 from pathlib import Path
 
 from excite.human.ground_reaction import ReactionTable
-from tests.reproduction.belt import BELT, BELT_KG, PLACES, TABLE_3, TABLE_4, BeltExperiment, BeltTrial
+from excite.human.segments import NAMES
+from tests.reproduction.belt import (
+    BELT,
+    BELT_KG,
+    CONSISTENT,
+    PLACES,
+    TABLE_3,
+    TABLE_4,
+    BeltExperiment,
+    BeltTrial,
+)
 from tests.reproduction.table import Line, Table
 
 _TRO = "Jovic et al. 2016 (IEEE T-RO), human"
 _METHOD = "hqp"
-_ALLOWED = 0.5
+_ALLOWED, _RANGE = 0.5, 0.35
 
 
 def tables() -> list[Table]:
@@ -63,16 +73,19 @@ def _belts(trials: tuple[BeltTrial, ...]) -> Table:
         found, place = trial.worn.located.best, trial.place
         right = found.segment == place
         close = abs(found.mass - BELT_KG) <= _ALLOWED
+        own, other = trial.worn.mass, trial.consistent.mass
         lines += [
             Line(f"{place}: segment found", place, found.segment, right, place),
             Line(f"{place}: mass found [kg]", None, found.mass, right and close, "within 0.5 kg of 2"),
             Line(
-                f"{place}: mass by the segment's own [kg]",
+                f"{place}: mass by the segment's own, {_METHOD} [kg]",
                 BELT[place],
-                trial.worn.mass,
-                right and abs(trial.worn.mass - BELT_KG) <= _ALLOWED,
+                own,
+                abs(own - BELT_KG) <= _ALLOWED,
                 "within 0.5 kg of 2",
+                _at_a_limit(trial),
             ),
+            Line(f"{place}: mass by the segment's own, {CONSISTENT} [kg]", None, other),
         ]
     note = (
         f"A belt of 2 kg at {', '.join(PLACES)}. `excite human --loaded 1` finds segment and mass with the body's"
@@ -80,3 +93,13 @@ def _belts(trials: tuple[BeltTrial, ...]) -> Table:
         " the belt minus that without."
     )
     return Table(f"{_TRO}, Table IV, belt weight estimation", tuple(lines), note, digits=3)
+
+
+def _at_a_limit(trial: BeltTrial) -> str:
+    """Why the paper's way misses, where it does: without the belt the mass ends at the limit of its range."""
+    row = trial.worn.without.rows[NAMES.index(trial.place)]
+    share = row.identified / row.nominal["de_leva"] - 1.0
+    if abs(abs(share) - _RANGE) > 1e-3:
+        return ""
+    where = f"without the belt the mass ends at its limit, {100 * share:+.0f} %"
+    return f"hqp fits before it looks at the nominal model; {where}"
