@@ -12,7 +12,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from excite.errors import LogError
-from excite.logs.files import read_columns
+from excite.logs.columns import read_columns
 from excite.logs.header import check_header
 from excite.logs.log import Log, LogHeader, Role
 from excite.logs.readers.registry import reader_for

@@ -11,7 +11,7 @@ import yaml
 from typer.testing import CliRunner
 
 from excite.cli.main import app
-from excite.logs.files import trial_columns
+from excite.logs.columns import trial_columns
 from excite.logs.readers.registry import reader_for
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log

@@ -74,10 +74,9 @@ def test_rows_and_drives_are_those_of_the_other_joints() -> None:
     assert all(fit.rmse < 0.1 * fit.reference_rmse for fit in result.validation.values())
 
 
-def test_what_needs_every_torque_refuses_and_what_does_not_goes_on() -> None:
+def test_diagnosis_and_explanations_go_on_without_that_joint() -> None:
     panda = load_robot("panda")
     quiet = declared(moving_arm(panda, trials=2), "panda_joint1")
-    with pytest.raises(LogError, match="no_torque"):
-        arm_samples(panda, quiet, quiet.trials)
+    assert tuple(arm_samples(panda, quiet, quiet.trials).joints) == quiet.header.torque_joints
     trace = explain_signals(panda, quiet, ProblemSettings(cutoff_hz=5.0))
     assert trace.channel != "panda_joint1"

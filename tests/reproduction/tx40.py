@@ -17,7 +17,8 @@ from excite.identification.regression import iterate_weights, regression
 from excite.identification.settings import ProblemSettings
 from excite.identification.statistics import base_statistics
 from excite.identification.validation import ChannelFit
-from excite.logs.files import load_log, read_columns, save_log
+from excite.logs.columns import read_columns
+from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
 from excite.logs.signals.coupling import coupling_matrix, joint_positions

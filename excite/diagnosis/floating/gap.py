@@ -10,7 +10,7 @@ from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.spectrum import BAND_HZ
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
-from excite.logs.files import WRENCH_AXES
+from excite.logs.columns import WRENCH_AXES
 from excite.robot.robot import Array
 
 UNITS = ("N",) * 3 + ("N·m",) * 3

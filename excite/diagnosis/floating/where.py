@@ -11,7 +11,7 @@ from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.gap import Where
-from excite.logs.files import WRENCH_AXES
+from excite.logs.columns import WRENCH_AXES
 from excite.robot.robot import Array
 
 _LEAST = 0.02

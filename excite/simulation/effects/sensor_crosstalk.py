@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from excite.logs.files import WRENCH_AXES
+from excite.logs.columns import WRENCH_AXES
 from excite.simulation.effects.effect import InjectedEffect
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot

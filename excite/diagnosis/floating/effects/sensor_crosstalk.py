@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
-from excite.logs.files import WRENCH_AXES
+from excite.logs.columns import WRENCH_AXES
 from excite.robot.robot import Array
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from excite.logs.files import WRENCH_AXES
+from excite.logs.columns import WRENCH_AXES
 from excite.simulation.blind.floating.pulls import Drag, Jostle, Pull, Slosh, Table, Tether
 from excite.simulation.blind.floating.readings import Bent, Mixed, Wobbly
 from excite.simulation.blind.floating.site import Site

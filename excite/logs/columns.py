@@ -1,0 +1,178 @@
+"""Columns of a trial's file, by the contract's names: written, and checked when read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from excite.errors import LogError
+from excite.logs.cleaning import clean_columns
+from excite.logs.log import LogHeader, Trial, TrialHeader
+from excite.robot.robot import Array
+
+BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
+WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+_JOINT_CHANNELS = {
+    "q": "q",
+    "tau": "tau",
+    "i": "current",
+    "q_cmd": "q_cmd",
+    "tau_cmd": "tau_cmd",
+    "v": "v",
+    "a": "a",
+}
+
+
+def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
+    """Columns of a trial's file, ``(n,)`` each, by name, in order."""
+    columns: dict[str, Array] = {"time": trial.time}
+    if trial.base is not None:
+        columns |= {name: trial.base[:, i] for i, name in enumerate(BASE_POSE)}
+    for prefix, attribute in _JOINT_CHANNELS.items():
+        values = getattr(trial, attribute)
+        if values is not None:
+            kept = _with_channel(prefix, header)
+            columns |= {f"{prefix}.{joint}": values[:, header.joints.index(joint)] for joint in kept}
+    for sensor in header.sensors:
+        if sensor.name in trial.wrenches:
+            wrench = trial.wrenches[sensor.name]
+            columns |= {f"wrench.{sensor.name}.{axis}": wrench[:, i] for i, axis in enumerate(WRENCH_AXES)}
+    return columns
+
+
+def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeader, file: Path) -> Trial:
+    """Check and repair the columns of a trial.
+
+    Args:
+        columns: columns by the contract's names, as they stand in the file.
+        entry: the trial's entry in the header.
+        header: the header.
+        file: the file, for errors.
+
+    Returns:
+        The trial.
+
+    Raises:
+        LogError: a column is missing, unknown, not numeric or not finite, or time is not repairable.
+    """
+    wanted = check_columns(columns, header, file)
+    n_rows = np.size(columns["time"])
+    cleaned = clean_columns({name: _numeric(columns[name], name, file, n_rows) for name in wanted}, file)
+    values = cleaned.columns
+    joint_values = {
+        attribute: _joint_columns(values, prefix, header)
+        for prefix, attribute in _JOINT_CHANNELS.items()
+        if f"{prefix}.{_with_channel(prefix, header)[0]}" in values
+    }
+    base = None
+    if BASE_POSE[0] in values:
+        base = np.column_stack([values[name] for name in BASE_POSE])
+        base[:, 3:] = _unit_quaternions(base[:, 3:], file)
+    wrenches = {
+        sensor.name: np.column_stack([values[f"wrench.{sensor.name}.{axis}"] for axis in WRENCH_AXES])
+        for sensor in header.sensors
+        if f"wrench.{sensor.name}.fx" in values
+    }
+    return Trial(
+        name=Path(entry.file).stem,
+        role=entry.role,
+        time=values["time"],
+        base=base,
+        wrenches=wrenches,
+        session=entry.session,
+        start_s=entry.start_s,
+        repeats=None if entry.repeats is None else Path(entry.repeats).stem,
+        cleaning=cleaned.report,
+        **joint_values,
+    )
+
+
+def _with_channel(prefix: str, header: LogHeader) -> tuple[str, ...]:
+    """Joints that have a channel: all but, of torques and currents, those without."""
+    return header.torque_joints if prefix in {"tau", "i"} else header.joints
+
+
+def _joint_columns(values: dict[str, Array], prefix: str, header: LogHeader) -> Array:
+    """A channel of all joints, zero where there is none, ``(n, n_joints)``."""
+    nothing, kept = np.zeros_like(values["time"]), _with_channel(prefix, header)
+    parts = [values[f"{prefix}.{joint}"] if joint in kept else nothing for joint in header.joints]
+    return np.column_stack(parts)
+
+
+def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list[str]:
+    """Names of the columns that the header promises or allows; all of a group or none.
+
+    Raises LogError for a promised column that is missing and for one that names an unknown joint or sensor.
+    """
+    present = list(columns)
+    groups = {
+        prefix: [f"{prefix}.{joint}" for joint in _with_channel(prefix, header)] for prefix in _JOINT_CHANNELS
+    }
+    groups["time"] = ["time"]
+    groups["base"] = list(BASE_POSE)
+    for sensor in header.sensors:
+        groups[f"wrench.{sensor.name}"] = [f"wrench.{sensor.name}.{axis}" for axis in WRENCH_AXES]
+    required = {"time", "q"}
+    required |= {"tau"} if header.torque in {"motor_side", "link_side"} else set()
+    required |= {"i"} if header.torque == "current" else set()
+    required |= {"base"} if header.base != "fixed" else set()
+    required |= {f"wrench.{sensor.name}" for sensor in header.sensors} if header.base == "floating" else set()
+    allowed = {name for names in groups.values() for name in names}
+    allowed |= {f"{prefix}.{joint}" for prefix in ("tau", "i") for joint in header.no_torque}
+    for name in present:
+        if name not in allowed and name.split(".")[0] in {*_JOINT_CHANNELS, "base", "wrench"}:
+            raise LogError(
+                "names no joint or sensor of log.yaml",
+                source=file,
+                field=name,
+                remedy="correct one of the two",
+            )
+    wanted: list[str] = []
+    for group, names in groups.items():
+        missing = [name for name in names if name not in present]
+        if missing and (group in required or len(missing) < len(names)):
+            raise LogError(
+                "column is missing", source=file, field=missing[0], remedy="log it, or correct log.yaml"
+            )
+        wanted += [] if missing else names
+    return wanted
+
+
+def _numeric(values: Array, name: str, file: Path, n_rows: int) -> Array:
+    try:
+        numbers = np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise LogError(
+            f"is not numeric ({error})", source=file, field=name, remedy="write numbers only"
+        ) from error
+    if numbers.ndim != 1:
+        raise LogError(f"has shape {numbers.shape}", source=file, field=name, remedy="write one number a row")
+    if len(numbers) != n_rows:
+        raise LogError(
+            f"has {len(numbers)} rows, time has {n_rows}", source=file, field=name, remedy="align the columns"
+        )
+    if not np.isfinite(numbers).all():
+        row = int(np.argmax(~np.isfinite(numbers)))
+        raise LogError(
+            f"is {numbers[row]} in row {row}",
+            source=file,
+            field=name,
+            remedy="leave out rows that were not measured",
+        )
+    return numbers
+
+
+def _unit_quaternions(quaternions: Array, file: Path) -> Array:
+    norm = np.linalg.norm(quaternions, axis=1)
+    if (np.abs(norm - 1.0) > 1e-2).any():
+        row = int(np.argmax(np.abs(norm - 1.0)))
+        raise LogError(
+            f"quaternion has norm {norm[row]:.4f} in row {row}",
+            source=file,
+            field="base.qw",
+            remedy="log unit quaternions, x y z w",
+        )
+    # Leave those alone that are unit to rounding, so that reading what was saved changes nothing.
+    return np.where(np.abs(norm - 1.0)[:, None] > 1e-9, quaternions / norm[:, None], quaternions)
