@@ -77,6 +77,12 @@ def test_every_generator_has_unbroken_phases(drawn: list[Candidate]) -> None:
         assert ends[-1] == pytest.approx(candidate.length)
 
 
+@pytest.mark.parametrize("name", ["walking", "leg_swing", "squat"])
+def test_generators_that_need_feet_say_so(name: str, panda: Robot) -> None:
+    with pytest.raises(RobotError, match=f"{name}.*needs .*two feet"):
+        make_generator(name).candidates(panda, 1, np.random.SeedSequence(0))
+
+
 def test_generators_refuse_what_they_cannot_do(panda: Robot, g1: Robot) -> None:
     with pytest.raises(RobotError, match="leg_swing"):
         make_generator("leg_swing").candidates(panda, 1, np.random.SeedSequence(0))
@@ -159,7 +165,9 @@ def test_plan_shares_and_targets(g1: Robot, panda: Robot) -> None:
     assert {candidate.generator for candidate in plan} == {"random_joint", "leg_swing", "squat"}
     aimed = plan_candidates(g1, 6, np.random.SeedSequence(0), targets=["left_elbow_joint"])
     assert {candidate.targets for candidate in aimed} == {("left_elbow_joint",)}
-    assert {candidate.generator for candidate in aimed} == {"random_joint"}
+    assert {candidate.generator for candidate in aimed} == {"aimed"}
+    legs = plan_candidates(g1, 10, np.random.SeedSequence(0), targets=["left_knee_joint"])
+    assert {candidate.generator for candidate in legs} == {"aimed", "squat"}
     arm = plan_candidates(panda, 5, np.random.SeedSequence(0), mix={"fourier": 1.0})
     assert {candidate.generator for candidate in arm} == {"fourier"}
     with pytest.raises(UnknownNameError):

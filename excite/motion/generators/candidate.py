@@ -71,6 +71,8 @@ class Candidate:
         draws: where ``posture``'s control points came from; None where they must not be redrawn.
         pelvis: offset of the base from its rest pose: height [m], then roll, pitch, yaw [rad]; None: no offset.
         com: horizontal offset of the centre of mass from that at rest, x and y [m]; None: no offset.
+        zmp: of a walk, which keeps its balance at ``speed`` only: where the zero-moment point shall be, as a
+            horizontal offset from where the centre of mass rests [m]; ``com`` is then a first guess. None elsewhere.
         feet: by foot name, displacement of the sole from where it rests: translation in the world [m], then
             rotation vector [rad]; feet left out stay where they are.
         phases: which feet carry the robot, in order, covering the path; empty for a robot without feet.
@@ -85,6 +87,7 @@ class Candidate:
     draws: Draws | None = None
     pelvis: Curve | None = None
     com: Curve | None = None
+    zmp: Curve | None = None
     feet: Mapping[str, Curve] = field(default_factory=dict)
     phases: tuple[SupportPhase, ...] = ()
 

@@ -19,10 +19,12 @@ class Generator(ABC):
     Attributes:
         name: name in the registry.
         summary: one line for lists of generators.
+        needs: what a robot must have for it to apply, as the end of a sentence; empty where it always does.
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
+    needs: ClassVar[str] = ""
 
     @abstractmethod
     def applies(self, robot: Robot) -> bool:
@@ -52,7 +54,8 @@ class Generator(ABC):
             RobotError: the generator does not apply to the robot.
         """
         if not self.applies(robot):
-            raise RobotError(f"generator {self.name!r} does not apply to it", source=robot.name)
+            why = f": {self.needs}" if self.needs else ""
+            raise RobotError(f"generator {self.name!r} does not apply to it{why}", source=robot.name)
         for joint in targets:
             robot.joint_index(joint)
         aims = tuple(targets) or self.aims(robot)

@@ -55,6 +55,7 @@ class LegSwing(Generator):
 
     name: ClassVar[str] = "leg_swing"
     summary: ClassVar[str] = "one-leg stance, random swings of the free leg"
+    needs: ClassVar[str] = "it needs exactly two feet"
 
     def applies(self, robot: Robot) -> bool:
         """For a robot with exactly two feet."""
@@ -67,46 +68,70 @@ class LegSwing(Generator):
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """A candidate whose free leg is the one that holds the first target."""
-        rng = np.random.default_rng(seed)
-        swing, stance = robot.feet
-        if robot.joint_index(targets[0]) in leg_joints(robot, stance):
-            swing, stance = stance, swing
-        ground = _ground(robot, stance, swing)
-        n = int(rng.integers(*(_QUICK_SWINGS if ground.half_width >= _BROAD else _SWINGS)))
-        swings = _swings(robot, swing, ground, n, rng)
-        lift, land = 6, 6 + len(swings)
-        free = slice(lift + len(_UP), land - len(_SETTLE))
-        m = land + 6
-        com = np.zeros((m, 2))
-        com[3 : land + 3] = ground.shift
-        com[3 : land + 3, 1] += ground.outward * _BIAS * ground.half_width
-        foot = np.zeros((m, 6))
-        foot[lift:land] = swings
-        turns = np.array(_PELVIS) * [ground.height, 1.0, 1.0, 1.0]
-        pelvis = np.zeros((m, 4))
-        pelvis[3 : land + 3, 0] = -_DOWN * ground.height
-        pelvis[3 : land + 3, 1] = ground.outward * _LEAN
-        pelvis[free] += rng.uniform(-1.0, 1.0, size=(free.stop - free.start, 4)) * turns
-        draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
-        both, one = (robot.feet[0].name, robot.feet[1].name), (stance.name,)
-        # The span that starts at parameter i is the first that control point i + 3 acts on.
-        start, end = float(lift - 3), float(land)
-        return Candidate(
-            name,
-            self.name,
-            targets,
-            seed,
-            posture_curve(robot, draws, m, rng),
-            draws=draws,
-            pelvis=SplineCurve(pelvis),
-            com=SplineCurve(com),
-            feet={swing.name: SplineCurve(foot)},
-            phases=(
-                SupportPhase(0.0, start, both, _SHIFT_RATE),
-                SupportPhase(start, end, one),
-                SupportPhase(end, float(m - 3), both, _SHIFT_RATE),
-            ),
-        )
+        return swinging(robot, seed, targets, name, self.name)
+
+
+def swinging(
+    robot: Robot,
+    seed: int,
+    targets: tuple[str, ...],
+    name: str,
+    generator: str,
+    shares: Array | None = None,
+) -> Candidate:
+    """A motion on one leg whose free leg is the one that holds the first target.
+
+    Args:
+        robot: a robot with two feet.
+        seed: of all draws.
+        targets: joints that it is aimed at.
+        name: of the candidate.
+        generator: registry name of the generator that proposes it.
+        shares: of their usual motion that the joints of the free leg make, ``(n_joints,)``; the pelvis moves by their
+            mean. By default all of it.
+    """
+    rng = np.random.default_rng(seed)
+    swing, stance = robot.feet
+    if robot.joint_index(targets[0]) in leg_joints(robot, stance):
+        swing, stance = stance, swing
+    ground = _ground(robot, stance, swing)
+    n = int(rng.integers(*(_QUICK_SWINGS if ground.half_width >= _BROAD else _SWINGS)))
+    swings = _swings(robot, swing, ground, n, rng, shares)
+    lift, land = 6, 6 + len(swings)
+    free = slice(lift + len(_UP), land - len(_SETTLE))
+    m = land + 6
+    com = np.zeros((m, 2))
+    com[3 : land + 3] = ground.shift
+    com[3 : land + 3, 1] += ground.outward * _BIAS * ground.half_width
+    foot = np.zeros((m, 6))
+    foot[lift:land] = swings
+    turns = np.array(_PELVIS) * [ground.height, 1.0, 1.0, 1.0]
+    pelvis = np.zeros((m, 4))
+    pelvis[3 : land + 3, 0] = -_DOWN * ground.height
+    pelvis[3 : land + 3, 1] = ground.outward * _LEAN
+    moved = rng.uniform(-1.0, 1.0, size=(free.stop - free.start, 4)) * turns
+    moved = moved if shares is None else moved * float(shares[list(leg_joints(robot, swing))].mean())
+    pelvis[free] += moved
+    draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
+    both, one = (robot.feet[0].name, robot.feet[1].name), (stance.name,)
+    # The span that starts at parameter i is the first that control point i + 3 acts on.
+    start, end = float(lift - 3), float(land)
+    return Candidate(
+        name,
+        generator,
+        targets,
+        seed,
+        posture_curve(robot, draws, m, rng),
+        draws=draws,
+        pelvis=SplineCurve(pelvis),
+        com=SplineCurve(com),
+        feet={swing.name: SplineCurve(foot)},
+        phases=(
+            SupportPhase(0.0, start, both, _SHIFT_RATE),
+            SupportPhase(start, end, one),
+            SupportPhase(end, float(m - 3), both, _SHIFT_RATE),
+        ),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +172,9 @@ def _ground(robot: Robot, stance: Foot, swing: Foot) -> _Ground:
     )
 
 
-def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.Generator) -> Array:
+def _swings(
+    robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.Generator, shares: Array | None
+) -> Array:
     """Displacements of the free sole, ``(up to n + 6, 6)``: first and last straight above where it stood.
 
     The others are where random joint positions of the free leg would bring it with the pelvis over the stance
@@ -161,6 +188,8 @@ def _swings(robot: Robot, swing: Foot, ground: _Ground, n: int, rng: np.random.G
     rest = rest_joints(robot)[leg]
     lower = np.minimum(np.maximum(lower[leg], rest - _REACH), rest)
     upper = np.maximum(np.minimum(upper[leg], rest + _REACH), rest)
+    if shares is not None:
+        lower, upper = rest + shares[leg] * (lower - rest), rest + shares[leg] * (upper - rest)
     data = robot.model.createData()
     hip = robot.model.getJointId(robot.joint_names[leg[0]])
     pin.forwardKinematics(robot.model, data, robot.rest)

@@ -7,21 +7,26 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from excite.errors import UnknownNameError
+from excite.motion.generators.aimed import Aimed
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.fourier import Fourier
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.leg_swing import LegSwing
 from excite.motion.generators.random_joint import RandomJoint
 from excite.motion.generators.squat import Squat
+from excite.motion.generators.walking import Walking
 from excite.robot.robot import Robot
 
 GENERATORS: dict[str, type[Generator]] = {
-    generator.name: generator for generator in (RandomJoint, Fourier, LegSwing, Squat)
+    generator.name: generator for generator in (RandomJoint, Fourier, LegSwing, Squat, Walking, Aimed)
 }
 
 # Shares of a plan. Leg swings are what completes the rank of the base-link regressor.
 STANDING_MIX: Mapping[str, float] = {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}
 ARM_MIX: Mapping[str, float] = {"random_joint": 0.5, "fourier": 0.5}
+# The same where joints are aimed at. Squats load legs as no swing does.
+AIMED_STANDING_MIX: Mapping[str, float] = {"aimed": 0.8, "squat": 0.2}
+AIMED_ARM_MIX: Mapping[str, float] = {"aimed": 1.0}
 
 
 def make_generator(name: str) -> Generator:
@@ -45,7 +50,7 @@ def plan_candidates(
         robot: the robot.
         count: how many in total.
         seed: the candidates of generator ``name`` come from the child that the registry's order gives it.
-        mix: share by generator name; by default a mixture for standing robots or for arms.
+        mix: share by generator name; by default a mixture for standing robots or for arms, without or with targets.
         targets: joints to aim at; each generator takes those that it can aim at, and a generator that can
             aim at none of them is left out. Empty: all joints.
 
@@ -56,7 +61,8 @@ def plan_candidates(
         UnknownNameError: a generator or a target is unknown.
         RobotError: a generator of ``mix`` does not apply to the robot.
     """
-    shares = dict(mix if mix is not None else STANDING_MIX if robot.feet else ARM_MIX)
+    usual = (AIMED_STANDING_MIX, AIMED_ARM_MIX) if targets else (STANDING_MIX, ARM_MIX)
+    shares = dict(mix if mix is not None else usual[0] if robot.feet else usual[1])
     for joint in targets:
         robot.joint_index(joint)
     aims = {name: _aims(make_generator(name), robot, targets) for name in shares}

@@ -25,6 +25,7 @@ class Squat(Generator):
 
     name: ClassVar[str] = "squat"
     summary: ClassVar[str] = "squats, sways and pelvis turns on both feet"
+    needs: ClassVar[str] = "it needs at least two feet"
 
     def applies(self, robot: Robot) -> bool:
         """For a robot with at least two feet."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 from xml.etree import ElementTree
@@ -19,20 +18,20 @@ from excite.robot.robot import Array, Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath, coordinates_of
+from excite.safety.repairs.shrinking import shrunk
 from excite.safety.repairs.waypoints import SAMPLES_PER_SPAN
+from excite.safety.repairs.zmp_following import following
 
 # Samples of a Fourier series: per second of its own time.
 _SAMPLES_PER_SECOND = 40.0
+# The same of a walk, and how often its centre of mass is corrected.
+_WALK_SAMPLES_PER_SECOND, _CORRECTIONS = 80.0, 3
 _TOLERANCE = 1e-9
 _ITERATIONS = 12
 # A free sole's corners may come this close to the ground [m].
 _GROUND = 1e-3
 # Distance from the position limits that the path keeps at its knots [rad or m].
 _LIMIT = 1e-3
-# Shares of a leg motion that are tried in turn; of one on a single leg, for the free foot and for the pelvis, whose
-# lean over the other foot brings the thighs together.
-_SHRINKS = (0.85, 0.7, 0.55)
-_ONE_LEG_SHRINKS = ((0.85, 1.0), (0.7, 1.0), (0.55, 1.0), (0.7, 0.6), (0.55, 0.4))
 
 
 class WholeBody(Repair):
@@ -53,7 +52,7 @@ class WholeBody(Repair):
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft with a path; or ``unreachable``, ``joint_position``, ``self_collision``, ``foot_ground``."""
         outcome = self._attempt(draft)
-        for smaller in _shrunk(draft.candidate):
+        for smaller in shrunk(draft.candidate):
             if isinstance(outcome, Draft):
                 break
             outcome = self._attempt(replace(draft, candidate=smaller))
@@ -64,13 +63,18 @@ class WholeBody(Repair):
         s = path_grid(candidate)
         q = np.tile(self.robot.rest, (len(s), 1))
         q[:, self.robot.n_base_q :] = candidate.posture.evaluate(s)
-        if self._balancer is not None and self._balancer.solve(candidate, s, q) < len(s):
-            return draft.rejected("unreachable", "legs")
-        low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
-        joints = q[:, self.robot.n_base_q :]
-        outside = (joints < low + _LIMIT) | (joints > high - _LIMIT)
-        if outside.any():
-            return draft.rejected("joint_position", self.robot.joint_names[int(np.argwhere(outside)[0, 1])])
+        for k in range(1 if candidate.zmp is None else 1 + _CORRECTIONS):
+            if k:
+                candidate = following(self.robot, candidate, s, q)
+            if self._balancer is not None and self._balancer.solve(candidate, s, q) < len(s):
+                return draft.rejected("unreachable", "legs")
+            low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
+            joints = q[:, self.robot.n_base_q :]
+            outside = (joints < low + _LIMIT) | (joints > high - _LIMIT)
+            if outside.any():
+                return draft.rejected(
+                    "joint_position", self.robot.joint_names[int(np.argwhere(outside)[0, 1])]
+                )
         foot = self._grounded(candidate, s, q)
         if foot is not None:
             return draft.rejected("foot_ground", foot)
@@ -92,21 +96,11 @@ class WholeBody(Repair):
         return None
 
 
-def _shrunk(candidate: Candidate) -> Iterator[Candidate]:
-    """The candidate with ever smaller leg motions; none if it has no leg motion."""
-    pelvis, com = candidate.pelvis, candidate.com
-    if candidate.feet:
-        for swing, lean in _ONE_LEG_SHRINKS:
-            feet = {name: curve.shrunk(swing) for name, curve in candidate.feet.items()}
-            yield replace(candidate, feet=feet, pelvis=pelvis and pelvis.shrunk(lean))
-    elif pelvis is not None:
-        for factor in _SHRINKS:
-            yield replace(candidate, pelvis=pelvis.shrunk(factor), com=com and com.shrunk(factor))
-
-
 def path_grid(candidate: Candidate) -> Array:
     """Path parameters at which the path is computed, ends and control-point knots among them."""
-    if isinstance(candidate.posture, SplineCurve):
+    if candidate.zmp is not None and candidate.speed is not None:
+        n = int(np.ceil(candidate.length / candidate.speed * _WALK_SAMPLES_PER_SECOND))
+    elif isinstance(candidate.posture, SplineCurve):
         n = round(candidate.length) * SAMPLES_PER_SPAN
     else:
         n = max(60, int(np.ceil(candidate.length * _SAMPLES_PER_SECOND)))

@@ -1,0 +1,87 @@
+"""Large, fast motion of one joint and its neighbours while the rest of the robot is nearly still."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.motion.generators.bodyparts import leg_joints, upper_body
+from excite.motion.generators.candidate import Candidate, Draws, SupportPhase
+from excite.motion.generators.generator import Generator
+from excite.motion.generators.leg_swing import swinging
+from excite.motion.generators.random_joint import posture_curve, posture_draws
+from excite.robot.robot import Array, Robot
+
+# Times that a target goes to one end of its range, and control points that it stays there: fewer and the spline would
+# average the motion away.
+_ENDS, _STAY = (5, 9), (1, 4)
+# How far from an end of the range it may stay, in shares of the range.
+_SHORT = 0.25
+# Shares of their range that its neighbours and the other joints use.
+_NEIGHBOURS, _OTHERS = (0.3, 1.0), (0.0, 0.06)
+
+
+class Aimed(Generator):
+    """Throws a joint from end to end of its range, for parameters that other motions leave uncertain.
+
+    The bodies that it moves are its own and the next ones, so the joints before and after it move at random; of the
+    others so little that they never limit the speed. A joint of a leg is aimed at on the other leg.
+    """
+
+    name: ClassVar[str] = "aimed"
+    summary: ClassVar[str] = (
+        "one joint from end to end of its range, its neighbours along, the rest nearly still"
+    )
+
+    def applies(self, robot: Robot) -> bool:
+        """Always."""
+        return True
+
+    def aims(self, robot: Robot) -> tuple[str, ...]:
+        """Every joint; those of legs only of a robot with two feet, which can stand on the other."""
+        possible = upper_body(robot) | (len(robot.feet) == 2)
+        return tuple(
+            name for name, is_possible in zip(robot.joint_names, possible, strict=True) if is_possible
+        )
+
+    def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
+        """A spline from rest to rest through random targets; for legs a stance on the other one."""
+        rng = np.random.default_rng(seed)
+        shares = _shares(robot, targets, rng)
+        legs = {i for foot in robot.feet for i in leg_joints(robot, foot)}
+        if robot.joint_index(targets[0]) in legs:
+            return swinging(robot, seed, targets, name, self.name, shares)
+        stays = rng.integers(*_STAY, size=int(rng.integers(*_ENDS)))
+        draws = posture_draws(robot, targets, shares, 3, 3 + int(stays.sum()))
+        curve = posture_curve(robot, draws, draws.stop + 3, rng)
+        for target in targets:
+            column = robot.joint_index(target)
+            curve.control[draws.first : draws.stop, column] = _from_end_to_end(draws, column, stays, rng)
+        feet = tuple(foot.name for foot in robot.feet)
+        phases = (SupportPhase(0.0, curve.length, feet),) if feet else ()
+        return Candidate(name, self.name, targets, seed, curve, draws=draws, phases=phases)
+
+
+def _from_end_to_end(draws: Draws, column: int, stays: NDArray[np.int64], rng: np.random.Generator) -> Array:
+    """Control points of a target: near one end of its box, then near the other, and so on."""
+    lower, upper = draws.lower[column], draws.upper[column]
+    side = (np.arange(len(stays)) + rng.integers(2)) % 2
+    short = _SHORT * rng.uniform(size=len(stays))
+    share = np.repeat(np.where(side == 0, short, 1.0 - short), stays)
+    return np.asarray(lower + share * (upper - lower))
+
+
+def _shares(robot: Robot, targets: tuple[str, ...], rng: np.random.Generator) -> Array:
+    """Shares of their range that joints use: all of it, much of it next to a target, next to nothing elsewhere."""
+    shares = rng.uniform(*_OTHERS, size=robot.n_joints)
+    near = rng.uniform(*_NEIGHBOURS, size=robot.n_joints)
+    first = robot.model.njoints - robot.n_joints
+    for target in targets:
+        own = robot.model.getJointId(target)
+        for joint in range(first, robot.model.njoints):
+            if own == robot.model.parents[joint] or joint == robot.model.parents[own]:
+                shares[joint - first] = near[joint - first]
+    shares[[robot.joint_index(target) for target in targets]] = 1.0
+    return np.asarray(shares)
