@@ -18,17 +18,18 @@ from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.gap import Gap, share_closed
+from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.locate import locate
 from excite.diagnosis.next_experiment import propose, written
-from excite.diagnosis.noise_floor import repeat_floor, spectral_floor
+from excite.diagnosis.noise_floor import repeat_floor, spectral_floor, unrepeated
 from excite.diagnosis.result import Diagnosis, NextExperiment, Rollout
 from excite.diagnosis.rollout_compare import simulated
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
 from excite.diagnosis.units import at_joint
 from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
 from excite.logs.log import Log
-from excite.robot.robot import Robot
+from excite.robot.robot import Array, Robot
 
 _LISTED = 8
 
@@ -64,6 +65,7 @@ def diagnose_torques(
     rng: np.random.Generator,
     simulate: Callable[[Attribution, Baseline], Rollout | None],
     out: Path | None = None,
+    floor_of: Callable[[ArmSamples], Array] = spectral_floor,
 ) -> Diagnosis:
     """Diagnose repaired trials that have torques, measured or reconstructed.
 
@@ -75,25 +77,33 @@ def diagnose_torques(
         rng: of the bootstrap.
         simulate: makes the roll-outs from the attribution and the baseline before it.
         out: folder for the motion of the next experiment; none is planned without it.
+        floor_of: noise of the torques in the rows' band, ``(n_joints,)`` [N·m].
 
     Returns:
         The diagnosis.
     """
     samples = arm_samples(robot, log, chart.trials)
-    spectral = spectral_floor(samples)
+    spectral = floor_of(samples)
     baseline = fit_baseline(samples, modelled, spectral)
-    attribution = Attributor(baseline, spectral).run()
+    columns = [log.header.joints.index(name) for name in samples.joints]
+    sigma = position_noise(samples, columns, chart.trials)
+    noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
+    judged = noise * baseline.strict
+    spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
+    attribution = Attributor(baseline, spectral, unrepeated(samples, judged)).run()
     judgement = judge(attribution, spectral)
     if judgement.verdict == "unknown" and attribution.accepted:
         attribution = withdrawn(attribution, baseline)
     first = attribution.stages[0]
     before, floor = baseline.plain(attribution.before.residual), attribution.floor
     repeat = repeat_floor(samples, baseline.plain(attribution.after.residual))
+    outside = ~samples.identification
+    more = unrepeated(samples, noise, outside if outside.any() else None)
     gap = gap_of(
         samples,
         before,
         baseline.plain(attribution.after.residual) if attribution.accepted else before,
-        floor if repeat is None else np.maximum(repeat, 0.5 * floor),
+        floor if repeat is None else np.sqrt(np.maximum(repeat, 0.5 * floor) ** 2 + more),
         attribution.scale,
         rng,
     )

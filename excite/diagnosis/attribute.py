@@ -12,9 +12,11 @@ from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.evidence import Judge, effective_counts
+from excite.diagnosis.gates import Gates
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.noise_floor import repeat_floor
-from excite.diagnosis.refinement import extended, polished, price, refine_with_width
+from excite.diagnosis.refinement import extended, in_richer_forms, polished, price, refine_with_width
+from excite.diagnosis.verdict import structured_joints
 from excite.robot.robot import Array
 
 _REFINED = 5
@@ -23,58 +25,8 @@ _LISTED = 24
 # Hypotheses that remove this share of the power that another removes are compared by their likelihood.
 _ALIKE = 0.7
 _HARDLY = 0.3
-
-
-@dataclass(frozen=True)
-class Gates:
-    """What an effect must reach to be named.
-
-    Attributes:
-        evidence: nats, identification and validation trials together, less the price of its parameters.
-        validation: nats on validation trials alone.
-        closed: share of the power above the floor, on validation trials, that it removes on some joint.
-        evidence_again: nats of a further effect.
-        validation_again: nats of a further effect on validation trials alone.
-        closed_again: share that a further effect removes.
-        relative: strength of a further effect against the strongest one, as normalised torque amplitude.
-        of_rest: share of all normalised power above the floor that a further effect removes.
-        same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and
-            for timing.
-        left: joints well above the floor that a further effect may leave as they are: where every joint has a
-            little of something, naming one of them would be arbitrary.
-        most: effects at most.
-        stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
-        whole: share removed at its place from which an effect leaves no gap there; a short record of few joints
-            has fewer nats to give, and these are enough then.
-        evidence_whole: nats of such an effect.
-        evidence_whole_again: nats of such a further effect.
-        validation_whole_again: nats of such a further effect on validation trials alone.
-    """
-
-    evidence: float = 25.0
-    validation: float = 4.0
-    closed: float = 0.4
-    evidence_again: float = 80.0
-    validation_again: float = 30.0
-    closed_again: float = 0.2
-    relative: float = 0.1
-    of_rest: float = 0.12
-    same_joint: float = 0.6
-    left: int = 2
-    most: int = 3
-    stands: float = 1.5
-    whole: float = 0.9
-    evidence_whole: float = 12.0
-    evidence_whole_again: float = 25.0
-    validation_whole_again: float = 4.0
-
-    def nats(self, closed: float, *, again: bool) -> tuple[float, float]:
-        """Nats that an effect needs in all and on validation trials, by the share that it closes at its place."""
-        if closed >= self.whole:
-            if again:
-                return self.evidence_whole_again, self.validation_whole_again
-            return self.evidence_whole, self.validation
-        return (self.evidence_again, self.validation_again) if again else (self.evidence, self.validation)
+# Joints at which richer forms are tried where no textbook's form explains what is left.
+_SEARCHED = 2
 
 
 @dataclass(eq=False)
@@ -84,11 +36,13 @@ class Attributor:
     Attributes:
         baseline: the fitted baseline.
         spectral: ``(n_joints,)`` spectral noise floor [N·m].
+        unrepeated: ``(n_joints,)`` power of noise that repeated trials do not show [(N·m)²].
         gates: what an effect must reach.
     """
 
     baseline: Baseline
     spectral: Array
+    unrepeated: Array | float = 0.0
     gates: Gates = field(default_factory=Gates)
     _kept: dict = field(default_factory=dict)
 
@@ -106,6 +60,13 @@ class Attributor:
             context = Context(current)
             ranking = self._rank(context, scale)
             best = next((s for s in ranking if self._passes(s, accepted)), None)
+            if best is None:
+                so_far = Attribution(
+                    tuple(stages), before, current.fit, current, self._floor(current.fit), scale
+                )
+                forms = self._richer(context, structured_joints(so_far, self.spectral), scale)
+                best = next((s for s in forms if self._whole(s) and self._passes(s, accepted)), None)
+                ranking = (best, *ranking) if best is not None else ranking
             stages.append(Stage(context, ranking, best))
             if best is None:
                 break
@@ -118,7 +79,9 @@ class Attributor:
     def _floor(self, fit: Fit) -> Array:
         """Of repeated trials; of the spectrum where there are none."""
         repeat = repeat_floor(self.baseline.samples, self.baseline.judged(fit.residual))
-        return self.spectral if repeat is None else np.maximum(repeat, 0.5 * self.spectral)
+        if repeat is None:
+            return self.spectral
+        return np.sqrt(np.maximum(repeat, 0.5 * self.spectral) ** 2 + self.unrepeated)
 
     def _rank(self, context: Context, scale: Array) -> tuple[Scored, ...]:
         search = Search(context, context.baseline.solver, self._kept)
@@ -142,6 +105,27 @@ class Attributor:
         refined = self._ordered(before, refined, scale)
         floor = self._floor(refined[0].fit)
         return tuple(self._score(before, item, floor, scale) for item in refined)
+
+    def _richer(self, context: Context, joints: tuple[str, ...], scale: Array) -> tuple[Scored, ...]:
+        """Richer forms at the joints that have most left to explain, ranked."""
+        search = Search(context, context.baseline.solver, self._kept)
+        found = [
+            item
+            for effect in self._offered()
+            for place in effect.locations(context)
+            if place in joints[:_SEARCHED] or (joints and place not in context.joints)
+            for item in in_richer_forms(search, effect, place)
+        ]
+        if not found:
+            return ()
+        before = context.baseline.fit
+        found = self._ordered(before, found, scale)
+        floor = self._floor(found[0].fit)
+        return tuple(self._score(before, item, floor, scale) for item in found)
+
+    def _whole(self, item: Scored) -> bool:
+        """Whether a richer form leaves next to nothing of a clear gap: with enough parameters half of one fits."""
+        return item.stands >= self.gates.clear and float(item.closed[item.place]) >= self.gates.closed_richer
 
     def _removed(self, before: Fit, item: Hypothesis, scale: Array) -> float:
         """Normalised power above the floor that a hypothesis removes from the identification trials."""
@@ -222,7 +206,7 @@ class Attributor:
         crowded = timing or item.location in {a.location for a in accepted}
         needed = gates.same_joint if crowded else gates.closed_again
         if (
-            item.left > gates.left
+            (item.left > gates.left and item.of_rest < gates.most_of_rest)
             or item.of_rest < gates.of_rest
             or item.strength < gates.relative * strongest
         ):

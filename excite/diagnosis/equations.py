@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from excite.robot.robot import Array
 
+# Columns smaller than this share of the largest one of their hypothesis are rounding errors.
+_NOTHING = 1e-7
+
 
 @dataclass(frozen=True, eq=False)
 class Equations:
@@ -154,7 +157,8 @@ class Solver:
                     cross[j] = self._a[j].T @ y[j]
         yy = np.array([v @ v for v in y])
         scale = np.sqrt(sum((v**2).sum(axis=0) for v in c.values())) if c else np.zeros(m)
-        scale = np.where(scale > 0.0, scale, 1.0)
+        # A direction that the motion does not show is no column: rounding errors would be fitted in its place.
+        scale = np.where(scale > _NOTHING * scale.max(initial=0.0), scale, np.inf)
         gram = np.zeros((e.n_joints, n + m, n + m))
         right = np.zeros((e.n_joints, n + m))
         gram[:, :n, :n], right[:, :n] = self._gram, cross

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import welch
 
 from excite.diagnosis.samples import ArmSamples
@@ -77,3 +78,22 @@ def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:
         squares += 0.5 * ((again[:, :n] - first[:, :n]) ** 2).sum(axis=1)
         count += n
     return np.sqrt(squares / count) if count else None
+
+
+def unrepeated(samples: ArmSamples, noise: Array, rows: NDArray[np.bool_] | None = None) -> Array:
+    """Power of a known noise beyond what it has in the repeated trials, ``(n_joints,)`` [(N·m)²].
+
+    Where noise grows with the posture's inertia, repeats of one trial do not show that of all.
+
+    Args:
+        samples: the samples.
+        noise: ``(n_joints, n_rows)`` a draw of it [N·m].
+        rows: which rows to tell it of; all by default.
+    """
+    names = [trial.name for trial in samples.trials]
+    pairs = [(k, names.index(t.repeats)) for k, t in enumerate(samples.trials) if t.repeats in names]
+    if not pairs:
+        return np.zeros(len(noise))
+    power, shown = noise**2, np.isin(samples.trial_of_row, np.unique(pairs))
+    asked = power if rows is None else power[:, rows]
+    return np.maximum(asked.mean(axis=1) - power[:, shown].mean(axis=1), 0.0)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.diagnosis.baseline import WIDTHS, Baseline, own_names
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.baseline import BREAKAWAYS, WIDTHS, Baseline, own_names
+from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.robot.robot import Array
@@ -24,29 +24,48 @@ def price(item: Hypothesis) -> float:
 
 
 def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
-    """Local search; for friction the width of the joint's sign change is searched along with it."""
+    """Local search; for friction what the joint's sign change follows is searched along with it."""
     best = search.refine(start)
     base = search.context.baseline
     if not best.effect.friction or "coulomb_friction" not in base.modelled:
         return best
-    names, j = own_names(base.modelled), search.context.row(best.location)
-    if base.breakaways[j] > 0.0:
-        return best
-    place = WIDTHS.index(base.widths[j])
+    j = search.context.row(best.location)
+    plain = tuple((width, 0.0) for width in WIDTHS)
+    if base.breakaways[j] <= 0.0:
+        return _along(search, best, j, plain, WIDTHS.index(base.widths[j]))
+    bent = tuple((float(base.widths[j]), deflection) for deflection in BREAKAWAYS)
+    best = _along(search, best, j, bent, BREAKAWAYS.index(base.breakaways[j]))
+    # Bristles that the baseline believed in may have stood in for what it lacked.
+    middle = len(WIDTHS) // 2
+    other = _along(search, _with_sign(search, best, j, plain[middle]), j, plain, middle)
+    return other if other.loss < best.loss - 1e-3 else best
+
+
+_Sign = tuple[float, float]
+
+
+def _along(search: Search, best: Hypothesis, j: int, signs: tuple[_Sign, ...], place: int) -> Hypothesis:
+    """The best of neighbouring widths and breakaways, from the one at ``place`` as far as it gets better."""
     for step in (1, -1):
         k = place + step
-        while 0 <= k < len(WIDTHS):
-            own = base.own_rows(names, j, WIDTHS[k])
-            widths = base.widths.copy()
-            widths[j] = WIDTHS[k]
-            moved = replace(base, widths=widths, solver=search.solver.with_own(j, own))
-            item = Search(replace(search.context, baseline=moved), moved.solver).refine(
-                best, evaluations=6, step=0.15
-            )
+        while 0 <= k < len(signs):
+            item = _with_sign(search, best, j, signs[k])
             if item.loss >= best.loss - 1e-3:
                 break
             best, k = item, k + step
     return best
+
+
+def _with_sign(search: Search, item: Hypothesis, j: int, sign: _Sign) -> Hypothesis:
+    """A hypothesis on a baseline in which a joint's sign change has another width and breakaway."""
+    base = search.context.baseline
+    widths, breakaways = base.widths.copy(), base.breakaways.copy()
+    widths[j], breakaways[j] = sign
+    own = base.own_rows(own_names(base.modelled), j, *sign)
+    moved = replace(base, widths=widths, breakaways=breakaways, solver=search.solver.with_own(j, own))
+    return Search(replace(search.context, baseline=moved), moved.solver).refine(
+        item, evaluations=6, step=0.15
+    )
 
 
 def polished(item: Hypothesis) -> Hypothesis:
@@ -62,6 +81,19 @@ def polished(item: Hypothesis) -> Hypothesis:
         if price(new) < price(item) - _RICHER:
             item = _finer(new)
     return item
+
+
+def in_richer_forms(search: Search, effect: Effect, location: str) -> list[Hypothesis]:
+    """The richer forms of an effect at a place, each refined; where the textbook's form does not fit, it may."""
+    plain = search.coarse(effect, location)
+    theta = plain.theta if plain is not None else next(iter(effect.grid(search.context, location)), None)
+    made = []
+    for form in effect.richer if theta is not None else ():
+        begun = [search.try_at(form, location, start) for start in form.starts(theta)]
+        found = [start for start in begun if start is not None]
+        if found:
+            made.append(search.refine(min(found, key=lambda start: start.loss)))
+    return made
 
 
 def _finer(item: Hypothesis) -> Hypothesis:

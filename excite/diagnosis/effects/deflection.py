@@ -27,6 +27,9 @@ def deflect(load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0):  # p
     for i in range(n):
         if starts[i]:
             x = -load[i] / stiffness
+            # Newton's method for k x (1 + cubic x²) = −τ; from the softest spring's side it comes down.
+            for _ in range(30):
+                x -= (x * (1.0 + cubic * x * x) + load[i] / stiffness) / (1.0 + 3.0 * cubic * x * x)
             x = x + gap if x > 0.0 else x - gap
             s = 0.0
         out[0, i], out[1, i] = x, s

@@ -45,7 +45,8 @@ class HardeningElasticity(JointElasticity):
         return ()
 
     def starts(self, theta: Theta) -> list[Theta]:
-        return [(0.8 * theta[0], theta[1], at) for at in (0.01, 0.05)]
+        # Under a constant load the tangent is what has been found, and the spring at rest is softer.
+        return [(s * theta[0], theta[1], at) for s in (0.15, 0.4, 0.8) for at in (0.01, 0.03, 0.08)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         cubic = theta[2] ** -2

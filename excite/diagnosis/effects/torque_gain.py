@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.equations import Fit
 
 
 class TorqueGain(Effect):
@@ -17,3 +19,8 @@ class TorqueGain(Effect):
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         return Shape({j: context.baseline.total[:, [j]]})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        error = super().estimates(context, location, theta, fit)
+        std = error["gain_error"].std
+        return {"gain": Estimate(1.0 + error["gain_error"].value, std, "1"), **error}
