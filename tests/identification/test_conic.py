@@ -23,7 +23,8 @@ from excite.identification.estimators.conic import (
     interior_point,
     refined,
 )
-from excite.identification.estimators.entropic import EntropicAnswer, EntropicProblem, newton
+from excite.identification.estimators.entropic_newton import newton
+from excite.identification.estimators.entropic_problem import EntropicAnswer, EntropicProblem
 from excite.identification.estimators.geometric import entropic_divergence, pullback_metric
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.settings import EstimatorSettings

@@ -21,7 +21,8 @@ from excite.identification.estimators.cls1 import BoundedNearBase
 from excite.identification.estimators.cls2 import PhysicallyFeasible
 from excite.identification.estimators.cls3 import DensityRealisable
 from excite.identification.estimators.conic import interior_point
-from excite.identification.estimators.entropic import EntropicAnswer, newton
+from excite.identification.estimators.entropic_newton import newton
+from excite.identification.estimators.entropic_problem import EntropicAnswer
 from excite.identification.estimators.hqp import HierarchicalProgram
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.ls import LeastSquares

@@ -8,14 +8,18 @@ left is a smaller space and rows that hold. Every answer of a solver is recomput
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.hierarchy_state import (
+    EMPTY,
+    HierarchyAnswer,
+    HierarchyState,
+    Level,
+    LevelFailed,
+)
 from excite.identification.estimators.projection import ProjectionAnswer, Projector, distance_to_optimum
 from excite.identification.estimators.semi_projection import (
     WEAK,
@@ -33,92 +37,11 @@ Mask = NDArray[np.bool_]
 _FEASIBLE = 1e-8
 _VIOLATED = 1e-7
 _ACTIVE = 1e-9
-_EMPTY = 1e-9
 _MAX_ROUNDS = 60
 _LEAST_WEAK = 1e-13
 # Accepted distance to a level's optimum, as a share of the distance that the constraints enforce.
 _DISTANCE = 1e-5
 _COARSE_DISTANCE = 1e-3
-
-
-class RowFamily(Protocol):
-    """Rows of a level of which there are too many to list."""
-
-    def violated(self, x: Array) -> LinearConstraints:
-        """Some of the rows that ``x`` violates, of unit length; none when all hold."""
-
-
-@dataclass(frozen=True, eq=False)
-class Level:
-    """Constraints of equal rank.
-
-    Attributes:
-        name: what it is about.
-        constraints: rows on the scaled parameters, of unit length.
-        family: further rows, None for none.
-    """
-
-    name: str
-    constraints: LinearConstraints
-    family: RowFamily | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class HierarchyAnswer:
-    """The lexicographic optimum, or the best point before something failed.
-
-    Attributes:
-        x: ``(n,)``.
-        status: how it ended.
-        slacks: root of the sum of squared violations at each constraint level's optimum.
-        fit_distance: bound on the distance to the fit level's optimum, in standard deviations of the noise.
-        distance: the same for the last level, in spreads.
-    """
-
-    x: Array
-    status: SolveStatus
-    slacks: tuple[float, ...]
-    fit_distance: float
-    distance: float
-
-
-class _Failed(Exception):
-    """A step found no answer or one that its recomputation refuses; carries the status."""
-
-    def __init__(self, status: SolveStatus):
-        self.status = status
-        super().__init__(status.name)
-
-
-@dataclass(eq=False)
-class _State:
-    """Where the hierarchy stands: ``x + basis · u`` keeps the equalities that levels have reached.
-
-    Attributes:
-        x: present point.
-        basis: orthonormal, ``(n, m)``.
-        hard: inequalities that hold and must go on holding.
-        families: further rows of the levels that have been met.
-    """
-
-    x: Array
-    basis: Array
-    hard: LinearConstraints
-    families: list[RowFamily] = field(default_factory=list)
-
-    def violated(self, x: Array) -> LinearConstraints:
-        """Rows of the families that ``x`` violates."""
-        return stack([family.violated(x) for family in self.families], len(x))
-
-    def add(self, rows: LinearConstraints) -> None:
-        """More inequalities; those that the present point misses by rounding give way to it."""
-        eased = LinearConstraints(rows.matrix, np.minimum(rows.bound, rows.matrix @ self.x), rows.labels)
-        self.hard = stack([self.hard, eased], len(self.x))
-
-    def pin(self, rows: LinearConstraints) -> None:
-        """Keep the present value of rows."""
-        if len(rows.bound):
-            self.basis = self.basis @ row_space(rows.matrix @ self.basis, _EMPTY).null
 
 
 def solve_hierarchy(
@@ -138,7 +61,7 @@ def solve_hierarchy(
         start: a point that meets most rows, ``(n,)``; it does not change the optimum.
     """
     n = matrix.shape[1]
-    state = _State(np.zeros(n) if start is None else start.copy(), np.eye(n), stack([], n))
+    state = HierarchyState(np.zeros(n) if start is None else start.copy(), np.eye(n), stack([], n))
     slacks: list[float] = []
     fit_distance = distance = np.inf
     status = SolveStatus.SOLVED
@@ -147,12 +70,12 @@ def solve_hierarchy(
             slacks.append(_meet(state, level, projector))
         fit_distance = _fit(state, matrix, measured, projector)
         distance = _nearest(state, projector)
-    except _Failed as failure:
+    except LevelFailed as failure:
         status = failure.status
     return HierarchyAnswer(state.x, status, tuple(slacks), fit_distance, distance)
 
 
-def _meet(state: _State, level: Level, projector: Projector) -> float:
+def _meet(state: HierarchyState, level: Level, projector: Projector) -> float:
     """Meet a level as well as the levels above allow; returns the norm of what is violated."""
     rows, n = level.constraints, len(state.x)
     for _ in range(_MAX_ROUNDS):
@@ -160,9 +83,9 @@ def _meet(state: _State, level: Level, projector: Projector) -> float:
         matrix = both.matrix @ state.basis
         bound = both.bound - both.matrix @ state.x
         length = np.linalg.norm(matrix, axis=1)
-        if np.abs(bound[length <= _EMPTY]).max(initial=0.0) > _FEASIBLE and both.n_equal:
+        if np.abs(bound[length <= EMPTY]).max(initial=0.0) > _FEASIBLE and both.n_equal:
             break
-        kept = length > _EMPTY
+        kept = length > EMPTY
         listed = LinearConstraints(
             matrix[kept] / length[kept, None],
             bound[kept] / length[kept],
@@ -193,7 +116,7 @@ def _finite(answer: ProjectionAnswer) -> bool:
     return bool(np.isfinite(answer.z).all() and np.isfinite(answer.multipliers).all())
 
 
-def _keep(state: _State, level: Level, rows: LinearConstraints, pinned: Mask) -> None:
+def _keep(state: HierarchyState, level: Level, rows: LinearConstraints, pinned: Mask) -> None:
     """Keep what the present point reaches: pinned rows as equalities, the others as they are or better."""
     if level.family is not None:
         state.families.append(level.family)
@@ -206,7 +129,9 @@ def _take(rows: LinearConstraints, mask: Mask) -> LinearConstraints:
     return LinearConstraints(rows.matrix[mask], rows.bound[mask], labels)
 
 
-def _least_violation(state: _State, level: Level, rows: LinearConstraints, projector: Projector) -> float:
+def _least_violation(
+    state: HierarchyState, level: Level, rows: LinearConstraints, projector: Projector
+) -> float:
     """``min ‖w‖²`` with ``A u + w ≥ b``; what is violated at the optimum is pinned."""
     u = np.zeros(state.basis.shape[1])
     for _ in range(_MAX_ROUNDS):
@@ -237,25 +162,25 @@ def _least_violation(state: _State, level: Level, rows: LinearConstraints, proje
         reached = float(np.linalg.norm(rows.violations(x)))
         _keep(state, level, rows, np.concatenate([np.ones(e, dtype=bool), load[e + h :] > _ACTIVE]))
         return reached
-    raise _Failed(SolveStatus.NOT_OPTIMAL)
+    raise LevelFailed(SolveStatus.NOT_OPTIMAL)
 
 
 def _trusted(answer: SemiAnswer | None) -> SemiAnswer:
     """An answer whose feasibility and rough optimality were recomputed.
 
     Raises:
-        _Failed: there is none.
+        LevelFailed: there is none.
     """
     if answer is None:
-        raise _Failed(SolveStatus.INFEASIBLE)
+        raise LevelFailed(SolveStatus.INFEASIBLE)
     if not np.isfinite(answer.gap):
-        raise _Failed(SolveStatus.NOT_FINITE)
+        raise LevelFailed(SolveStatus.NOT_FINITE)
     if answer.violation > _VIOLATED:
-        raise _Failed(SolveStatus.VIOLATED)
+        raise LevelFailed(SolveStatus.VIOLATED)
     return answer
 
 
-def _fit(state: _State, matrix: Array, measured: Array, projector: Projector) -> float:
+def _fit(state: HierarchyState, matrix: Array, measured: Array, projector: Projector) -> float:
     """``min ‖matrix·x − measured‖²``; keeps the product that it reaches. Returns the distance bound."""
     seen = row_space(matrix @ state.basis)
     along, across = state.basis @ seen.inverse, state.basis @ seen.null
@@ -283,7 +208,7 @@ def _fit(state: _State, matrix: Array, measured: Array, projector: Projector) ->
         if not len(found.bound):
             free, weak = answer.n, max(0.1 * weak, _LEAST_WEAK)
     else:
-        raise _Failed(SolveStatus.NOT_OPTIMAL)
+        raise LevelFailed(SolveStatus.NOT_OPTIMAL)
     rows = state.hard
     state.x, state.basis = state.x + along @ answer.p + across @ answer.n, across
     state.pin(_take(rows, answer.multipliers > _ACTIVE))
@@ -292,13 +217,13 @@ def _fit(state: _State, matrix: Array, measured: Array, projector: Projector) ->
     return answer.distance
 
 
-def _nearest(state: _State, projector: Projector) -> float:
+def _nearest(state: HierarchyState, projector: Projector) -> float:
     """``min ‖x‖²`` in what is left; returns the distance bound."""
     target = -state.basis.T @ state.x
     for _ in range(_MAX_ROUNDS):
         matrix = state.hard.matrix @ state.basis
         length = np.linalg.norm(matrix, axis=1)
-        kept = length > _EMPTY
+        kept = length > EMPTY
         rows = LinearConstraints(
             matrix[kept] / length[kept, None],
             (state.hard.bound - state.hard.matrix @ state.x)[kept] / length[kept],
@@ -306,18 +231,18 @@ def _nearest(state: _State, projector: Projector) -> float:
         )
         answer = projector(target, rows)
         if answer is None:
-            raise _Failed(SolveStatus.INFEASIBLE)
+            raise LevelFailed(SolveStatus.INFEASIBLE)
         if not _finite(answer):
-            raise _Failed(SolveStatus.NOT_FINITE)
+            raise LevelFailed(SolveStatus.NOT_FINITE)
         if rows.violations(answer.z).max(initial=0.0) > _VIOLATED:
-            raise _Failed(SolveStatus.VIOLATED)
+            raise LevelFailed(SolveStatus.VIOLATED)
         distance = distance_to_optimum(target, rows, answer)
         if distance > _COARSE_DISTANCE * max(1.0, float(np.linalg.norm(answer.z - target))):
-            raise _Failed(SolveStatus.NOT_OPTIMAL)
+            raise LevelFailed(SolveStatus.NOT_OPTIMAL)
         x = state.x + state.basis @ answer.z
         found = state.violated(x)
         if not len(found.bound):
             state.x = x
             return distance
         state.add(found)
-    raise _Failed(SolveStatus.CUT_LIMIT)
+    raise LevelFailed(SolveStatus.CUT_LIMIT)

@@ -17,11 +17,8 @@ from excite.identification.estimators.active_set import ActiveSetProjector
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.fallback import best_feasible, plain_models
-from excite.identification.estimators.hierarchy import (
-    HierarchyAnswer,
-    Level,
-    solve_hierarchy,
-)
+from excite.identification.estimators.hierarchy import solve_hierarchy
+from excite.identification.estimators.hierarchy_state import HierarchyAnswer, Level
 from excite.identification.estimators.projection import Projector
 from excite.identification.estimators.scaled import Scaled, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings

@@ -14,7 +14,9 @@ from excite.identification.constraints.body import pseudo_inertia_cones
 from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.conic import ConicSolver, interior_point
 from excite.identification.estimators.conic_estimate import conic_estimate, consistent_or_raised
-from excite.identification.estimators.entropic import EntropicSolver, entropic_estimate, newton
+from excite.identification.estimators.entropic import entropic_estimate
+from excite.identification.estimators.entropic_newton import newton
+from excite.identification.estimators.entropic_problem import EntropicSolver
 from excite.identification.estimators.geometric import pullback_metric
 from excite.identification.estimators.ridge import ridge
 from excite.identification.estimators.settings import EstimatorSettings
