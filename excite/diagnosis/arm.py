@@ -16,13 +16,12 @@ from excite.diagnosis.baseline import Baseline, fit_baseline
 from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context
-from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.gap import Gap, share_closed
 from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.locate import locate
-from excite.diagnosis.next_experiment import propose, written
+from excite.diagnosis.next_experiment_advice import advice
 from excite.diagnosis.noise_floor import repeat_floor, spectral_floor, unrepeated
-from excite.diagnosis.result import Diagnosis, NextExperiment, Rollout
+from excite.diagnosis.result import Diagnosis, Rollout
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
@@ -137,7 +136,7 @@ def diagnose_torques(
         where=where,
         simulation=simulate(attribution, baseline),
         n_tied=n_tied,
-        next_experiment=_next(listed[:n_tied], baseline, attribution, judgement, out),
+        next_experiment=advice(baseline, attribution, judgement, out),
         faults=chart.faults,
         warnings=tuple(warnings),
     )
@@ -197,29 +196,3 @@ def _listed(
     known = {(c.effect, c.location) for c in head}
     rest = [c for c in made if (c.effect, c.location) not in known]
     return tuple((head + rest)[:_LISTED]), len(head) if judgement.verdict == "ambiguous" else 0
-
-
-def _next(
-    tied: tuple[Candidate, ...],
-    baseline: Baseline,
-    attribution: Attribution,
-    judgement: Judgement,
-    out: Path | None,
-) -> NextExperiment | None:
-    """What would tell tied candidates apart, with a motion where one helps and there is a folder for it."""
-    if len(tied) < 2:
-        return None
-    names = " and ".join(item.effect.replace("_", " ") for item in tied)
-    separates = tuple(f"{item.effect}@{item.location}" for item in tied)
-    told = EFFECTS[tied[0].effect].separating_motion
-    why = f"{names} look alike in this record; what tells them apart: {told}"
-    rivals = [attribution.accepted[0], *judgement.rivals]
-    if out is None or len(rivals) < 2 or len(rivals) < len(tied):
-        return NextExperiment(why, separates)
-    floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
-    proposal = propose(baseline, rivals, floor, seed=0)
-    if proposal is None:
-        return NextExperiment(f"{why}; no motion within the record's range does", separates)
-    name = written(proposal, out)
-    why = f"{names} look alike in this record; {name} is expected to tell them apart by {proposal.evidence:.0f} nats"
-    return NextExperiment(f"{why} (also: {told})", separates, name)

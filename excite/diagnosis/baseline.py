@@ -175,7 +175,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     nominal = inverse_dynamics(model, q, v, a)[:, index]
     root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
     y = (tau - samples.rows(samples.split(nominal))).T * root
-    phi = _model_phi(samples)
+    phi = model_phi(samples)
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
     shared = shared * root[:, :, None]
     names = own_names(modelled)
@@ -254,7 +254,8 @@ def _best_sign(target: Array, columns: list[Array]) -> int:
     return best if losses[best] < _BETTER * losses[plain] else plain
 
 
-def _model_phi(samples: ArmSamples) -> Array:
+def model_phi(samples: ArmSamples) -> Array:
+    """Nominal inertial parameters ``(10·n_segments,)``."""
     model = samples.robot.model
     return np.concatenate([model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)])
 
@@ -264,15 +265,15 @@ def _shared(samples: ArmSamples, phi: Array, q: Array, v: Array, a: Array) -> tu
     index = list(samples.index)
     regressor = joint_torque_regressor(samples.robot.model, q, v, a)[:, index]
     rows = samples.rows(samples.split(regressor.reshape(len(q), -1)))
-    rows = rows.reshape(len(rows), len(index), -1) * _spread(phi)
+    rows = rows.reshape(len(rows), len(index), -1) * prior_spread(phi)
     flat = np.concatenate([rows[:, j] / max(rows[:, j].std(), 1e-9) for j in range(len(index))])
     values, vectors = np.linalg.eigh(flat.T @ flat)
     keep = values > 1e-9 * values[-1]
     basis = vectors[:, keep]
-    return np.ascontiguousarray((rows @ basis).transpose(1, 0, 2)), _spread(phi)[:, None] * basis
+    return np.ascontiguousarray((rows @ basis).transpose(1, 0, 2)), prior_spread(phi)[:, None] * basis
 
 
-def _spread(phi: Array) -> Array:
+def prior_spread(phi: Array) -> Array:
     """Prior standard deviation of the inertial parameters: half of each link's mass put on somewhere."""
     inertial = phi.reshape(-1, 10)
     mass = np.maximum(inertial[:, 0], 0.02)

@@ -126,8 +126,13 @@ def same_gap(best: Scored, other: Scored) -> bool:
     return float(other.closed[best.place]) >= _SAME * float(best.closed[best.place])
 
 
+def tie(evidence: float) -> float:
+    """How far a hypothesis with this evidence may lead another that is still not told apart from it [nats]."""
+    return max(_TIE_NATS, _TIE_SHARE * evidence)
+
+
 def _close(best: Scored, other: Scored) -> bool:
-    return same_gap(best, other) and nats_behind(best, other) < max(_TIE_NATS, _TIE_SHARE * best.evidence)
+    return same_gap(best, other) and nats_behind(best, other) < tie(best.evidence)
 
 
 def probabilities(
@@ -149,7 +154,7 @@ def probabilities(
         By effect and location; they sum to ``explained``.
     """
     dispersion = 1.0 + (1.0 - explained) * max(best.stands - 1.0, 0.0)
-    width = dispersion * max(_TIE_NATS, _TIE_SHARE * best.evidence) / 3.0
+    width = dispersion * tie(best.evidence) / 3.0
     rivals = [item for item in ranking if same_gap(best, item)]
     known = {(item.name, item.location): item for item in rivals} | {(best.name, best.location): best}
     weight = {key: np.exp(-max(nats_behind(best, item), 0.0) / width) for key, item in known.items()}

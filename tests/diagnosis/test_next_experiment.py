@@ -1,4 +1,4 @@
-"""The simulator with effects in it, and the motion that tells rivals apart, on a practice arm without effects."""
+"""The simulator with effects in it, and motions along a record's paths, on a practice arm without effects."""
 
 from __future__ import annotations
 
@@ -9,25 +9,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.augmented import augmented_model
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.augmented_plant import fitted_plant, physical_plant
 from excite.diagnosis.baseline import Baseline, fit_baseline
-from excite.diagnosis.effects.effect import Context
-from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.hypotheses import Hypothesis, at_rows
-from excite.diagnosis.next_experiment import expected_evidence, within_record
+from excite.diagnosis.next_experiment_candidates import within_record
 from excite.diagnosis.next_experiment_paths import retraced
 from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.rollout import Simulator
-from excite.diagnosis.rollout_drives import PositionServo, Window
-from excite.diagnosis.samples import ArmSamples, arm_samples
+from excite.diagnosis.samples import arm_samples
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
-from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
-from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import inverse_dynamics
 
 MODELLED = ("rigid_body", "viscous_friction", "coulomb_friction", "armature")
@@ -94,65 +86,3 @@ def test_accelerations_stay_within_the_models_limits_or_the_records(baseline: Ba
     for motion in retraced(unknown, 1):
         assert (np.abs(motion.a) <= shown).all()
     assert (within_record(known).limits.acceleration < 2.0).all()
-
-
-def _hypothesis(baseline: Baseline, name: str, place: str, beta: list[float]) -> Hypothesis:
-    context, effect = Context(baseline), EFFECTS[name]
-    columns = at_rows(context, effect.shape(context, place, ()))
-    fit = baseline.solver.fit(columns.extra, columns.offset)
-    return Hypothesis(effect, place, (), columns, replace(fit, extra=np.array(beta)), baseline)
-
-
-@pytest.mark.slow
-def test_the_proposed_motion_separates_a_simulated_pair(baseline: Baseline):
-    """A spring on joint 1 against a tilted base: run in MuJoCo on the motion, the spring is then named alone."""
-    samples, stiffness, zero = baseline.samples, 0.6, 0.2
-    spring = _hypothesis(baseline, "joint_spring", "panda_joint1", [stiffness, zero])
-    tilt = _hypothesis(baseline, "base_tilt", "base", [0.2, 0.2, 0.0, 0.0])
-    floor = spectral_floor(samples)
-    motions = retraced(samples, 1)
-    evidence = [expected_evidence(baseline, [spring, tilt], m, floor) for m in motions]
-    motion = motions[int(np.argmax(evidence))]
-    assert max(evidence) > 30.0
-    found = Found("joint_spring", "panda_joint1", {"stiffness": stiffness, "torque_at_zero": zero})
-    simulator = Simulator(augmented_model(baseline, [found]).xml, samples.joints)
-    kp = np.array([600.0, 600.0, 400.0, 400.0, 80.0, 60.0, 30.0])
-    ahead = inverse_dynamics(samples.robot.model, motion.q, motion.v, motion.a, baseline.phi)
-    drive = PositionServo(motion.time, motion.q, motion.v, ahead, kp, kp / 12.0)
-    steps = np.arange((len(motion.time) - 1) * 4) / (4.0 * samples.rate_hz)
-    q = simulator.run(Window(motion.q[0], motion.v[0], ahead[0], steps, 600.0), drive, 4)
-    tau = kp * (motion.q - q) + kp / 12.0 * (motion.v - central_differences(q, samples.rate_hz).first) + ahead
-    rng = np.random.default_rng(0)
-    tau = tau + 0.05 * rng.standard_normal(tau.shape)
-    half = len(q) // 2
-    trials = [
-        Trial("new_a", "identification", motion.time, q, tau=tau),
-        Trial("new_b", "validation", motion.time[:half], q[:half], tau=tau[:half]),
-    ]
-    for trial in samples.trials[:3]:
-        force = stiffness * trial.q[:, 0] + zero
-        more = np.zeros_like(trial.tau)
-        more[:, 0] = force
-        role = "identification" if trial.identification else "validation"
-        trials.append(Trial(trial.name, role, trial.time, trial.q, tau=trial.tau + more))
-    log = header_of(samples)
-    again = arm_samples(samples.robot, log, trials)
-    noise = spectral_floor(again)
-    attribution = Attributor(fit_baseline(again, MODELLED, noise), noise).run()
-    assert [(a.name, a.location) for a in attribution.accepted][:1] == [("joint_spring", "panda_joint1")]
-
-
-def header_of(samples: ArmSamples) -> Log:
-    """A log with the header that sampling asks for."""
-    header = LogHeader.model_validate(
-        {
-            "schema": "excite.log/1",
-            "robot": "robot.urdf",
-            "base": "fixed",
-            "rate_hz": samples.rate_hz,
-            "joints": samples.joints,
-            "torque": "motor_side",
-            "trials": [{"file": "new_a.parquet", "role": "identification"}],
-        }
-    )
-    return Log(header, ())

@@ -1,0 +1,168 @@
+"""What to measure next, of records made from the equations of motion that cannot tell what they hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.diagnosis.attribute import Attributor
+from excite.diagnosis.attribution import Scored
+from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.next_experiment import FILE
+from excite.diagnosis.next_experiment_candidates import beyond, near
+from excite.diagnosis.next_experiment_evidence import Expectation
+from excite.diagnosis.noise_floor import spectral_floor
+from excite.diagnosis.result import Diagnosis
+from excite.diagnosis.samples import arm_samples
+from excite.logs.log import Log, LogHeader, Trial
+from excite.motion.files import load_motion
+from excite.robot.collision import _SHAPES
+from excite.robot.loading import load_robot
+from excite.robot.robot import Array, Robot
+from excite.safety.check import check_motion
+from tests.benchmarks.next_experiment import RECIPES, outcome
+
+RATE = 100.0
+MODELLED = ("rigid_body", "viscous_friction", "coulomb_friction")
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("iiwa14")
+
+
+def record(robot: Robot, torque: Array | None = None, stiffness: float = 0.0, reach: float = 0.25) -> Log:
+    """Slow, narrow trials: rigid bodies, friction, a constant torque, and a spring at the first joint."""
+    rng = np.random.default_rng(5)
+    time = np.arange(round(9.0 * RATE)) / RATE
+    trials = []
+    for name, role in (("a", "identification"), ("b", "identification"), ("c", "validation")):
+        phase = 2.0 * np.pi * np.outer(time, [0.25, 0.4])
+        size = reach * rng.uniform(0.3, 0.6, (robot.n_joints, 2))
+        size[0] *= 0.3
+        shift = rng.uniform(0.0, 6.28, (robot.n_joints, 2))
+        inner = phase[:, None, :] + shift
+        w = 2.0 * np.pi * np.array([0.25, 0.4])
+        q = robot.rest + (size * np.sin(inner)).sum(axis=2)
+        v, a = (size * w * np.cos(inner)).sum(axis=2), -(size * w**2 * np.sin(inner)).sum(axis=2)
+        data = robot.model.createData()
+        tau = np.array([pin.rnea(robot.model, data, *rows) for rows in zip(q, v, a, strict=True)])
+        tau += 0.4 * v + 0.5 * np.tanh(v / 5e-3) + (0.0 if torque is None else torque)
+        tau[:, 0] += stiffness * (q[:, 0] - 0.3)
+        trials.append(Trial(name, role, time, q, tau=tau + 0.02 * rng.standard_normal(tau.shape)))
+    header = LogHeader.model_validate(
+        {
+            "schema": "excite.log/1",
+            "robot": "robot.urdf",
+            "base": "fixed",
+            "rate_hz": RATE,
+            "joints": robot.joint_names,
+            "torque": "motor_side",
+            "modelled": MODELLED,
+            "trials": [{"file": f"{t.name}.parquet", "role": t.role} for t in trials],
+        }
+    )
+    return Log(header, tuple(trials))
+
+
+@dataclass(frozen=True, eq=False)
+class Doubt:
+    baseline: Baseline
+    rivals: list[Scored]
+    floor: Array
+
+
+@pytest.fixture(scope="module")
+def doubt(robot: Robot) -> Doubt:
+    """A spring at the first joint and a tilted base, fitted to a record of the spring."""
+    log = record(robot, stiffness=3.0)
+    samples = arm_samples(robot, log, log.trials)
+    floor = spectral_floor(samples)
+    baseline = fit_baseline(samples, MODELLED, floor)
+    attribution = Attributor(baseline, floor).run()
+    tilt = next(s for s in attribution.stages[0].ranking if s.name == "base_tilt")
+    assert attribution.accepted[0].name == "joint_spring"
+    return Doubt(baseline, [attribution.accepted[0], tilt], floor)
+
+
+def test_a_wide_motion_is_expected_to_tell_what_the_record_cannot(doubt: Doubt):
+    samples = doubt.baseline.samples
+    expectation = Expectation(doubt.baseline, doubt.rivals, doubt.floor)
+    inside = [expectation.ratios(offer.sketch) for offer in near(samples, samples.joints[:1], 0)]
+    outside = [expectation.ratios(offer.sketch) for offer in beyond(samples, samples.joints[:1], 0)]
+    assert np.median([r[0, 1] for r in outside]) > 5.0 * max(r[0, 1] for r in inside)
+    assert max(r.min() for r in outside) > 4.0
+
+
+def test_a_rival_is_not_told_from_itself(doubt: Doubt):
+    twice = Expectation(doubt.baseline, [doubt.rivals[0], doubt.rivals[0]], doubt.floor)
+    for offer in beyond(doubt.baseline.samples, doubt.baseline.samples.joints[:1], 0)[:3]:
+        assert twice.ratios(offer.sketch)[0, 1] < 0.01
+
+
+def test_more_noise_makes_less_evidence_expected(doubt: Doubt):
+    motion = beyond(doubt.baseline.samples, doubt.baseline.samples.joints[:1], 0)[0].sketch
+    quiet, loud = (
+        Expectation(doubt.baseline, doubt.rivals, f * doubt.floor).ratios(motion) for f in (1.0, 30.0)
+    )
+    assert loud[0, 1] < 0.7 * quiet[0, 1]
+
+
+def test_joints_of_a_model_without_shapes_stay_where_they_have_been(doubt: Doubt):
+    samples = doubt.baseline.samples
+    bare = replace(samples.robot, hash="no shapes")
+    collision = samples.robot.description.collision.model_copy(update={"geometry": "authored", "shapes": ()})
+    bare = replace(bare, description=samples.robot.description.model_copy(update={"collision": collision}))
+    assert "no shapes" not in _SHAPES
+    inside = near(replace(samples, robot=bare), samples.joints[:1], 0)
+    assert inside
+    assert all(offer.candidate is None and not offer.caution for offer in inside)
+    for offer in beyond(replace(samples, robot=bare), samples.joints[:1], 0):
+        shown = samples.stacked("q")
+        assert (offer.sketch.q <= shown.max(axis=0) + 1e-6).all()
+        assert (offer.sketch.q >= shown.min(axis=0) - 1e-6).all()
+        assert "no shapes" in offer.caution
+
+
+def test_the_motion_is_written_checked_and_its_reach_is_said(robot: Robot, tmp_path: Path):
+    log = record(robot, stiffness=3.0)
+    result = diagnose(log, robot, out=tmp_path)
+    assert {c.effect for c in result.candidates[: result.n_tied]} == {"joint_spring", "base_tilt"}
+    advice = result.next_experiment
+    assert advice is not None
+    assert advice.motion == FILE
+    assert set(advice.separates) == {f"joint_spring@{robot.joint_names[0]}", "base_tilt@base"}
+    motion = load_motion(tmp_path / FILE, robot)
+    assert check_motion(robot, motion).safe
+    shown = np.concatenate([t.q[:, 0] for t in log.trials])
+    assert np.ptp(motion.q[:, 0]) > 2.0 * np.ptp(shown)
+    assert "leaves the positions of this record" in advice.why
+
+
+def _biased(robot: Robot, out: Path) -> Diagnosis:
+    constant = np.zeros(robot.n_joints)
+    constant[1] = 0.4
+    return diagnose(record(robot, constant, reach=1.0), robot, out=out)
+
+
+def test_what_no_motion_tells_apart_gets_no_motion_but_a_reading(robot: Robot, tmp_path: Path):
+    result = _biased(robot, tmp_path)
+    assert {c.effect for c in result.candidates[: result.n_tied]} == {"torque_bias", "coulomb_asymmetry"}
+    advice = result.next_experiment
+    assert advice is not None
+    assert advice.motion is None
+    assert "zero torque" in advice.why
+    assert not (tmp_path / FILE).exists()
+
+
+@pytest.mark.slow
+def test_the_motion_proposed_settles_the_doubt_when_the_robot_runs_it(tmp_path: Path):
+    done = outcome(RECIPES[0], np.random.default_rng(3), tmp_path)
+    assert done.eligible, done.first
+    assert done.safe
+    assert done.separated, done.then
