@@ -15,8 +15,10 @@ from excite.threads import one_blas_thread
 # A row below its limit by this factor is no longer worth seconds; what rows gain there counts this much.
 _ENOUGH, _BEYOND = 0.9, 0.01
 # Motions that the choice is begun with in turn, those first that alone come nearest to the limits.
-_STARTS = 20
+_STARTS = 8
 _LEAST_GAIN = 1e-9
+# What a segment above its limit costs beside its excess: nothing at first, then more than all excesses together.
+_EXCESS, _MISSED = 0.0, 1e4
 # Share of the largest eigenvalue below which the smallest is rounding.
 _ROUNDING = 1e-14
 
@@ -65,10 +67,11 @@ def choose_by_segments(
 ) -> tuple[int, ...]:
     """Motions that bring the segments' condition numbers below limits, or as low as they get.
 
-    What is made small is the sum over segments of the square of log(condition/limit), where that is above the
-    limit. From each of several starts, motions are added, taken out or exchanged one by one while that helps. A
-    condition number may grow with a motion more, so that choices are short. Squared condition numbers are those of
-    information matrices, which serves to compare motions and not to say how well any of them does.
+    What is made small is the sum over segments of the square of log(condition/limit), where that is above the limit;
+    then, from where that ends, first the number of segments above their limits. From each of several starts, motions
+    are added, taken out or exchanged one by one while that helps. A condition number may grow with a motion more, so
+    that choices are short. Squared condition numbers are those of information matrices, which serves to compare
+    motions and not to say how well any of them does.
 
     Args:
         information: of the candidates.
@@ -81,47 +84,62 @@ def choose_by_segments(
     """
     limits = limits or {}
     goal = np.log([_ENOUGH * limits.get(segment, 1.0) for segment in information.segments])
+    search = _Search(information, durations, budget_s, goal)
+    alone = search.cost(information.single, _EXCESS)
+    able = [int(i) for i in np.argsort(alone, kind="stable") if durations[i] <= budget_s]
+    ends = []
+    for start in able[:_STARTS]:
+        chosen: tuple[int, ...] = (start,)
+        for missed in (_EXCESS, _MISSED):
+            chosen = search.descend(chosen, missed)
+        ends.append((float(search.cost(search.together(chosen), _MISSED)), tuple(sorted(chosen))))
+    return min(ends)[1] if ends else ()
 
-    def cost(sums: Sequence[Array]) -> Array:
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Exchanges of single motions; ``missed`` is what a segment above its limit costs beside its excess."""
+
+    information: SegmentInformation
+    durations: Array
+    budget_s: float
+    goal: Array
+
+    def together(self, chosen: Sequence[int]) -> list[Array]:
+        """Information of several motions, one matrix ``(k, k)`` a segment."""
+        return [matrices[list(chosen)].sum(axis=0) for matrices in self.information.single]
+
+    def cost(self, sums: Sequence[Array], missed: float) -> Array:
         """Of information matrices ``(…, k, k)``, one stack a segment: ``(…)``."""
         total = np.zeros(sums[0].shape[:-2])
-        for matrix, log_limit in zip(sums, goal, strict=True):
+        for matrix, log_goal in zip(sums, self.goal, strict=True):
             values = np.linalg.eigvalsh(matrix)
             low = np.maximum(values[..., 0], _ROUNDING * values[..., -1])
             # No information at all counts as the worst condition number.
             known = low > 0.0
             ratio = np.where(known, values[..., -1] / np.where(known, low, 1.0), 1.0 / _ROUNDING)
-            over = 0.5 * np.log(ratio) - log_limit
-            total += np.maximum(over, 0.0) ** 2 + _BEYOND * over
+            over = 0.5 * np.log(ratio) - log_goal
+            total += np.maximum(over, 0.0) ** 2 + _BEYOND * over + missed * (over > -np.log(_ENOUGH))
         return total
 
-    def together(chosen: Sequence[int]) -> list[Array]:
-        return [matrices[list(chosen)].sum(axis=0) for matrices in information.single]
+    def descend(self, chosen: tuple[int, ...], missed: float) -> tuple[int, ...]:
+        """The choice from which no single motion more, less or other helps."""
+        while (better := self._improved(chosen, missed)) != chosen:
+            chosen = better
+        return chosen
 
-    def improved(chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The best choice that differs by one motion more, less or other."""
-        now, better = float(cost(together(chosen))), chosen
+    def _improved(self, chosen: tuple[int, ...], missed: float) -> tuple[int, ...]:
+        now, better = float(self.cost(self.together(chosen), missed)), chosen
+        single = self.information.single
         for rest in (chosen, *(chosen[:i] + chosen[i + 1 :] for i in range(len(chosen)))):
-            room = budget_s - durations[list(rest)].sum()
-            able = [i for i in range(len(durations)) if i not in rest and durations[i] <= room]
-            so_far = together(rest)
-            values = np.atleast_1d(
-                cost([s + m[able] for s, m in zip(so_far, information.single, strict=True)])
-            )
+            room = self.budget_s - self.durations[list(rest)].sum()
+            able = [i for i in range(len(self.durations)) if i not in rest and self.durations[i] <= room]
+            so_far = self.together(rest)
+            values = self.cost([s + m[able] for s, m in zip(so_far, single, strict=True)], missed)
             options = [(float(value), (*rest, i)) for value, i in zip(values, able, strict=True)]
             if rest:
-                options.append((float(cost(so_far)), rest))
+                options.append((float(self.cost(so_far, missed)), rest))
             value, option = min(options, default=(np.inf, rest))
             if value < now - _LEAST_GAIN:
                 now, better = value, option
         return better
-
-    alone = cost(information.single)
-    able = [int(i) for i in np.argsort(alone, kind="stable") if durations[i] <= budget_s]
-    ends: list[tuple[float, tuple[int, ...]]] = []
-    for start in able[:_STARTS]:
-        chosen: tuple[int, ...] = (start,)
-        while (better := improved(chosen)) != chosen:
-            chosen = better
-        ends.append((float(cost(together(chosen))), tuple(sorted(chosen))))
-    return min(ends, default=(np.inf, ()))[1]
