@@ -1,10 +1,16 @@
-"""The practice arms without their torques: positions, commands and gains alone; run alone for a table."""
+"""Logs of positions and commands alone: the practice arms without their torques, and cases drawn blind.
+
+Run alone for a table: of practice cases by name, or ``--blind SEED CASES``.
+"""
 
 from __future__ import annotations
 
 import json
 import sys
+import tempfile
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,12 +22,19 @@ from excite.logs.robot import nominal_robot
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Robot
+from excite.robot.robot import Array, Robot
+from excite.simulation.blind.make import load_answers, make_cases
+from excite.simulation.blind.score import BlindScore, score
 from tests.benchmarks.diagnosis_arms import PAIR, folder, same
 from tests.benchmarks.table import Row
 
+# Servos of several forms, in about half of the cases without a word on their gains; a seed used for nothing else.
+SEED, CASES = 5151, 20
 # Errors of a torque sensor: without one there are none, and nothing is the right answer.
 _CHANNEL = {"time_delay", "torque_gain", "torque_bias", "torque_ripple"}
+
+# A factor of a torque channel has to leave so much less of the torque to be one.
+_CLEARLY = 4.0
 
 
 @dataclass(frozen=True)
@@ -54,10 +67,7 @@ def without_torque(log: Log, robot: Robot) -> Log:
         made = (c.value - q.value, c.first - q.first, model, trial.tau)
         rows.append(np.stack([lowpass(x, rate, 12.0)[40:-40:4] for x in made], axis=2))
     stacked = np.concatenate(rows).transpose(1, 0, 2)
-    # A constant and a factor of a torque channel are the sensor's, not the servo's.
-    ones = np.ones((stacked.shape[1], 1))
-    found = [np.linalg.lstsq(np.hstack([x[:, :3], ones]), x[:, 3], rcond=None)[0] for x in stacked]
-    gains = np.array([f[:2] / f[2] for f in found])
+    gains = np.array([_gains(x[:, :3], x[:, 3]) for x in stacked])
     controller = {
         "mode": "position",
         "kp": dict(zip(log.header.joints, gains[:, 0].tolist(), strict=True)),
@@ -66,6 +76,20 @@ def without_torque(log: Log, robot: Robot) -> Log:
     }
     header = log.header.model_copy(update={"torque": "none", "controller": controller})
     return replace(log, header=header, trials=tuple(replace(t, tau=None) for t in log.trials))
+
+
+def _gains(columns: Array, torque: Array) -> Array:
+    """kp and kd ``(2,)`` from errors, their rates and the feedforward ``(n, 3)`` that make a torque ``(n,)``.
+
+    A constant and a factor of a torque channel are the sensor's, not the servo's; a factor is believed where it
+    leaves clearly less: on a joint that hardly needs a feedforward it could be anything.
+    """
+    ones = np.ones((len(torque), 1))
+    errors, all_three = np.hstack([columns[:, :2], ones]), np.hstack([columns, ones])
+    plain, *_ = np.linalg.lstsq(errors, torque - columns[:, 2], rcond=None)
+    scaled, *_ = np.linalg.lstsq(all_three, torque, rcond=None)
+    left = [np.var(torque - columns[:, 2] - errors @ plain), np.var(torque - all_three @ scaled)]
+    return plain[:2] if left[0] < _CLEARLY * left[1] else scaled[:2] / scaled[2]
 
 
 def judged(case: str, answer: dict, result: Diagnosis) -> Said:
@@ -112,8 +136,65 @@ def verdicts(cases: list[str] | None = None) -> list[Said]:
     return done
 
 
+@dataclass(frozen=True)
+class Blind:
+    """A battery drawn blind.
+
+    Attributes:
+        score: of the diagnoses.
+        ratios: by case with an effect: error of its roll-outs with the effects over that without.
+    """
+
+    score: BlindScore
+    ratios: dict[str, float]
+
+    @property
+    def honest(self) -> int:
+        """Cases that are called ``unknown`` and are not."""
+        return sum(not c.named and c.said.startswith("unknown") for c in self.score.cases)
+
+
+def blind(seed: int = SEED, cases: int = CASES) -> Blind:
+    """Make cases without torque, diagnose all of them, and only then look at the answers."""
+    with tempfile.TemporaryDirectory() as place:
+        where = Path(place) / "cases"
+        make_cases(where, seed=seed, cases=cases, torque="none")
+        documents = {case.name: diagnose(case).to_json() for case in sorted(where.glob("case_*"))}
+        return compared(where, documents)
+
+
+def compared(where: Path, documents: dict[str, dict[str, Any]]) -> Blind:
+    """Diagnoses of a folder's cases beside their answers."""
+    ratios = {
+        name: float(
+            np.linalg.norm(list(document["simulation"]["after"].values()))
+            / np.linalg.norm(list(document["simulation"]["before"].values()))
+        )
+        for name, document in documents.items()
+        if document["effects"] and document["simulation"] and document["simulation"]["before"]
+    }
+    return Blind(score(load_answers(where), documents, {}), ratios)
+
+
 def rows() -> list[Row]:
-    """Figures over all practice arms."""
+    """Figures over the practice arms and the blind ones."""
+    return [*_practice_rows(), *_blind_rows()]
+
+
+def _blind_rows() -> list[Row]:
+    found = blind()
+    cases, title = found.score.cases, f"command-only blind arms ({CASES} cases)"
+    named = sum(case.named for case in cases)
+    return [
+        Row.at_least(f"{title}: right name", named / len(cases), 0.6),
+        Row(f"{title}: honestly unknown", "", f"{found.honest} of {len(cases)}", None),
+        Row.at_most(f"{title}: firmly wrong", sum(c.firm_wrong for c in cases) / len(cases), 0.05),
+        Row(f"{title}: effects named that are not there", "", str(sum(c.extras for c in cases)), None),
+        Row.at_most(f"{title}: worst roll-out, over that without effects", max(found.ratios.values()), 1.0),
+    ]
+
+
+def _practice_rows() -> list[Row]:
     if not folder().is_dir():
         return [Row("command-only practice arms", "", "not found", None)]
     done = verdicts()
@@ -128,4 +209,10 @@ def rows() -> list[Row]:
 
 
 if __name__ == "__main__":
-    verdicts(sys.argv[1:] or None)
+    if sys.argv[1:2] == ["--blind"]:
+        result = blind(int(sys.argv[2]), int(sys.argv[3]))
+        for item in result.score.cases:
+            print(f"{item.case} {item.truth:60} | {item.said:70} {result.ratios.get(item.case, 0.0):.2f}")
+        print(result.score.summary())
+    else:
+        verdicts(sys.argv[1:] or None)

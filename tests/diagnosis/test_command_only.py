@@ -11,6 +11,8 @@ import pytest
 from excite.diagnosis.baseline import fit_baseline
 from excite.diagnosis.command_only.cycle import cycle_time, later
 from excite.diagnosis.command_only.gains import known_servo
+from excite.diagnosis.command_only.levels import trial_levels
+from excite.diagnosis.command_only.noise import servo_floor
 from excite.diagnosis.command_only.servo import Servo, read_signals
 from excite.diagnosis.command_only.stated import stated_servo
 from excite.diagnosis.command_only.tracking import tracking
@@ -168,7 +170,7 @@ def test_one_gain_may_stand_for_all_joints():
     [
         ({"kp": {"a": "soft"}}, r"controller\.kp.*no number.*write one number"),
         ({"mode": "torque"}, r"controller\.mode.*no position servo.*tau_cmd"),
-        ({"kp": 1.0, "ki": {"a": 2.0}}, r"controller\.ki.*integral part.*tau_cmd"),
+        ({"ki": {"a": 2.0}}, r"controller\.ki.*without kp.*state controller\.kp"),
     ],
 )
 def test_a_controller_that_cannot_be_rebuilt_is_refused(controller: dict, what: str):
@@ -210,3 +212,35 @@ def test_commanded_torques_are_torques(gap_dir: Path):
     result = diagnose(asked, robot)
     assert (result.verdict, result.effect, result.location) == ("effect", "payload", "link6")
     assert any("tau_cmd" in text for text in result.warnings)
+
+
+def test_noise_of_a_servos_torque_grows_with_the_frequency(gap_dir: Path):
+    """Encoders with white noise on a robot that stands: what the floor says, against what is there."""
+    log = load_log(gap_dir / "arm" / "case_012")
+    robot = nominal_robot(log)
+    rng = np.random.default_rng(2)
+    servo = Servo(np.full(7, 800.0), np.full(7, 60.0), "none", True)
+    made = []
+    for trial in log.trials[:2]:
+        still = np.tile(robot.rest, (len(trial.time), 1))
+        noisy = replace(trial, q=still + 3e-5 * rng.standard_normal(still.shape), q_cmd=still)
+        made.append(replace(noisy, tau=read_signals(robot, log, noisy).torque(servo)))
+    samples = arm_samples(robot, log, made)
+    there = samples.rows([t.tau for t in samples.trials]).std(axis=0)
+    assert servo_floor(samples, servo, list(range(7))) == pytest.approx(there, rel=0.15)
+    # A floor that takes the noise for white is three times too high.
+    assert (spectral_floor(samples) > 2.5 * there).all()
+
+
+def test_what_an_integral_part_began_with_is_found(gap_dir: Path):
+    """Torques of which each trial lacks another constant."""
+    log = load_log(gap_dir / "arm" / "case_012")
+    robot = nominal_robot(log)
+    names = [t.name for t in log.trials[:3]]
+    lacks = dict(zip(names, np.random.default_rng(1).uniform(-5.0, 5.0, (3, 7)), strict=True))
+    short = [replace(t, tau=t.tau - lacks[t.name]) for t in log.trials[:3]]
+    samples = arm_samples(robot, log, short)
+    found = trial_levels(samples, log.header.modelled)
+    scale = samples.rows([t.tau for t in samples.trials]).std(axis=0)
+    for name in names:
+        assert (np.abs(found[name] - lacks[name]) < 0.1 * scale + 0.02).all()

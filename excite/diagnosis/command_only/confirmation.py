@@ -12,15 +12,24 @@ from excite.diagnosis.result import Diagnosis, NextExperiment, Rollout
 from excite.robot.robot import Array
 
 # Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
-_CONFIRMS = 0.9
+_CONFIRMS = 0.95
 # What looks alike where only commands and positions are known.
 _ALIKE = {"actuator_lag": "time_delay"}
 
 
 def confirmed(gap: Gap) -> bool:
-    """Whether roll-outs are clearly nearer to the record on some joint, and no further from it in all."""
+    """Whether roll-outs are clearly nearer to the record on some joint, and no further from it in all.
+
+    What the encoders' noise has of the error, no simulator takes away.
+    """
+
+    def left(value: float, floor: float) -> float:
+        return float(np.sqrt(max(value**2 - floor**2, 0.0)))
+
     channels = gap.per_channel.values()
-    return gap.after <= gap.before and any(c.after < _CONFIRMS * c.before for c in channels)
+    return gap.after <= gap.before and any(
+        left(c.after, c.noise_floor) < _CONFIRMS * left(c.before, c.noise_floor) for c in channels
+    )
 
 
 def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:

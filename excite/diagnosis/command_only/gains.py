@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.diagnosis.command_only.levels import error_integral
 from excite.diagnosis.command_only.servo import Servo, Signals
 from excite.diagnosis.command_only.stated import stated_servo
 from excite.errors import LogError
@@ -45,7 +46,8 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
     joints = log.header.joints
     stated = stated_servo(log.header.controller, joints)
     kp, kd = stated.kp, stated.kd
-    rows = _rows(robot, log, [(t, t.commanded.value - t.measured.value) for t in trials.values()])
+    slow = np.divide(stated.ki, kp, out=np.zeros_like(kp), where=stated.ki != 0.0)
+    rows = _rows(robot, log, [(t, _error(t, slow)) for t in trials.values()])
     tried = [_fitted(rows, kp, kd, kind, way) for kind in stated.feedforwards for way in stated.follows]
     # Damping of the velocity itself has to explain clearly more to be believed.
     found = [(t.loss + 0.02 * (not t.servo.follows_velocity), k) for k, t in enumerate(tried) if t.sound]
@@ -56,7 +58,14 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
             field="controller",
             remedy="state controller.kp, controller.kd and controller.feedforward",
         )
-    return replace(tried[min(found)[1]].servo, estimated=stated.missing)
+    return replace(tried[min(found)[1]].servo, ki=stated.ki, estimated=stated.missing)
+
+
+def _error(signals: Signals, slow: Array) -> Array:
+    """Position error and ``slow`` = ki/kp [1/s] times its integral, which has no mean here."""
+    error = signals.commanded.value - signals.measured.value
+    wound = slow * error_integral(signals)
+    return np.asarray(error + wound - wound.mean(axis=0))
 
 
 def torque_constants(

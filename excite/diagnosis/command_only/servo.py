@@ -20,13 +20,14 @@ FEEDFORWARDS = ("none", "gravity", "inverse_dynamics")
 
 @dataclass(frozen=True, eq=False)
 class Servo:
-    """``τ = kp (q_cmd − q) + kd (s·v_cmd − v) + feedforward`` of every joint.
+    """``τ = kp (q_cmd − q) + kd (s·v_cmd − v) + ki ∫(q_cmd − q) dt + feedforward`` of every joint.
 
     Attributes:
         kp: ``(n_joints,)`` in the log's order [N·m/rad].
         kd: ``(n_joints,)`` [N·m·s/rad].
         feedforward: ``none``, ``gravity`` of the nominal model at q, or its ``inverse_dynamics`` at the command.
         follows_velocity: s: whether the damping acts on the velocity's error or on the velocity itself.
+        ki: ``(n_joints,)`` [N·m/(rad·s)], 0 where there is no integral part.
         estimated: what was estimated and not stated.
     """
 
@@ -34,6 +35,7 @@ class Servo:
     kd: Array
     feedforward: str
     follows_velocity: bool
+    ki: Array | None = None
     estimated: tuple[str, ...] = ()
 
     @property
@@ -53,6 +55,7 @@ class Signals:
         gravity: nominal torque that holds the measured position ``(n, n_joints)`` [N·m].
         dynamics: nominal inverse dynamics at the command.
         nominal: nominal inverse dynamics at the measured motion.
+        integral: torque of the servo's integral part, 0 before it is known.
     """
 
     time: Array
@@ -61,6 +64,7 @@ class Signals:
     gravity: Array
     dynamics: Array
     nominal: Array
+    integral: Array
 
     def feedforward(self, kind: str) -> Array:
         """Torque that the servo adds, ``(n, n_joints)`` [N·m]."""
@@ -74,7 +78,7 @@ class Signals:
         """What the servo asked its motors for, ``(n, n_joints)`` [N·m]."""
         e = self.commanded.value - self.measured.value
         rate = servo.damping_share * self.commanded.first - self.measured.first
-        return servo.kp * e + servo.kd * rate + self.feedforward(servo.feedforward)
+        return servo.kp * e + servo.kd * rate + self.integral + self.feedforward(servo.feedforward)
 
 
 def read_signals(robot: Robot, log: Log, trial: Trial) -> Signals:
@@ -103,4 +107,5 @@ def read_signals(robot: Robot, log: Log, trial: Trial) -> Signals:
             part[:, index] = share * values
         return inverse_dynamics(robot.model, *full)[:, index]
 
-    return Signals(trial.time, q, c, torque(q, 0.0), torque(c, 1.0), torque(q, 1.0))
+    still = np.zeros_like(q.value)
+    return Signals(trial.time, q, c, torque(q, 0.0), torque(c, 1.0), torque(q, 1.0), still)

@@ -40,6 +40,7 @@ class Stated:
     Attributes:
         kp: ``(n_joints,)`` in the log's order [N·m/rad], NaN where it is not stated.
         kd: ``(n_joints,)`` [N·m·s/rad], NaN where it is not stated.
+        ki: ``(n_joints,)`` [N·m/(rad·s)], 0 where it is not stated.
         feedforwards: forms that it may have.
         follows: whether damping acts on the velocity's error; both where that is open.
         missing: what is not stated, in words.
@@ -47,6 +48,7 @@ class Stated:
 
     kp: Array
     kd: Array
+    ki: Array
     feedforwards: tuple[str, ...]
     follows: tuple[bool, ...]
     missing: tuple[str, ...]
@@ -63,18 +65,19 @@ def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) 
         What it says.
 
     Raises:
-        LogError: it is no position servo, or one with an integral part; a gain is no number.
+        LogError: it is no position servo; a gain is no number; ki is stated without kp.
     """
     said = dict(controller or {})
     mode = said.get("mode", "position")
     if mode != "position":
         raise LogError(f"mode {mode!r} is no position servo", field="controller.mode", remedy=_REMEDY)
     kp, kd, ki = (_gains(said.get(name), name, joints) for name in ("kp", "kd", "ki"))
-    if np.nan_to_num(ki).any():
+    ki = np.nan_to_num(ki)
+    if np.isnan(kp[ki != 0.0]).any():
         raise LogError(
-            "what an integral part has come to when a trial begins is not in the log",
+            "an integral part without kp cannot be told from a slow effect",
             field="controller.ki",
-            remedy=_REMEDY,
+            remedy="state controller.kp, or log tau_cmd.*",
         )
     word = str(said.get("feedforward", "")).lower()
     reference = str(said["velocity_reference"]).lower() if "velocity_reference" in said else None
@@ -89,6 +92,7 @@ def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) 
     return Stated(
         kp,
         kd,
+        ki,
         (_WORDS[word],) if word in _WORDS else FEEDFORWARDS,
         (True, False) if reference is None else (reference not in _NO_REFERENCE,),
         tuple(missing),

@@ -22,7 +22,7 @@ class Tracking:
     Attributes:
         joints: names.
         hangs: ``(n_joints,)`` mean of measured less commanded position [rad].
-        weighs: ``(n_joints,)`` what weight over kp, less feedforward, makes one expect of it [rad].
+        weighs: ``(n_joints,)`` what weight over kp, less feedforward and integral, makes one expect of it [rad].
         dead_band: ``(n_joints,)`` how far a command has to lead before dry friction lets go [rad].
     """
 
@@ -71,7 +71,8 @@ def tracking(baseline: Baseline, servo: Servo, signals: dict[str, Signals], orde
             continue
         s = signals[trial.name]
         late.append((s.measured.value - s.commanded.value)[:, columns])
-        weight.append(s.feedforward(servo.feedforward)[: len(rigid), columns] - rigid[: len(s.time)])
+        given = s.feedforward(servo.feedforward) + s.integral
+        weight.append(given[: len(rigid), columns] - rigid[: len(s.time)])
     names = own_names(baseline.modelled)
     dry = np.zeros(len(kp))
     if "coulomb_friction" in names:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -48,7 +49,7 @@ class Servo:
         commands are in its angles.
         """
         controller = dict(log.header.controller or {})
-        said = {"mode": "position"}
+        said: dict[str, Any] = {"mode": "position"}
         if self.stated:
             gains = {name: controller[name] for name in ("kp", "kd")}
             said |= gains | {

@@ -1,0 +1,108 @@
+"""Closed-loop roll-outs of validation trials: the record's commands through the servo, with and without effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from excite.atomic import write_text
+from excite.diagnosis.attribution import Attribution
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.command_only.cycle import later
+from excite.diagnosis.command_only.servo import Servo, Signals
+from excite.diagnosis.command_only.tracking import Tracking, tracking
+from excite.diagnosis.result import Rollout
+from excite.diagnosis.rollout_compare import MODEL, compared
+from excite.diagnosis.rollout_drives import Drive, PositionServo
+from excite.diagnosis.rollout_windows import Plan
+from excite.errors import InputError
+from excite.robot.robot import Array
+
+_HORIZON_S = 2.0
+
+
+@dataclass(eq=False)
+class ClosedLoop:
+    """Closed-loop roll-outs, and what the result needs of them afterwards.
+
+    Attributes:
+        servo: the servo.
+        signals: by trial.
+        out: folder for the augmented model.
+        rollout: the comparison once it is made.
+        deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
+        floor: ``(n_joints,)`` what repeated trials, or the encoders' noise, leave [rad].
+        order: joints in the log's order.
+        cycle_s: how much later than asked for the torque acts [s].
+        tracking: steady errors of the servo.
+    """
+
+    servo: Servo
+    signals: dict[str, Signals]
+    out: Path | None
+    rollout: Rollout | None = None
+    deviation: Array | None = None
+    floor: Array | None = None
+
+    def __call__(self, attribution: Attribution, baseline: Baseline) -> Rollout:
+        """Make the roll-outs."""
+        samples = baseline.samples
+        order = [self.order.index(joint) for joint in samples.joints]
+        self.tracking = tracking(attribution.final, self.servo, self.signals, order)
+        q = samples.stacked("q")[:, list(samples.index)]
+        inside = np.concatenate([np.full(len(t.time), t.identification) for t in samples.trials])
+        self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
+        self.floor = _position_floor(baseline)
+        drives: dict[str, Drive] = {t.name: self._drive(samples.joints, t.name) for t in samples.trials}
+        shortest = min(float(t.time[-1]) for t in samples.trials)
+        plan = Plan(min(_HORIZON_S, 0.4 * shortest), drives, "q_cmd")
+        try:
+            rollout, xml = compared(attribution, baseline, plan)
+        except InputError as error:
+            self.rollout = Rollout({}, {}, _HORIZON_S, None, "q_cmd", (f"no roll-outs: {error}",))
+            return self.rollout
+        if self.out is not None:
+            self.out.mkdir(parents=True, exist_ok=True)
+            write_text(self.out / MODEL, xml)
+            rollout = replace(rollout, model=MODEL)
+        self.rollout = rollout
+        return rollout
+
+    def _drive(self, joints: tuple[str, ...], name: str) -> PositionServo:
+        s, servo = self.signals[name], self.servo
+        order = [self.order.index(joint) for joint in joints]
+        return PositionServo(
+            time=s.time - s.time[0],
+            q_cmd=s.commanded.value[:, order],
+            v_cmd=servo.damping_share * s.commanded.first[:, order],
+            # Of the position's and the velocity's error the cycle is a small share; the feedforward is late by it.
+            # The integral part is the record's: over a roll-out it has hardly heard of what is different there.
+            feedforward=later(
+                s.time, (s.feedforward(servo.feedforward) + s.integral)[:, order], self.cycle_s
+            ),
+            kp=servo.kp[order],
+            kd=servo.kd[order],
+        )
+
+    order: tuple[str, ...] = ()
+    cycle_s: float = 0.0
+    tracking: Tracking | None = None
+
+
+def _position_floor(baseline: Baseline) -> Array:
+    """RMS of half the difference of repeated trials' positions; of neighbouring samples where there are none."""
+    samples = baseline.samples
+    by_name = {t.name: t for t in samples.trials}
+    squares, count, index = np.zeros(len(samples.joints)), 0, list(samples.index)
+    for t in samples.trials:
+        first = by_name.get(t.repeats or "")
+        if first is not None:
+            n = min(len(t.time), len(first.time))
+            squares += 0.5 * ((t.q[:n, index] - first.q[:n, index]) ** 2).sum(axis=0)
+            count += n
+    if count:
+        return np.sqrt(squares / count)
+    third = np.concatenate([np.diff(t.q[:, index], 3, axis=0) for t in samples.trials])
+    return np.sqrt((third**2).mean(axis=0) / 20.0)
