@@ -195,10 +195,8 @@ class _Places:
     """Where a log's columns belong.
 
     Attributes:
-        logged: columns of ``q`` of the joints that the robot has, in the robot's order.
-        moved: their indices in the model.
-        torques: columns of ``tau`` of those with torque, in the robot's order.
-        coupling: of the motors of those with torque.
+        logged: columns of ``q``, in the robot's order; ``moved``, the joints' indices in the model.
+        torques: columns of ``tau`` of those with torque, in the robot's order; ``coupling``, of their motors.
     """
 
     logged: tuple[int, ...]
@@ -229,7 +227,7 @@ def _arm_trial(
     q[:, columns], v[:, columns], a[:, columns] = d.value[:, order], d.first[:, order], d.second[:, order]
     edge = max(3, settling_samples(rate, bands.rows_hz))
     step = max(1, round(rate / bands.rate_hz))
-    first, last = _moving(v)
+    first, last = _moving(v, 4 * edge)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",
@@ -240,11 +238,13 @@ def _arm_trial(
         v=v,
         a=a,
         tau=tau,
-        rows=np.arange(max(edge, first), min(n - edge, last + 1), step),
+        rows=np.arange(first + edge, last + 1 - edge, step),
     )
 
 
-def _moving(v: Array) -> tuple[int, int]:
-    """First and last sample at which a joint moves; all where none ever does."""
+def _moving(v: Array, least: int) -> tuple[int, int]:
+    """First and last sample at which a joint moves; all where that is too short a stretch."""
     moving = np.flatnonzero((np.abs(v) > _STILL).any(axis=1))
-    return (int(moving[0]), int(moving[-1])) if len(moving) else (0, len(v) - 1)
+    if len(moving) == 0 or moving[-1] - moving[0] < least:
+        return 0, len(v) - 1
+    return int(moving[0]), int(moving[-1])

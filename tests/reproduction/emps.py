@@ -60,8 +60,12 @@ PUBLISHED = (
 )
 
 
-def emps_log(data_dir: Path, folder: Path) -> Log:
-    """The 16 s of the recording, voltages as forces; all of it trains."""
+def emps_log(data_dir: Path, folder: Path, split: float = 1.0) -> Log:
+    """The 16 s of the recording, voltages as forces; a first part of this share trains, the rest judges."""
+    file = "emps_train_t0_16s.csv"
+    trials = [{"file": file, "role": "identification", "part": [0.0, split]}]
+    if split < 1.0:
+        trials.append({"file": file, "role": "validation", "name": "rest", "part": [split, 1.0]})
     mapping = {
         "log": {
             "robot": "emps.urdf",
@@ -77,7 +81,7 @@ def emps_log(data_dir: Path, folder: Path) -> Log:
             "tau.{joint}": "vir_V",
         },
         "scale": {"tau.{joint}": NEWTON_PER_VOLT},
-        "trials": [{"file": "emps_train_t0_16s.csv", "role": "identification"}],
+        "trials": trials,
     }
     log = import_recordings(mapping, data_dir / "emps_ballscrew_axis", robot_text=URDF)
     return load_log(save_log(log, folder / "emps"))

@@ -1,0 +1,117 @@
+"""Arms of which nothing is known but the recording: the largest effect after rigid bodies and friction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.result import Diagnosis
+from excite.logs.log import Log
+from tests.reproduction import airbot_play_load, airbot_play_sessions, lwr, tiago, tx40
+from tests.reproduction.real_robots.entry import FRICTION, RIGID, Entry, with_modelled, with_repeats
+from tests.reproduction.recordings import panda_log
+
+_LINK = "rigid bodies, viscous and Coulomb friction; torques are measured behind the gears."
+_MOTOR = "rigid bodies, viscous and Coulomb friction, rotor inertia."
+_UNKNOWN = "nothing: no cause was published."
+
+
+def entries(data: Path, folder: Path) -> list[Entry]:
+    """Panda, LWR, TX40, TIAGo, AirBot Play."""
+    return [
+        _panda(data, folder),
+        _lwr(data, folder),
+        _tx40(data, folder),
+        _tiago(data, folder),
+        *_airbot(data, folder),
+    ]
+
+
+def _diagnosed(log: Log, *, motor: bool) -> Diagnosis:
+    return diagnose(with_modelled(log, (*RIGID, *FRICTION, *(("armature",) if motor else ()))))
+
+
+def _panda(data: Path, folder: Path) -> Entry:
+    return Entry(
+        title="Franka Panda",
+        source="Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca: RA-L 2019.",
+        trials="The first two thirds of 14 s were fitted, the last third judges.",
+        baseline=_LINK,
+        known="nothing of the gap; torque sensors of this arm are known to have zeros that drift.",
+        diagnosis=_diagnosed(panda_log(data, folder), motor=False),
+        bars=(),
+        remark=(
+            "What joint 6 lacks follows time as much as position, as a drifting zero would; nine seconds of one "
+            "motion do not tell."
+        ),
+    )
+
+
+def _lwr(data: Path, folder: Path) -> Entry:
+    return Entry(
+        title="KUKA LWR 4+",
+        source="Bethge, Malzahn, Tsagarakis, Caldwell: FloBaRoID. RAAD 2017.",
+        trials="Half of one run and another trajectory were fitted, the other half judges.",
+        baseline=_LINK,
+        known="nothing of the gap; the recorder filtered the torques, so no noise floor can be read from them.",
+        diagnosis=_diagnosed(lwr.lwr_log(data, folder, lwr.HALF), motor=False),
+        bars=(),
+        remark="A zero of a torque sensor is what identification by hand adds first on this arm, too.",
+    )
+
+
+def _tx40(data: Path, folder: Path) -> Entry:
+    return Entry(
+        title="Stäubli TX40",
+        source="Shipped with FIGAROH (Nguyen and others).",
+        trials="The first 4 s were fitted, the last 2 s judge.",
+        baseline=f"{_MOTOR[:-1]}; motor 6 turns with joints 5 and 6.",
+        known=_UNKNOWN,
+        diagnosis=_diagnosed(tx40.tx40_log(data, folder, 4.0), motor=True),
+        bars=(),
+        remark="Four seconds are short: nothing that was tried reaches the bar.",
+    )
+
+
+def _tiago(data: Path, folder: Path) -> Entry:
+    return Entry(
+        title="PAL TIAGo, arm 1 to 4",
+        source="Shipped with FIGAROH (Nguyen and others).",
+        trials="The first two thirds of 59 s were fitted, the last third judges.",
+        baseline=_MOTOR,
+        known="nothing of the gap; the recording's authors find their parameters poorly excited.",
+        diagnosis=_diagnosed(tiago.tiago_log(data, folder), motor=True),
+        bars=(),
+        remark="The gap of arm 2 follows its load, as on the UR10e, but closes by less than the two fifths asked for.",
+    )
+
+
+def _airbot(data: Path, folder: Path) -> list[Entry]:
+    sessions, pair = airbot_play_sessions, airbot_play_load
+    log = sessions.airbot_log(data, folder, (*sessions.MOTIONS, *sessions.AGAIN), (sessions.FIRST[-1],))
+    repeated = with_repeats(log, {f"{name}_rep2": name for name in sessions.MOTIONS})
+    return [
+        Entry(
+            title="AirBot Play, five motions",
+            source="Recordings published as dynamics_calibration_airbot (Zeyu1-oss).",
+            trials="Four motions, each run twice, were fitted and give the noise floor; a fifth motion judges.",
+            baseline=_MOTOR,
+            known=_UNKNOWN,
+            diagnosis=_diagnosed(repeated, motor=True),
+            bars=(),
+            remark=(
+                "A torque that follows the wrist's position, stiffening towards its ends, halves its gap on a motion "
+                "that was not fitted: a cable would do that. It is small beside what the other joints leave."
+            ),
+        ),
+        Entry(
+            title="AirBot Play, chirps with a load",
+            source="Recordings published with figaroh_kinova (liuyurong129).",
+            trials="The first two thirds of 30 s were fitted, the last third judges.",
+            baseline=f"{_MOTOR[:-1]}; the load is part of what is fitted.",
+            known=_UNKNOWN,
+            diagnosis=_diagnosed(pair.chirp_log(data, folder, loaded=True), motor=True),
+            bars=(),
+            remark="The last joint's torque follows its position, half of its gap with it; the rest is open.",
+        ),
+    ]

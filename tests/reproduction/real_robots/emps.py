@@ -1,0 +1,71 @@
+"""EMPS: an axis whose friction, or whose constant force, its model lacks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.diagnosis.diagnose import diagnose
+from tests.reproduction.emps import PUBLISHED, emps_log
+from tests.reproduction.real_robots.entry import FRICTION, RIGID, Bar, Entry, names, with_modelled
+
+SOURCE = "Janot, Gautier, Brunot: Data set and reference models of EMPS, Eindhoven 2019."
+_WIDE = "how sharply dry friction changes sign was searched before viscous friction was in the model"
+_TRIALS = "The first two thirds of the 16 s were fitted, the last third judges."
+_VALUE = {item.name.split("(")[0]: item for item in PUBLISHED}
+
+
+def entries(data: Path, folder: Path) -> list[Entry]:
+    """Friction left out; the offset left out."""
+    log = emps_log(data, folder, split=2 / 3)
+    return [_without_friction(log), _without_offset(log)]
+
+
+def _without_friction(log) -> Entry:
+    d = diagnose(with_modelled(log, (*RIGID, "torque_bias")))
+    found = {item.effect: item for item in d.effects}
+    viscous, level = _VALUE["viscous"], _VALUE["coulomb"]
+    bars = [Bar("dry and viscous friction, nothing else", ", ".join(found), set(found) == set(FRICTION))]
+    keys = {"viscous_friction": "coefficient", "coulomb_friction": "level"}
+    for name, item in (("viscous_friction", viscous), ("coulomb_friction", level)):
+        value = found[name].parameters[keys[name]].value if name in found else float("nan")
+        close = abs(value / item.value - 1.0) < 0.1
+        off = f"{value:.1f}, {100 * (value / item.value - 1):+.0f} %"
+        bars.append(Bar(f"{item.what}: {item.value:.1f} within 10 %", off, close, "" if close else _WIDE))
+    return Entry(
+        title="EMPS, friction left out",
+        source=SOURCE,
+        trials=_TRIALS,
+        baseline="the carriage's mass and a constant force.",
+        known=f"viscous friction {viscous.value:.0f} N·s/m and dry friction {level.value:.1f} N.",
+        diagnosis=d,
+        bars=(*bars,),
+        remark=(
+            "Levels are those of both effects fitted together; `excite identify` meets the published ones within "
+            "their intervals."
+        ),
+    )
+
+
+def _without_offset(log) -> Entry:
+    d = diagnose(with_modelled(log, (*RIGID, *FRICTION)))
+    offset = _VALUE["offset"]
+    bias = d.effects[0].parameters.get("bias") if d.effects else None
+    value = float("nan") if bias is None else bias.value
+    least = {"torque_bias", "coulomb_asymmetry"}
+    return Entry(
+        title="EMPS, constant force left out",
+        source=SOURCE,
+        trials=_TRIALS,
+        baseline="the carriage's mass, viscous and Coulomb friction.",
+        known=f"a constant force of {offset.value:.2f} N (by hand on these 16 s {offset.by_hand:.2f} N).",
+        diagnosis=d,
+        bars=(
+            Bar(
+                "ambiguous: bias, friction by direction and tilt are one force on one axis",
+                f"{d.verdict}: " + ", ".join(names(d)),
+                d.verdict == "ambiguous" and least <= set(names(d)),
+            ),
+            Bar(f"{offset.value:.2f} N within 5 %", f"{value:.2f} N", abs(value / offset.value - 1.0) < 0.05),
+        ),
+        remark="The table's rivals are the same constant force under other names.",
+    )

@@ -1,0 +1,107 @@
+"""Pictures of the page: torque measured on a trial that was not fitted, and predicted before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.atomic import atomic_path
+from excite.diagnosis.attribute import Attributor
+from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.doctor import examine
+from excite.diagnosis.noise_floor import spectral_floor
+from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.units import force_unit
+from excite.logs.log import Log
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, to_png
+from excite.robot.robot import Array, Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_LONGEST_S = 10.0
+_HEIGHT_IN = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Torques of one joint on a validation trial.
+
+    Attributes:
+        joint: its name.
+        unit: N·m, or N where it slides.
+        time: ``(n,)`` [s].
+        measured: ``(n,)`` filtered as in the diagnosis; so are the others.
+        before: ``(n,)`` with the baseline.
+        after: ``(n,)`` with all accepted effects.
+    """
+
+    joint: str
+    unit: str
+    time: Array
+    measured: Array
+    before: Array
+    after: Array
+
+
+def with_torques(log: Log) -> Log:
+    """A log of currents as one of torques, by the torque constants that it states."""
+    if log.header.torque != "current":
+        return log
+    constants = np.array([log.header.torque_constants[joint] for joint in log.header.joints])
+    header = log.header.model_copy(update={"torque": "motor_side"})
+    trials = [
+        replace(t, tau=t.current * constants, current=None) for t in log.trials if t.current is not None
+    ]
+    return replace(log, header=header, trials=tuple(trials))
+
+
+def curves(robot: Robot, log: Log, joints: Sequence[str]) -> list[Curves]:
+    """What the steps of a diagnosis predict on its first validation trial."""
+    log = with_torques(log)
+    samples = arm_samples(robot, log, examine(robot, log).trials)
+    floor = spectral_floor(samples)
+    baseline = fit_baseline(samples, log.header.modelled, floor)
+    found = Attributor(baseline, floor).run()
+    trial = next(k for k, t in enumerate(samples.trials) if not t.identification)
+    rows = samples.trial_of_row == trial
+    time = samples.trials[trial].time[samples.trials[trial].rows]
+    tau = samples.rows([t.tau for t in samples.trials])[rows]
+    before, after = (baseline.plain(fit.residual)[:, rows] for fit in (found.before, found.after))
+    shown = time - time[0] <= _LONGEST_S
+    made = []
+    for joint in joints:
+        j = samples.joints.index(joint)
+        values = (tau[:, j], tau[:, j] - before[j], tau[:, j] - after[j])
+        made.append(
+            Curves(joint, force_unit(robot, joint), time[shown] - time[0], *(v[shown] for v in values))
+        )
+    return made
+
+
+def plot(shown: Sequence[Curves]) -> Figure:
+    """One panel a joint."""
+
+    def paint(figure: Figure) -> None:
+        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, item in zip(panels, shown, strict=True):
+            axes.plot(item.time, item.measured, color=INK.light, linewidth=1.4, label="measured")
+            axes.plot(
+                item.time, item.before, color=NOMINAL.light, linewidth=0.9, linestyle="--", label="before"
+            )
+            axes.plot(item.time, item.after, color=IDENTIFIED.light, linewidth=0.9, label="after")
+            axes.set_title(f"{item.joint} [{item.unit}]")
+        panels[0].legend(loc="upper right", ncols=3, frameon=False)
+        panels[-1].set_xlabel("time on the trial left out [s]")
+
+    return draw(paint, _HEIGHT_IN * len(shown) + 0.4, width_in=7.2)
+
+
+def write_picture(path: Path, robot: Robot, log: Log, joints: Sequence[str]) -> None:
+    """Draw what a diagnosis of a log predicts of some joints."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(to_png(plot(curves(robot, log, joints)), dpi=90))
