@@ -79,7 +79,7 @@ def _dearest(relaxed: list[np.ndarray], found: np.ndarray) -> str:
     """For the rows that stay far from what no constraint would allow: which step costs most."""
     ratios = np.array([after / before for before, after in pairwise([*relaxed, found])])
     far = found > _FAR * relaxed[0]
-    names = (*STEPS[1:], "moving as the motions do")
+    names = (*STEPS[1:], "balance, drives and smooth paths")
     most = ratios[:, far].argmax(axis=0)
     counted = [
         f"{(most == step).sum()} times {name} (a factor {np.median(ratios[step, far][most == step]):.1f})"
