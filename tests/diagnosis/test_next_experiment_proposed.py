@@ -25,7 +25,8 @@ from excite.robot.collision import _SHAPES
 from excite.robot.loading import load_robot
 from excite.robot.robot import Array, Robot
 from excite.safety.check import check_motion
-from tests.benchmarks.next_experiment import RECIPES, outcome
+from tests.benchmarks.next_experiment import outcome
+from tests.diagnosis.poor_logs import RECIPES
 
 RATE = 100.0
 MODELLED = ("rigid_body", "viscous_friction", "coulomb_friction")
