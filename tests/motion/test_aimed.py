@@ -13,32 +13,32 @@ from excite.robot.robot import Robot
 _SEED = np.random.SeedSequence(5)
 
 
-def _travel(robot: Robot, joint: str, count: int) -> np.ndarray:
-    """Way from end to end of each joint in shares of its central range, the mean of ``count`` motions."""
+def _ways(robot: Robot, joint: str) -> np.ndarray:
+    """Way that each joint makes in a motion, in ranges from end to end, the mean of a few."""
     lower, upper = central_range(robot)
-    drawn = make_generator("aimed").candidates(robot, count, _SEED, [joint])
+    drawn = make_generator("aimed").candidates(robot, 4, _SEED, [joint])
     positions = [c.posture.evaluate(np.linspace(0.0, c.length, 400)) for c in drawn]
-    return np.mean([np.ptp(q, axis=0) for q in positions], axis=0) / (upper - lower)
+    return np.mean([np.abs(np.diff(q, axis=0)).sum(axis=0) for q in positions], axis=0) / (upper - lower)
 
 
 @pytest.mark.parametrize(("robot", "joint"), [("panda", "panda_joint4"), ("g1", "left_elbow_joint")])
-def test_targets_move_far_and_others_hardly(robot: str, joint: str) -> None:
+def test_targets_move_far_and_often_and_others_slowly(robot: str, joint: str) -> None:
     loaded = load_robot(robot)
-    travel = _travel(loaded, joint, 4)
+    ways = _ways(loaded, joint)
     at = loaded.joint_index(joint)
-    assert travel[at] > 0.6
-    assert travel[at - 1] > 0.15
-    assert travel[at + 1] > 0.15
+    assert ways[at] > 3.0
+    assert ways[at] == ways.max()
+    assert (ways[[at - 1, at + 1]] > 0.5).all()
     far = [i for i in range(loaded.n_joints) if abs(i - at) > 1]
-    assert travel[far].max() < 0.06
+    assert ways[far].max() < 0.35 * ways[at]
 
 
 def test_neighbours_are_those_of_the_tree_not_of_the_list(g1: Robot) -> None:
-    """The left shoulder hangs on the waist; the wrist is farther away than the next column."""
-    travel = _travel(g1, "left_shoulder_pitch_joint", 4)
-    assert travel[g1.joint_index("waist_pitch_joint")] > 0.15
-    assert travel[g1.joint_index("left_shoulder_roll_joint")] > 0.15
-    assert travel[g1.joint_index("left_wrist_yaw_joint")] < 0.06
+    """The left shoulder hangs on the waist, though columns lie between."""
+    ways = _ways(g1, "left_shoulder_pitch_joint")
+    near = [g1.joint_index(name) for name in ("waist_pitch_joint", "left_shoulder_roll_joint")]
+    right = [i for i, name in enumerate(g1.joint_names) if name.startswith("right_") and "hip" not in name]
+    assert ways[near].min() > ways[right].max()
 
 
 def test_a_leg_is_aimed_at_on_the_other_foot(g1: Robot) -> None:

@@ -1,4 +1,4 @@
-"""Large, fast motion of one joint and its neighbours while the rest of the robot is nearly still."""
+"""Large, fast motion of one joint and its neighbours while the rest of the robot moves slowly."""
 
 from __future__ import annotations
 
@@ -19,21 +19,22 @@ from excite.robot.robot import Array, Robot
 _ENDS, _STAY = (5, 9), (1, 4)
 # How far from an end of the range it may stay, in shares of the range.
 _SHORT = 0.25
-# Shares of their range that its neighbours and the other joints use.
-_NEIGHBOURS, _OTHERS = (0.3, 1.0), (0.0, 0.06)
+# In a leg: how far targets and others go, in shares of what they do in a leg swing.
+_FAR, _LEG = 1.4, (0.5, 1.0)
+# Shares of their range that its neighbours and the other joints use, and over how many control points these pass from
+# one posture to the next.
+_NEIGHBOURS, _OTHERS, _SLOWLY = (0.3, 1.0), (0.1, 0.6), 6
 
 
 class Aimed(Generator):
     """Throws a joint from end to end of its range, for parameters that other motions leave uncertain.
 
-    The bodies that it moves are its own and the next ones, so the joints before and after it move at random; of the
-    others so little that they never limit the speed. A joint of a leg is aimed at on the other leg.
+    The bodies that it moves are its own and the next ones, so the joints before and after it move at random. The others
+    change the posture so slowly that they do not limit the speed. A joint of a leg is aimed at on the other leg.
     """
 
     name: ClassVar[str] = "aimed"
-    summary: ClassVar[str] = (
-        "one joint from end to end of its range, its neighbours along, the rest nearly still"
-    )
+    summary: ClassVar[str] = "one joint from end to end of its range, its neighbours along, the rest slowly"
 
     def applies(self, robot: Robot) -> bool:
         """Always."""
@@ -49,13 +50,17 @@ class Aimed(Generator):
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
         """A spline from rest to rest through random targets; for legs a stance on the other one."""
         rng = np.random.default_rng(seed)
-        shares = _shares(robot, targets, rng)
+        shares, fast = _shares(robot, targets, rng)
         legs = {i for foot in robot.feet for i in leg_joints(robot, foot)}
         if robot.joint_index(targets[0]) in legs:
-            return swinging(robot, seed, targets, name, self.name, shares)
+            reach = rng.uniform(*_LEG, size=robot.n_joints)
+            reach[np.isin(robot.joint_names, targets)] = _FAR
+            return swinging(robot, seed, targets, name, self.name, reach)
         stays = rng.integers(*_STAY, size=int(rng.integers(*_ENDS)))
         draws = posture_draws(robot, targets, shares, 3, 3 + int(stays.sum()))
         curve = posture_curve(robot, draws, draws.stop + 3, rng)
+        postures = curve.control[draws.first : draws.stop]
+        postures[:, ~fast] = _slow(postures[:, ~fast])
         for target in targets:
             column = robot.joint_index(target)
             curve.control[draws.first : draws.stop, column] = _from_end_to_end(draws, column, stays, rng)
@@ -73,15 +78,26 @@ def _from_end_to_end(draws: Draws, column: int, stays: NDArray[np.int64], rng: n
     return np.asarray(lower + share * (upper - lower))
 
 
-def _shares(robot: Robot, targets: tuple[str, ...], rng: np.random.Generator) -> Array:
-    """Shares of their range that joints use: all of it, much of it next to a target, next to nothing elsewhere."""
+def _slow(points: Array) -> Array:
+    """Straight ways through every few of the points, ``(n, k)``."""
+    kept = np.unique(np.r_[0 : len(points) : _SLOWLY, len(points) - 1])
+    rows = np.arange(len(points))
+    return np.column_stack([np.interp(rows, kept, column[kept]) for column in points.T])
+
+
+def _shares(
+    robot: Robot, targets: tuple[str, ...], rng: np.random.Generator
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Share of its range that each joint uses, and whether it is a target or next to one."""
     shares = rng.uniform(*_OTHERS, size=robot.n_joints)
     near = rng.uniform(*_NEIGHBOURS, size=robot.n_joints)
+    fast = np.zeros(robot.n_joints, dtype=bool)
     first = robot.model.njoints - robot.n_joints
     for target in targets:
         own = robot.model.getJointId(target)
         for joint in range(first, robot.model.njoints):
-            if own == robot.model.parents[joint] or joint == robot.model.parents[own]:
-                shares[joint - first] = near[joint - first]
-    shares[[robot.joint_index(target) for target in targets]] = 1.0
-    return np.asarray(shares)
+            fast[joint - first] |= own == robot.model.parents[joint] or joint == robot.model.parents[own]
+    shares[fast] = near[fast]
+    aimed = [robot.joint_index(target) for target in targets]
+    shares[aimed], fast[aimed] = 1.0, True
+    return shares, fast

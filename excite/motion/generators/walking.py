@@ -34,7 +34,7 @@ _USE = (0.2, 0.2, 0.1, 0.3)
 # Half way of a swing: height [share of the pelvis's], way along and aside [m], roll, pitch and yaw of the sole [rad].
 _LIFT, _ASIDE = (0.04, 0.1), (0.05, 0.01)
 # Largest lift by the legs' acceleration limit [rad/s²], pelvis's height and single support's duration squared.
-_LIFT_BY_ACCELERATION = 0.01
+_LIFT_BY_ACCELERATION = 0.0075
 _SOLE_TURN, _OUTER_EDGE_UP = (0.05, 0.25, 0.25), 0.07
 # How much of the lift a tilted sole's corner may take away.
 _TILT_SHARE = 0.6
