@@ -19,6 +19,8 @@ WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
 BREAKAWAYS = (5e-4, 1.5e-3, 4e-3)
 # Presliding is believed where it lowers the loss to this share.
 _BETTER = 0.95
+# How a joint's friction changes sign is only thought over for a loss below this share.
+_CHANGED = 0.98
 _RELATIVE = 0.5
 
 
@@ -101,7 +103,9 @@ class Baseline:
         use, rest, own, signs = s.identification, self.fit.before_own, [], []
         for j in range(len(s.joints)):
             bank = [self.own_rows(names, j, *sign) for sign in _SIGNS]
-            best = _best_sign(rest[j][use], [b[use] for b in bank])
+            now = (float(self.widths[j]), float(self.breakaways[j]))
+            kept = _SIGNS.index(now) if now in _SIGNS else None
+            best = _best_sign(rest[j][use], [b[use] for b in bank], kept)
             own.append(bank[best])
             signs.append(_SIGNS[best])
         widths, breakaways = np.array(signs).T
@@ -243,15 +247,16 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
 _SIGNS = (*((w, 0.0) for w in WIDTHS), *((6e-3, b) for b in BREAKAWAYS))
 
 
-def _best_sign(target: Array, columns: list[Array]) -> int:
-    """Index of the best of ``_SIGNS``: presliding only where it is clearly better."""
+def _best_sign(target: Array, columns: list[Array], kept: int | None = None) -> int:
+    """Index of the best of ``_SIGNS``: presliding only where it is clearly better, and no change without a gain."""
     losses = []
     for c in columns:
         x = np.linalg.lstsq(c, target, rcond=None)[0]
         losses.append(float(((target - c @ x) ** 2).sum()))
     plain = int(np.argmin(losses[: len(WIDTHS)]))
     best = int(np.argmin(losses))
-    return best if losses[best] < _BETTER * losses[plain] else plain
+    found = best if losses[best] < _BETTER * losses[plain] else plain
+    return found if kept is None or losses[found] < _CHANGED * losses[kept] else kept
 
 
 def model_phi(samples: ArmSamples) -> Array:

@@ -5,45 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.identification.drive_gains import identify_drive_gains, identify_load
-from excite.identification.settings import ProblemSettings
-from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
-from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS
-
-MASS = 2.805
-SETTINGS = ProblemSettings(cutoff_hz=5.0)
+from tests.reproduction.recordings import UR10E_GAINS
+from tests.reproduction.ur10e_load import MASS, SETTINGS, run_of_14_harmonics
 
 
 def part_of_log(data_dir: Path, folder: Path, name: str, part: tuple[float, float], load: str = "") -> Log:
     """A part of the run with 14 harmonics, without or with the load."""
-    source = data_dir / "ur10e_dynamic_calibration"
-    mapping = {
-        "log": {
-            "robot": "ur10e.urdf",
-            "base": "fixed",
-            "rate_hz": 100,
-            "joints": UR10E_JOINTS,
-            "torque": "current",
-        },
-        "columns": {
-            "time": "t_s",
-            "q.{joint}": "q{n}_rad",
-            "v.{joint}": "qd{n}_radps",
-            "i.{joint}": "i{n}_A",
-        },
-        "trials": [
-            {
-                "file": f"identification/ur-20_02_19_14harm50sec{load}.csv",
-                "role": "identification",
-                "name": name,
-                "part": part,
-            }
-        ],
-    }
-    log = import_recordings(mapping, source, robot_text=(source / "ur10e.urdf").read_text())
-    return load_log(save_log(log, folder / name))
+    return run_of_14_harmonics(data_dir, folder, name, {"identification": part}, load=bool(load))
 
 
 def test_the_load_is_weighed_within_three_percent(data_dir: Path, tmp_path: Path) -> None:

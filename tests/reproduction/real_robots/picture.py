@@ -95,7 +95,7 @@ def plot(shown: Sequence[Curves]) -> Figure:
             )
             axes.plot(item.time, item.after, color=IDENTIFIED.light, linewidth=0.9, label="after")
             axes.set_title(f"{item.joint} [{item.unit}]")
-        panels[0].legend(loc="upper right", ncols=3, frameon=False)
+        panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
         panels[-1].set_xlabel("time on the trial left out [s]")
 
     return draw(paint, _HEIGHT_IN * len(shown) + 0.4, width_in=7.2)
@@ -104,4 +104,4 @@ def plot(shown: Sequence[Curves]) -> Figure:
 def write_picture(path: Path, robot: Robot, log: Log, joints: Sequence[str]) -> None:
     """Draw what a diagnosis of a log predicts of some joints."""
     with atomic_path(path) as temporary:
-        temporary.write_bytes(to_png(plot(curves(robot, log, joints)), dpi=90))
+        temporary.write_bytes(to_png(plot(curves(robot, log, joints)), dpi=80))
