@@ -25,11 +25,13 @@ def human_figures(found: IdentifiedPerson, wearing: SegmentTable | None, table: 
     import numpy as np
 
     from excite.human.ground_reaction import AXES, UNITS
+    from excite.human.segment_table import STATED
     from excite.report.data import ForceComparison, MassComparison, ReportData, save_report_data
     from excite.report.plots.segment_masses import save_force_figure, save_segment_figure
 
     rows = found.table.rows
-    names, nominal = [row.segment for row in rows], [row.nominal[table] for row in rows]
+    names = [row.segment for row in rows]
+    nominal = [row.nominal.get(STATED, row.nominal[table]) for row in rows]
     identified = [row.identified for row in rows]
     heavier = None if wearing is None else [row.identified for row in wearing.rows]
     save_segment_figure(names, nominal, identified, out / MASSES, heavier)

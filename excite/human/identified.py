@@ -82,7 +82,7 @@ def identify_person(
         result, segment_table(person.body, result), ground_reactions(robot, log, result.parameters)
     )
     body = identified_body(person.body, result)
-    write_json(result.to_json(), folder / "identification.json")
+    write_json({**result.to_json(), "robot_file": ROBOT_FILE}, folder / "identification.json")
     with atomic_path(folder / "segments.csv") as temporary:
         temporary.write_text(found.table.csv(), encoding="utf-8")
     with atomic_path(folder / f"{IDENTIFIED}.urdf") as temporary:

@@ -16,6 +16,9 @@ from excite.identification.inertia import central_inertia_matrices
 from excite.identification.result import Identification
 from excite.robot.robot import Array
 
+STATED = "stated"
+"""Column of nominal masses that are no table's."""
+
 
 @dataclass(frozen=True)
 class SegmentMass:
@@ -23,7 +26,7 @@ class SegmentMass:
 
     Attributes:
         segment: segment.
-        nominal: mass by table [kg].
+        nominal: mass by table, and as ``stated`` where the model's own is no table's [kg].
         identified: [kg].
         std: standard deviation from data and nominal model together [kg], None where it was not computed.
         determined: share of what is known of the mass that comes from the data, 0 to 1, None likewise.
@@ -90,6 +93,9 @@ def segment_table(body: Body, result: Identification) -> SegmentTable:
         None if uncertainty is None else _rows_of(uncertainty.determined[: len(result.parameters)], result)
     )
     tables = {name: body.with_table(name).inertias for name in ANTHROPOMETRY}  # type: ignore[arg-type]
+    own = np.array([inertia.mass for inertia in body.inertias])
+    if not any(np.allclose(own, [inertia.mass for inertia in table]) for table in tables.values()):
+        tables[STATED] = body.inertias
     return SegmentTable(
         tuple(
             SegmentMass(

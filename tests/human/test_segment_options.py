@@ -83,7 +83,9 @@ def test_hqp_keeps_ranges_and_lets_sides_differ(session, tmp_path):
         for name, found in document["identification"]["standard_parameters"].items()
     }
     with (out / "segments.csv").open() as file:
-        found = {row["segment"]: float(row["identified_kg"]) for row in csv.DictReader(file)}
+        table = {row["segment"]: row for row in csv.DictReader(file)}
+    found = {name: float(row["identified_kg"]) for name, row in table.items()}
+    assert float(table["left_foot"]["stated_kg"]) == pytest.approx(0.3)
     assert nominal["left_foot"] == pytest.approx(0.3)
     assert 0.24 - 1e-6 <= found["left_foot"] <= 0.36 + 1e-6
     assert found["right_foot"] > 2.0 * found["left_foot"]
