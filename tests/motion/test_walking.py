@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from excite.errors import NoSolutionError
+from excite.errors import NoSolutionError, RobotError
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.footprints import Print, Sole, Swing, resting_soles, sole_curve, there_and_back
 from excite.motion.generators.polynomials import hermite, polyline
@@ -119,6 +119,13 @@ def test_heavier_and_narrower_robots_rock_more_slowly(g1: Robot) -> None:
     by_hand = 2.0 * np.pi * np.sqrt(inertia / (stiffness - robot.mass * 9.81 * 0.783))
     assert by_hand * (1.0 - slack) < rocking_period(robot) < by_hand * (1.0 + 2.0 * slack)
     assert rocking_period(g1) > rocking_period(robot)
+
+
+def test_people_do_not_walk_off_their_force_plates() -> None:
+    human = load_robot("human")
+    assert human.feet
+    with pytest.raises(RobotError, match="force plates"):
+        make_generator("walking").candidates(human, 1, np.random.SeedSequence(0))
 
 
 def test_polynomials_go_through_their_knots() -> None:

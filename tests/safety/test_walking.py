@@ -51,6 +51,13 @@ def test_zero_moment_point_is_where_it_was_asked_for(
     assert check_motion(robot, walk).margins.zmp_m > 0.03
 
 
+def test_walk_is_the_same_again(robot: Robot, candidate: Candidate, walk: Motion) -> None:
+    again = SafetyFilter(robot).filter(candidate).motion
+    assert again is not None
+    for name in ("time", "q", "v", "a"):
+        assert getattr(again, name).tobytes() == getattr(walk, name).tobytes()
+
+
 def test_walk_comes_home(robot: Robot, walk: Motion) -> None:
     assert np.allclose(walk.q[[0, -1]], robot.rest, atol=1e-6)
     assert np.allclose(walk.v[[0, -1]], 0.0, atol=1e-6)

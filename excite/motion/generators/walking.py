@@ -53,11 +53,16 @@ class Walking(Generator):
 
     name: ClassVar[str] = "walking"
     summary: ClassVar[str] = "walks out and back over random footprints (placo)"
-    needs: ClassVar[str] = "it needs two feet, each at the end of a leg of at least six joints"
+    needs: ClassVar[str] = (
+        "it needs two feet, each at the end of a leg of at least six joints, and sensors that walk along, "
+        "not force plates"
+    )
 
     def applies(self, robot: Robot) -> bool:
-        """For a robot with exactly two feet, on legs that can put them anywhere."""
-        return len(robot.feet) == 2 and all(len(leg_joints(robot, foot)) >= 6 for foot in robot.feet)
+        """For a robot with exactly two feet, on legs that can put them anywhere, and not bound to force plates."""
+        if len(robot.feet) != 2 or any(sensor.kind == "force_plate" for sensor in robot.sensors):
+            return False
+        return all(len(leg_joints(robot, foot)) >= 6 for foot in robot.feet)
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """The joints of the legs; every walk moves all of them."""
