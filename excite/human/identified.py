@@ -7,12 +7,13 @@ from pathlib import Path
 
 from excite.atomic import atomic_path
 from excite.errors import InputError
-from excite.human.added_mass import AddedMass, locate_added_mass
+from excite.human.added_mass import locate_added_mass
 from excite.human.ground_reaction import GroundReaction, ReactionTable, ground_reactions
 from excite.human.measure import MeasuredPerson
 from excite.human.osim import write_osim
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
 from excite.human.urdf import ROBOT_FILE, urdf_text
+from excite.human.weight_candidate import AddedMass
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.result import Identification

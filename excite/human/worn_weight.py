@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from excite.atomic import atomic_path
-from excite.human.added_mass import BELT_RADIUS, AddedMass
 from excite.human.body import Body
 from excite.human.identified import IdentifiedPerson, split_trials
 from excite.human.inertials import BodyInertia
@@ -18,6 +17,7 @@ from excite.human.measure import MeasuredPerson
 from excite.human.segment_table import SegmentTable, segment_table
 from excite.human.segments import NAMES
 from excite.human.urdf import ROBOT_FILE, robot_yaml, urdf_text
+from excite.human.weight_candidate import BELT_RADIUS, AddedMass
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.logs.files import load_log, save_log
