@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from excite.campaign.on_disk import OnDisk, write_value
 from excite.campaign.pool import Pool
-from excite.campaign.rehearsal import rehearse
+from excite.campaign.rehearsal import UNKNOWN_LOAD, rehearse
 from excite.errors import NoSolutionError
 from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.precision import row_noise
@@ -53,6 +53,13 @@ def choose(
     stood: set[str] = set()
     while True:
         left = pool.without(fallen)
+        if fallen and not left.entries:
+            raise NoSolutionError(
+                f"all {len(fallen)} safe motions of {robot.name} fall in rehearsal, with {UNKNOWN_LOAD:.0%} of its "
+                "mass on its back",
+                best=left.motions,
+                remedy="ask for more candidates, or for calmer motions",
+            )
         selection = select(rule.name, candidates(robot, left, base, rule)) if left.entries else None
         if selection is None or not selection.indices:
             raise NoSolutionError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from excite.campaign.plan import plan
 from excite.campaign.planned import Plan
 from excite.campaign.rank import rank
 from excite.campaign.rehearsal import loaded_robot, rehearse
-from excite.errors import InputError, UnknownNameError
+from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.motion.files import load_motion
 from excite.robot.robot import Robot
 from excite.simulation.replay import replay
@@ -96,6 +97,13 @@ def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot,
     leaning[:, waist] += 0.5
     leaning[:, ankles] += 0.4
     assert rehearse(g1, [motion, replace(motion, q=leaning)]) == (True, False)
+
+
+def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    choice = import_module("excite.campaign.choice")
+    monkeypatch.setattr(choice, "rehearse", lambda robot, motions, **_: (False,) * len(motions))
+    with pytest.raises(NoSolutionError, match="all 2 safe motions of ur10 fall in rehearsal"):
+        plan(ur10, n_candidates=2, seed=1)
 
 
 def test_a_one_leg_stance_carries_a_load_of_which_the_model_does_not_know(
