@@ -26,16 +26,9 @@ from excite.logs.files import load_log
 from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
 from tests.benchmarks.table import Row
+from tests.human.exercise import perform, repeated
 from tests.human.recordings import write_c3d
-from tests.human.virtual_subject import (
-    Belt,
-    VirtualSubject,
-    draw_subject,
-    perform,
-    record,
-    repeated,
-    standing,
-)
+from tests.human.virtual_subject import Belt, VirtualSubject, draw_subject, record, standing
 
 DRAWS = int(os.environ.get("EXCITE_BELT_DRAWS", "100"))
 SECONDS = 40.0
@@ -71,8 +64,10 @@ def long_trial_row() -> Row:
     who = draw_subject(rng)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        short = write_c3d(record(who, perform(who, 5.0, seed=3), rng), folder / "short.c3d")
-        trial = write_c3d(record(who, perform(who, 60.0, rate_hz=200.0, seed=3), rng), folder / "trial.c3d")
+        short = write_c3d(record(who, perform(who.body, 5.0, seed=3), rng), folder / "short.c3d")
+        trial = write_c3d(
+            record(who, perform(who.body, 60.0, rate_hz=200.0, seed=3), rng), folder / "trial.c3d"
+        )
         # Compiled once, as on a user's second trial.
         _segments(who, short, folder / "first")
         start = time.process_time()
@@ -92,13 +87,13 @@ def _segments(who: VirtualSubject, trial: Path, folder: Path) -> None:
 def experiment(rng: np.random.Generator, motion: int) -> tuple[Belt, AddedMass]:
     """A session without and one with a belt; returns the truth and what was found."""
     who = draw_subject(rng)
-    show = perform(who, SECONDS, seed=motion)
+    show = perform(who.body, SECONDS, seed=motion)
     segment = NAMES[rng.integers(len(NAMES))]
     mass = float(rng.uniform(1.0, 3.0))
     box = segment_box(who.body, NAMES.index(segment))
     place = box.mean(axis=0) + 0.25 * (box[1] - box[0]) * rng.uniform(-1.0, 1.0, 3)
     belt = Belt(segment, mass, tuple(place.tolist()))
-    again = repeated(who, show, rng)
+    again = repeated(who.body, show, rng)
     sessions = [record(who, show, rng, name="without"), record(who, again, rng, belt, name="with")]
     person = measure_recordings(who.body.subject, sessions, [standing(who, rng)], MeasureSettings())
     with tempfile.TemporaryDirectory() as name:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from excite.human.measure import MeasuredPerson, measure_recordings
 from excite.human.recording import Recording
-from tests.human.virtual_subject import Performance, VirtualSubject, draw_subject, perform, record, standing
+from tests.human.exercise import Performance, perform
+from tests.human.virtual_subject import VirtualSubject, draw_subject, record, standing
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,5 +28,11 @@ def session() -> Session:
     """Five seconds of motion with half of the usual noise, and standing."""
     rng = np.random.default_rng(5)
     who = draw_subject(rng)
-    show = perform(who, 5.0, seed=2)
+    show = perform(who.body, 5.0, seed=2)
     return Session(who, show, record(who, show, rng, noise=0.5), standing(who, rng, noise=0.5))
+
+
+@pytest.fixture(scope="session")
+def person(session: Session) -> MeasuredPerson:
+    """The virtual person as measured from that."""
+    return measure_recordings(session.who.body.subject, [session.trial], [session.static])

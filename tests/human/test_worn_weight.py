@@ -14,8 +14,9 @@ from excite.errors import InputError
 from excite.human.identified import split_trials
 from excite.human.measure import measure_recordings
 from excite.human.weight_candidate import AddedMass, Candidate
+from tests.human.exercise import perform, repeated
 from tests.human.recordings import write_c3d
-from tests.human.virtual_subject import Belt, draw_subject, perform, record, repeated, standing
+from tests.human.virtual_subject import Belt, draw_subject, record, standing
 
 
 def candidate(segment: str, evidence: float) -> Candidate:
@@ -43,10 +44,10 @@ def test_trials_with_and_without_a_weight_are_kept_apart(session):
 def test_a_belt_is_found_from_files(tmp_path):
     rng = np.random.default_rng(12)
     who = draw_subject(rng)
-    show = perform(who, 20.0, seed=4)
+    show = perform(who.body, 20.0, seed=4)
     belt = Belt("left_foot", 2.0, (0.05, 0.0, -0.03))
     base = record(who, show, rng)
-    loaded = record(who, repeated(who, show, rng), rng, belt)
+    loaded = record(who, repeated(who.body, show, rng), rng, belt)
     static = replace(standing(who, rng), plates=base.plates)
     recordings = {"base": base, "belt": loaded, "standing": static}
     files = [write_c3d(recording, tmp_path / f"{name}.c3d") for name, recording in recordings.items()]

@@ -19,15 +19,8 @@ from excite.human.identified import IdentifiedPerson, added_mass, identify_perso
 from excite.human.measure import MeasuredPerson, measure_recordings, write_person
 from excite.human.segments import NAMES
 from excite.human.worn_weight import WornWeight, identify_wearing
-from tests.human.virtual_subject import (
-    Belt,
-    VirtualSubject,
-    draw_subject,
-    perform,
-    record,
-    repeated,
-    standing,
-)
+from tests.human.exercise import perform, repeated
+from tests.human.virtual_subject import Belt, VirtualSubject, draw_subject, record, standing
 
 # Table III: RMSE and CC by component, identified and Dumas.
 TABLE_3: dict[str, tuple[float, float, float, float]] = {
@@ -93,7 +86,7 @@ class BeltExperiment:
         self._rng = np.random.default_rng(_SEED)
         self.who: VirtualSubject = draw_subject(self._rng)
         self._static = standing(self.who, self._rng)
-        self._show = perform(self.who, SECONDS, seed=1)
+        self._show = perform(self.who.body, SECONDS, seed=1)
         self._base = record(self.who, self._show, self._rng, name="base")
 
     def truth(self) -> dict[str, float]:
@@ -110,7 +103,7 @@ class BeltExperiment:
         for place in PLACES:
             box = segment_box(self.who.body, NAMES.index(place))
             belt = Belt(place, BELT_KG, tuple(box.mean(axis=0).tolist()))
-            show = repeated(self.who, self._show, self._rng)
+            show = repeated(self.who.body, self._show, self._rng)
             loaded = record(self.who, show, self._rng, belt, name=place)
             person = measure_recordings(self.who.body.subject, [self._base, loaded], [self._static])
             base = self._identified(person, place, method, loaded=1)

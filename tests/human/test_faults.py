@@ -1,0 +1,172 @@
+"""What goes wrong in a motion laboratory: every fault named, and put right where it can be."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from excite.cli.main import app
+from excite.errors import LogError
+from excite.human.measure import MeasureSettings, measure_recordings
+from excite.human.readers.registry import read_recording
+from excite.human.segments import JOINT_NAMES
+from tests.human.recordings import write_c3d, write_mot, write_trc
+
+
+def measured(session, trial, **settings):
+    subject = session.who.body.subject
+    return measure_recordings(subject, [trial], [session.static], MeasureSettings(**settings))
+
+
+def kinds(person) -> dict[str, str]:
+    return {finding.kind: finding.text for finding in person.findings}
+
+
+@pytest.mark.slow
+def test_gaps_are_bridged_and_named(session, person):
+    trial = session.trial
+    markers = {label: values.copy() for label, values in trial.markers.items()}
+    for label in ("RKNEL", "RANKL"):
+        markers[label][300:330] = np.nan
+    gappy = measured(session, replace(trial, markers=markers))
+    assert "RKNEL" in kinds(gappy)["gaps"]
+    difference = joint_angles_of(gappy) - joint_angles_of(person)
+    assert np.degrees(np.abs(difference[:, JOINT_NAMES.index("right_knee")]).max()) < 12.0
+
+
+def joint_angles_of(person):
+    return np.concatenate([trial.q for trial in person.log.trials[:1]])
+
+
+@pytest.mark.slow
+def test_exchanged_labels_are_put_back_and_named(session, person):
+    trial = session.trial
+    markers = {label: values.copy() for label, values in trial.markers.items()}
+    span = slice(200, 260)
+    markers["RKNEL"][span], markers["LKNEL"][span] = (
+        trial.markers["LKNEL"][span],
+        trial.markers["RKNEL"][span],
+    )
+    found = measured(session, replace(trial, markers=markers))
+    text = kinds(found)["swapped_markers"]
+    assert "RKNEL" in text and "LKNEL" in text
+    assert int(text.split(" in ")[1].split()[0]) >= 45
+    assert np.degrees(np.abs(joint_angles_of(found) - joint_angles_of(person))).max() < 3.0
+
+
+def test_millimetres_called_metres_are_named_and_converted(session, tmp_path):
+    trial = write_trc(session.trial, tmp_path / "a.trc", unit=1e-3, name="m")
+    read = replace(read_recording(trial), plates=session.trial.plates)
+    turned = replace(read, markers=read.turned(np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])).markers)
+    found = measured(session, turned)
+    assert "millimetres" in kinds(found)["units"]
+    assert found.trials["a"]["plates_kg"] == pytest.approx(70.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_points_of_application_in_millimetres_are_named_and_converted(session, tmp_path):
+    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    forces = read_recording(write_mot(session.trial, tmp_path / "a.mot", point_unit=1e-3)).turned(turn)
+    found = measured(session, replace(session.trial, plates=forces.plates))
+    assert "millimetres" in kinds(found)["units"]
+
+
+def test_swapped_feet_are_named(session, tmp_path):
+    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    forces = read_recording(write_mot(session.trial, tmp_path / "a.mot", names=("L", "R"))).turned(turn)
+    found = measured(session, replace(session.trial, plates=forces.plates))
+    text = kinds(found)["swapped_plates"]
+    assert "plate_left lies under the right foot" in text
+
+
+def test_plates_with_each_others_channels_are_named_and_put_back(session, tmp_path, person):
+    read = read_recording(write_c3d(session.trial, tmp_path / "a.c3d", swap=True))
+    found = measured(session, replace(session.trial, plates=read.plates))
+    assert "plate_1 and plate_2 are swapped" in kinds(found)["swapped_plates"]
+    for a, b in zip(found.log.trials, person.log.trials, strict=True):
+        total = [sum(trial.wrenches.values())[:, :3] for trial in (a, b)]
+        # The files end at different instants, and so do the filter's transients.
+        assert total[0][:-40] == pytest.approx(total[1][:-40], abs=1.0)
+
+
+def test_a_plate_without_load_and_missing_markers_are_named(session):
+    plates = session.trial.plates
+    dead = replace(plates[0], name="plate_3", force=0 * plates[0].force, moment=0 * plates[0].moment)
+    markers = {
+        label: values for label, values in session.trial.markers.items() if label not in ("RHND", "TOP")
+    }
+    found = measured(session, replace(session.trial, markers=markers, plates=(*plates, dead)))
+    assert all(label in kinds(found)["missing_markers"] for label in ("RHND", "TOP"))
+    assert "plate_3 carries no load" in kinds(found)["no_load"]
+    assert len(found.log.header.sensors) == 2
+    with pytest.raises(LogError, match="no force plate carries load"):
+        measured(session, replace(session.trial, plates=(dead,)))
+
+
+@pytest.mark.slow
+def test_forces_on_the_plate_and_a_wrong_mass_are_named(session):
+    turned = tuple(replace(p, force=-p.force, moment=-p.moment) for p in session.trial.plates)
+    assert "turned round" in kinds(measured(session, replace(session.trial, plates=turned)))["reaction_sign"]
+    heavy = replace(session.who.body.subject, mass=85.0)
+    found = measure_recordings(heavy, [session.trial], [session.static])
+    assert "the person weighs 85.0 kg" in kinds(found)["mass"]
+
+
+@pytest.mark.slow
+def test_a_foot_beside_the_plates_is_named_and_cut(session):
+    plates = []
+    for plate in session.trial.plates:
+        force, moment = plate.force.copy(), plate.moment.copy()
+        force[: len(force) // 4], moment[: len(moment) // 4] = 0.0, 0.0
+        plates.append(replace(plate, force=force, moment=moment))
+    found = measured(session, replace(session.trial, plates=tuple(plates)))
+    assert "the rest is left out" in kinds(found)["unlogged_contact"]
+    assert found.log.trials[0].time[0] > 1.0
+
+
+def test_two_people_in_one_file_are_refused(session):
+    markers = {f"{who}:{label}": v for who in ("Anna", "Ben") for label, v in session.trial.markers.items()}
+    with pytest.raises(LogError, match="markers of 2 people: Anna, Ben"):
+        measured(session, replace(session.trial, markers=markers))
+
+
+def findings_of_the_command(words, tmp_path) -> dict[str, str]:
+    """What ``excite human`` says is odd, from its JSON; every finding stands in the summary for a person too."""
+    who = ["--mass", "70", "--height", "1.82", "--sex", "male", "--out", str(tmp_path / "out")]
+    run = CliRunner().invoke(app, ["human", *map(str, words), *who, "--json"])
+    assert run.exit_code == 0, run.output
+    document = json.loads(run.stdout)
+    return {finding["kind"]: finding["text"] for finding in document["findings"]}
+
+
+def test_the_command_names_dead_and_swapped_plates_and_missing_markers_of_a_c3d(session, tmp_path):
+    plates = session.trial.plates
+    beside = np.array([1.0, 0.0, 0.0])
+    dead = replace(
+        plates[0], force=0 * plates[0].force, moment=0 * plates[0].moment, corners=plates[0].corners + beside
+    )
+    markers = {label: v for label, v in session.trial.markers.items() if label not in ("RHND", "TOP")}
+    # Each plate's channels at the other's place: what it says of its own centre, about the other's.
+    moved = []
+    for plate, other in zip(plates, plates[::-1], strict=True):
+        here, there = plate.corners.mean(axis=0), other.corners.mean(axis=0)
+        moment = plate.moment + np.cross(there - here, plate.force)
+        moved.append(replace(plate, moment=moment, corners=other.corners))
+    trial = write_c3d(replace(session.trial, markers=markers, plates=(*moved, dead)), tmp_path / "walk.c3d")
+    static = write_c3d(replace(session.static, plates=plates), tmp_path / "standing.c3d")
+    found = findings_of_the_command([trial, "--static", static], tmp_path)
+    assert "RHND" in found["missing_markers"] and "TOP" in found["missing_markers"]
+    assert "plate_3 carries no load" in found["no_load"]
+    assert "plate_1 and plate_2 are swapped" in found["swapped_plates"]
+
+
+def test_the_command_names_millimetres_and_swapped_feet_of_trc_and_mot(session, tmp_path):
+    trial = write_trc(session.trial, tmp_path / "walk.trc", unit=1e-3, name="m")
+    forces = write_mot(session.trial, tmp_path / "walk.mot", names=("L", "R"))
+    found = findings_of_the_command([trial, forces], tmp_path)
+    assert "millimetres" in found["units"] and "walk.trc" in found["units"]
+    assert "plate_left lies under the right foot" in found["swapped_plates"]
