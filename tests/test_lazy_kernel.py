@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numba
+import numba.typed  # which decorates as it loads, and must not meet the decorator replaced below
 import pytest
 
 from excite.lazy_kernel import LazyKernel
