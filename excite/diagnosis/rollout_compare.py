@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,22 +26,37 @@ MODEL = "augmented.xml"
 _CHECKED_S = 8.0
 
 
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Roll-outs before and after effects.
+
+    Attributes:
+        rollout: their errors; the model is not written.
+        xml: the model with the effects that help.
+        kept: how many of the accepted effects, the first ones, are in it.
+    """
+
+    rollout: Rollout
+    xml: str
+    kept: int
+
+
 def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) -> Rollout:
     """Roll-outs before and after the accepted effects; the augmented model is written where there is a folder."""
     try:
-        rollout, xml = compared(attribution, baseline)
+        comparison = compared(attribution, baseline)
     except InputError as error:
         # A joint that no simulator has, or a log that leaves joints out, is no reason to say nothing else.
         return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
     if out is None:
-        return rollout
+        return comparison.rollout
     out.mkdir(parents=True, exist_ok=True)
-    write_text(out / MODEL, xml)
-    return replace(rollout, model=MODEL)
+    write_text(out / MODEL, comparison.xml)
+    return replace(comparison.rollout, model=MODEL)
 
 
-def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = None) -> tuple[Rollout, str]:
-    """Roll-outs before and after the accepted effects, and the model's text.
+def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = None) -> Comparison:
+    """Roll-outs before and after the accepted effects.
 
     Every roll-out starts from the record's positions and velocities. By default it runs for half a second with
     the logged torques and no feedback, which would hide the gap. Effects that bring the roll-outs of the
@@ -54,7 +69,7 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
         plan: horizon and drives, where they are others.
 
     Returns:
-        The comparison, its model not written, and the augmented model.
+        The comparison.
     """
     if len(baseline.samples.joints) < baseline.samples.robot.n_joints:
         raise InputError(
@@ -77,17 +92,15 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
     left = ", ".join(f"{e.effect} at {e.location}" for e in effects[len(kept) :])
     said = (f"the model is without {left}: roll-outs of the identification trials are no nearer with it",)
     warnings = (*after.warnings, *unheard(final, kept, after.xml, plan), *(said if left else ()))
-    return (
-        Rollout(
-            before=_rms(plain, samples.joints),
-            after=_rms(augmented, samples.joints),
-            horizon_s=plan.horizon_s,
-            model=None,
-            driven_by=plan.driven_by,
-            warnings=warnings,
-        ),
-        after.xml,
+    rollout = Rollout(
+        before=_rms(plain, samples.joints),
+        after=_rms(augmented, samples.joints),
+        horizon_s=plan.horizon_s,
+        model=None,
+        driven_by=plan.driven_by,
+        warnings=warnings,
     )
+    return Comparison(rollout, after.xml, len(kept))
 
 
 def _helpful(

@@ -37,6 +37,7 @@ class ClosedLoop:
         order: joints in the log's order.
         cycle_s: how much later than asked for the torque acts [s].
         tracking: steady errors of the servo.
+        kept: how many of the accepted effects bring the roll-outs nearer.
     """
 
     servo: Servo
@@ -59,13 +60,14 @@ class ClosedLoop:
         shortest = min(float(t.time[-1]) for t in samples.trials)
         plan = Plan(min(_HORIZON_S, 0.4 * shortest), drives, "q_cmd")
         try:
-            rollout, xml = compared(attribution, baseline, plan)
+            comparison = compared(attribution, baseline, plan)
         except InputError as error:
             self.rollout = Rollout({}, {}, _HORIZON_S, None, "q_cmd", (f"no roll-outs: {error}",))
             return self.rollout
+        rollout, self.kept = comparison.rollout, comparison.kept
         if self.out is not None:
             self.out.mkdir(parents=True, exist_ok=True)
-            write_text(self.out / MODEL, xml)
+            write_text(self.out / MODEL, comparison.xml)
             rollout = replace(rollout, model=MODEL)
         self.rollout = rollout
         return rollout
@@ -89,6 +91,7 @@ class ClosedLoop:
     order: tuple[str, ...] = ()
     cycle_s: float = 0.0
     tracking: Tracking | None = None
+    kept: int = 0
 
 
 def _position_floor(baseline: Baseline) -> Array:

@@ -52,13 +52,20 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
 
 
 def with_twin(result: Diagnosis, estimated: bool) -> Diagnosis:
-    """Ambiguous where another name means the same without torque."""
+    """Ambiguous where another name means the same without torque.
+
+    Args:
+        result: the diagnosis.
+        estimated: whether gains were estimated: inertia that a joint lacks, or has too much, is a wrong gain then.
+    """
     first = result.effects[0]
     twins = []
     if first.effect in _ALIKE:
         twins.append(replace(first, effect=_ALIKE[first.effect]))
     if first.effect == "torque_gain" and estimated:
         twins.append(replace(first, effect="payload", location=first.location))
+    if first.effect == "armature" and estimated:
+        twins.append(replace(first, effect="torque_gain"))
     if not twins:
         return result
     rest = tuple(c for c in result.candidates if (c.effect, c.location) != (first.effect, first.location))

@@ -162,5 +162,8 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
             next_experiment=None,
         )
     elif result.verdict == "effect":
-        result = with_twin(result, bool(servo.estimated))
+        # A further effect that roll-outs know nothing of is one of the servo that was taken for another.
+        result = replace(result, effects=result.effects[: max(closed.kept, 1)])
+        guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
+        result = with_twin(result, guessed)
     return replace(result, warnings=tuple(warnings))
