@@ -10,8 +10,8 @@ import numpy as np
 
 from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.next_experiment_candidates import Offer, beyond, near
-from excite.diagnosis.next_experiment_evidence import Expectation
+from excite.diagnosis.next_experiment_candidates import Offer, beyond, joined_motions, near
+from excite.diagnosis.next_experiment_evidence import Expectation, Information
 from excite.diagnosis.samples import ArmSamples
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
@@ -22,6 +22,8 @@ FILE = "next_experiment.parquet"
 _SAFELY, _WORTH = 4.0, 1.5
 # Score from which a motion within the record is good enough, and what a wider one has to add.
 _ENOUGH, _WIDER = 0.9, 0.1
+# Motions that may follow each other, and what a further one has to add to the score.
+_PARTS, _ADDS = 3, 0.03
 _ATTEMPTS = 4
 
 
@@ -34,11 +36,13 @@ class Proposal:
         ratios: ``(n_rivals, n_rivals)`` expected log-likelihood ratios over those at which rivals are tied: row
             true, column fitted.
         caution: what a person has to look at before it is run; may be empty.
+        adds: what it would add to the record.
     """
 
     motion: Motion
     ratios: Array
     caution: str
+    adds: Information
 
     @property
     def score(self) -> float:
@@ -46,8 +50,17 @@ class Proposal:
 
         A little is added for more, so that of two motions that tell all apart the clearer one wins.
         """
-        pairs = self.ratios[~np.eye(len(self.ratios), dtype=np.bool_)]
+        pairs = self._off_diagonal
         return float(np.minimum(pairs / _SAFELY, 1.0).mean() + 1e-3 * np.log1p(pairs.min()))
+
+    @property
+    def clearest(self) -> float:
+        """The largest of the ratios."""
+        return float(self._off_diagonal.max())
+
+    @property
+    def _off_diagonal(self) -> Array:
+        return self.ratios[~np.eye(len(self.ratios), dtype=np.bool_)]
 
     @property
     def told_apart(self) -> tuple[bool, ...]:
@@ -86,24 +99,66 @@ def propose(baseline: Baseline, rivals: Sequence[Scored], floor: Array, seed: in
 
 def _best(expectation: Expectation, offers: Iterable[Offer]) -> Proposal | None:
     """The best safe one; sketches are ranked first, and no more made safe than is needed."""
-    ranked = [
-        (Proposal(offer.sketch, expectation.ratios(offer.sketch), offer.caution), offer) for offer in offers
-    ]
-    ranked = [pair for pair in ranked if any(pair[0].told_apart)]
+    ranked = []
+    for offer in offers:
+        adds = expectation.information(offer.sketch)
+        ranked.append((Proposal(offer.sketch, expectation.ratios(adds), offer.caution, adds), offer))
+    ranked = [pair for pair in ranked if pair[0].clearest > _WORTH / _PARTS]
     ranked.sort(key=lambda pair: -pair[0].score)
     best: Proposal | None = None
     for expected, offer in ranked[:_ATTEMPTS]:
         if best is not None and best.score >= expected.score:
             break
-        motion = offer.safe()
-        if motion is None:
-            continue
-        found = expected
-        if offer.candidate is not None:
-            found = Proposal(motion, expectation.ratios(motion), offer.caution)
-        if any(found.told_apart) and (best is None or found.score > best.score):
+        found = _made_safe(expectation, expected, offer)
+        if found is not None and (best is None or found.score > best.score):
             best = found
-    return best
+    for _ in range(_PARTS - 1):
+        if best is None or best.score >= _ENOUGH:
+            break
+        longer = _longer(expectation, best, ranked)
+        if longer is None:
+            break
+        best = longer
+    return best if best is not None and any(best.told_apart) else None
+
+
+def _made_safe(expectation: Expectation, expected: Proposal, offer: Offer) -> Proposal | None:
+    motion = offer.safe()
+    if motion is None:
+        return None
+    if offer.candidate is None:
+        return expected
+    adds = expectation.information(motion)
+    return Proposal(motion, expectation.ratios(adds), offer.caution, adds)
+
+
+def _longer(
+    expectation: Expectation, first: Proposal, ranked: Sequence[tuple[Proposal, Offer]]
+) -> Proposal | None:
+    """A motion followed by the one, from rest to rest as well, that adds most; None where none adds enough."""
+    joining = [
+        (Proposal(p.motion, expectation.ratios(first.adds, p.adds), p.caution, p.adds), offer)
+        for p, offer in ranked
+        if _joins(first.motion, p.motion)
+    ]
+    joining.sort(key=lambda pair: -pair[0].score)
+    for expected, offer in joining[:_ATTEMPTS]:
+        if expected.score < first.score + _ADDS:
+            break
+        second = _made_safe(expectation, expected, offer)
+        if second is None or not _joins(first.motion, second.motion):
+            continue
+        both = Information(first.adds.moments + second.adds.moments, first.adds.rows + second.adds.rows)
+        joined = Offer(joined_motions(first.motion, second.motion), offer.robot, None, offer.caution)
+        if joined.safe() is not None:
+            return Proposal(joined.sketch, expectation.ratios(both), offer.caution, both)
+    return None
+
+
+def _joins(first: Motion, second: Motion) -> bool:
+    """Whether one may follow the other: rest to rest, in the same posture."""
+    still = np.abs(np.concatenate([first.v[-1], second.v[0], first.a[-1], second.a[0]])).max() < 1e-3
+    return bool(still) and bool(np.abs(first.q[-1] - second.q[0]).max() < 1e-4)
 
 
 def written(proposal: Proposal, out: Path) -> str:

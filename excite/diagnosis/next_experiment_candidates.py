@@ -132,6 +132,15 @@ def sketch(robot: Robot, candidate: Candidate) -> Motion:
     )
 
 
+def joined_motions(first: Motion, second: Motion) -> Motion:
+    """One motion and then another that begins where it ends."""
+    time = second.time[1:] - second.time[0] + first.time[-1]
+    q, v, a = (
+        np.vstack([x, y[1:]]) for x, y in ((first.q, second.q), (first.v, second.v), (first.a, second.a))
+    )
+    return replace(first, time=np.concatenate([first.time, time]), q=q, v=v, a=a)
+
+
 def within_record(samples: ArmSamples, more: float = 0.2) -> Robot:
     """The robot with limits of what the record has shown, ``more`` of it in range, a fifth more of speed."""
     robot, index = samples.robot, list(samples.index)

@@ -33,6 +33,19 @@ LONGEST_S = 30.0
 
 
 @dataclass(frozen=True, eq=False)
+class Information:
+    """Rows, summed up.
+
+    Attributes:
+        moments: ``(n_joints, n, n)`` second moments of all columns in units of the noise.
+        rows: number of rows.
+    """
+
+    moments: Array
+    rows: int
+
+
+@dataclass(frozen=True, eq=False)
 class Expectation:
     """Judges motions by what two fits of one rival's prediction would differ in.
 
@@ -50,14 +63,22 @@ class Expectation:
     rivals: Sequence[Scored]
     floor: Array
 
-    def ratios(self, motion: Motion) -> Array:
+    def information(self, motion: Motion) -> Information:
+        """What a motion would add to the record."""
+        fresh = as_trial(self.baseline.samples, motion)
+        return Information(self._moments(*self._new_rows(fresh)), len(fresh.rows))
+
+    def ratios(self, *added: Information) -> Array:
         """Expected log-likelihood ratio over the one at which rivals are tied ``(n_rivals, n_rivals)``.
 
         Row a, column b: a is true, b is fitted. Above 1 the two are told apart; the diagonal is infinite.
+
+        Args:
+            added: of the motions that are added to the record.
         """
-        fresh = as_trial(self.baseline.samples, motion)
-        moments = self._without_own(self._record[0] + self._moments(*self._new_rows(fresh)))
-        count = self._record[1] + len(fresh.rows)
+        parts = [self._record, *added]
+        moments = self._without_own(np.sum([part.moments for part in parts], axis=0))
+        count = sum(part.rows for part in parts)
         n = len(self.rivals)
         ratios = np.full((n, n), np.inf)
         alone = [self._nats(moments, count, a, None) for a in range(n)]
@@ -92,8 +113,8 @@ class Expectation:
         return len(self.baseline.phi) if self.baseline.free else 0
 
     @cached_property
-    def _record(self) -> tuple[Array, int]:
-        """Moments of the record's identification rows, and their number."""
+    def _record(self) -> Information:
+        """What the record's identification rows hold."""
         e = self.baseline.solver.equations
         spread = np.where(self._spread > 0.0, self._spread, 1.0)[:, None]
         bodies = (
@@ -108,7 +129,7 @@ class Expectation:
         weight = (self.baseline.strict / self.baseline.root_weight)[:, e.use, None]
         rows = np.concatenate(parts, axis=2)[:, e.use] * weight
         own = [o[e.use] * w for o, w in zip(e.own, weight, strict=True)]
-        return self._moments(rows, own), int(e.use.sum())
+        return Information(self._moments(rows, own), int(e.use.sum()))
 
     @cached_property
     def _spread(self) -> Array:

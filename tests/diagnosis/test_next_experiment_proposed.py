@@ -14,7 +14,7 @@ from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline, fit_baseline
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.next_experiment import FILE
-from excite.diagnosis.next_experiment_candidates import beyond, near
+from excite.diagnosis.next_experiment_candidates import beyond, joined_motions, near
 from excite.diagnosis.next_experiment_evidence import Expectation
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.result import Diagnosis
@@ -94,8 +94,14 @@ def doubt(robot: Robot) -> Doubt:
 def test_a_wide_motion_is_expected_to_tell_what_the_record_cannot(doubt: Doubt):
     samples = doubt.baseline.samples
     expectation = Expectation(doubt.baseline, doubt.rivals, doubt.floor)
-    inside = [expectation.ratios(offer.sketch) for offer in near(samples, samples.joints[:1], 0)]
-    outside = [expectation.ratios(offer.sketch) for offer in beyond(samples, samples.joints[:1], 0)]
+    inside = [
+        expectation.ratios(expectation.information(offer.sketch))
+        for offer in near(samples, samples.joints[:1], 0)
+    ]
+    outside = [
+        expectation.ratios(expectation.information(offer.sketch))
+        for offer in beyond(samples, samples.joints[:1], 0)
+    ]
     assert np.median([r[0, 1] for r in outside]) > 5.0 * max(r[0, 1] for r in inside)
     assert max(r.min() for r in outside) > 4.0
 
@@ -103,15 +109,25 @@ def test_a_wide_motion_is_expected_to_tell_what_the_record_cannot(doubt: Doubt):
 def test_a_rival_is_not_told_from_itself(doubt: Doubt):
     twice = Expectation(doubt.baseline, [doubt.rivals[0], doubt.rivals[0]], doubt.floor)
     for offer in beyond(doubt.baseline.samples, doubt.baseline.samples.joints[:1], 0)[:3]:
-        assert twice.ratios(offer.sketch)[0, 1] < 0.01
+        assert twice.ratios(twice.information(offer.sketch))[0, 1] < 0.01
 
 
 def test_more_noise_makes_less_evidence_expected(doubt: Doubt):
     motion = beyond(doubt.baseline.samples, doubt.baseline.samples.joints[:1], 0)[0].sketch
-    quiet, loud = (
-        Expectation(doubt.baseline, doubt.rivals, f * doubt.floor).ratios(motion) for f in (1.0, 30.0)
-    )
+    quiet, loud = (Expectation(doubt.baseline, doubt.rivals, f * doubt.floor) for f in (1.0, 30.0))
+    quiet, loud = (e.ratios(e.information(motion)) for e in (quiet, loud))
     assert loud[0, 1] < 0.7 * quiet[0, 1]
+
+
+def test_a_motion_after_another_adds_what_both_add(doubt: Doubt):
+    samples = doubt.baseline.samples
+    first, second = (offer.sketch for offer in beyond(samples, samples.joints[:1], 0)[:2])
+    both = joined_motions(first, second)
+    assert both.duration == pytest.approx(first.duration + second.duration)
+    assert (np.diff(both.time) > 0.0).all()
+    expectation = Expectation(doubt.baseline, doubt.rivals, doubt.floor)
+    apart, alone = [expectation.information(m) for m in (first, second)], expectation.information(first)
+    assert expectation.ratios(*apart)[0, 1] > expectation.ratios(alone)[0, 1]
 
 
 def test_joints_of_a_model_without_shapes_stay_where_they_have_been(doubt: Doubt):
