@@ -20,7 +20,7 @@ from excite.diagnosis.gap import Gap, share_closed
 from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.locate import locate
 from excite.diagnosis.next_experiment_advice import advice
-from excite.diagnosis.noise_floor import repeat_floor, spectral_floor, unrepeated
+from excite.diagnosis.noise_floor import other_postures, repeat_floor, spectral_floor, unrepeated, white_floor
 from excite.diagnosis.result import Diagnosis, Rollout
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import ArmSamples, arm_samples
@@ -83,7 +83,7 @@ def diagnose_torques(
     """
     samples = arm_samples(robot, log, chart.trials)
     spectral = floor_of(samples)
-    baseline = fit_baseline(samples, modelled, spectral)
+    baseline = fit_baseline(samples, modelled, np.minimum(white_floor(samples), spectral))
     columns = [log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, chart.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
@@ -102,7 +102,7 @@ def diagnose_torques(
         samples,
         before,
         baseline.plain(attribution.after.residual) if attribution.accepted else before,
-        floor if repeat is None else np.sqrt(np.maximum(repeat, 0.5 * floor) ** 2 + more),
+        floor if repeat is None else other_postures(np.maximum(repeat, 0.5 * floor), more),
         attribution.scale,
         rng,
     )

@@ -14,7 +14,7 @@ from excite.diagnosis.equations import Fit
 from excite.diagnosis.evidence import Judge, effective_counts
 from excite.diagnosis.gates import Gates
 from excite.diagnosis.hypotheses import Hypothesis, Search
-from excite.diagnosis.noise_floor import repeat_floor
+from excite.diagnosis.noise_floor import other_postures, repeat_floor
 from excite.diagnosis.refinement import extended, in_richer_forms, polished, price, refine_with_width
 from excite.diagnosis.verdict import structured_joints
 from excite.robot.robot import Array
@@ -36,7 +36,7 @@ class Attributor:
     Attributes:
         baseline: the fitted baseline.
         spectral: ``(n_joints,)`` spectral noise floor [N·m].
-        unrepeated: ``(n_joints,)`` power of noise that repeated trials do not show [(N·m)²].
+        unrepeated: ``(n_joints,)`` power of noise in all trials less that in repeated ones [(N·m)²].
         gates: what an effect must reach.
     """
 
@@ -81,7 +81,7 @@ class Attributor:
         repeat = repeat_floor(self.baseline.samples, self.baseline.judged(fit.residual))
         if repeat is None:
             return self.spectral
-        return np.sqrt(np.maximum(repeat, 0.5 * self.spectral) ** 2 + self.unrepeated)
+        return other_postures(np.maximum(repeat, 0.5 * self.spectral), self.unrepeated)
 
     def _rank(self, context: Context, scale: Array) -> tuple[Scored, ...]:
         search = Search(context, context.baseline.solver, self._kept)
@@ -129,7 +129,7 @@ class Attributor:
 
     def _removed(self, before: Fit, item: Hypothesis, scale: Array) -> float:
         """Normalised power above the floor that a hypothesis removes from the identification trials."""
-        least = self.spectral**2
+        least = self.baseline.solver.equations.floor**2
         old, new = (np.maximum(fit.sigma**2 - least, 0.0) for fit in (before, item.fit))
         return float(((old - new) / scale**2).sum())
 
@@ -173,8 +173,8 @@ class Attributor:
         left = int(np.sum((old > 2.0 * floor**2) & (closed < _HARDLY)))
         # Without validation trials there are the fitted ones alone to judge by.
         side = int(not samples.identification.all())
-        least = np.maximum(floor, self.spectral)[place] ** 2
-        stands = float((first[place] ** 2).mean() / least)
+        # By the floor alone: sudden changes of an effect itself reach beyond the band, where the spectrum is taken.
+        stands = float((first[place] ** 2).mean() / floor[place] ** 2)
         evidence, outside = float(ratio.sum() - cost), float(ratio[:, side].sum())
         power = np.column_stack([left_over.identification, new])
         return Scored(
@@ -202,13 +202,17 @@ class Attributor:
         timing = item.hypothesis.effect.timing
         if timing and any(a.hypothesis.effect.timing for a in accepted):
             return False
+        if (item.name, item.location) in {(a.name, a.location) for a in accepted}:
+            return False
         strongest = max(a.strength for a in accepted)
-        crowded = timing or item.location in {a.location for a in accepted}
+        # Bodies and geometry act on all joints alike: what one of them leaves another can take up.
+        bodies = item.hypothesis.effect.moves and any(a.hypothesis.effect.moves for a in accepted)
+        crowded = timing or bodies or item.location in {a.location for a in accepted}
         needed = gates.same_joint if crowded else gates.closed_again
-        if (
-            (item.left > gates.left and item.of_rest < gates.most_of_rest)
-            or item.of_rest < gates.of_rest
-            or item.strength < gates.relative * strongest
-        ):
+        # What is most of the rest, and closes it, is no trace of an effect before it.
+        most = item.of_rest >= gates.most_of_rest
+        if item.of_rest < gates.of_rest or (item.left > gates.left and not most):
+            return False
+        if item.strength < gates.relative * strongest and (crowded or not most or closed < gates.whole):
             return False
         return float(item.closed.max()) >= needed

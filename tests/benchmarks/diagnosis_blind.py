@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from pathlib import Path
+from statistics import median
 
 from excite.diagnosis.diagnose import diagnose
 from excite.simulation.blind.make import load_answers, make_cases
@@ -12,6 +13,18 @@ from excite.simulation.blind.score import BlindScore, score
 from tests.benchmarks.table import Row
 
 SEED, CASES = 20260, 50
+# Groups of effects whose main parameter is to be as close as this, relative, in the median.
+CLOSE = (
+    (3.0, ("viscous_friction", "coulomb_friction", "load_dependent_friction")),
+    (3.0, ("torque_bias",)),
+    (3.0, ("torque_gain",)),
+    (3.0, ("payload",)),
+    (3.0, ("base_tilt",)),
+    (12.0, ("backlash",)),
+    (12.0, ("time_delay", "actuator_lag")),
+    (12.0, ("stribeck",)),
+    (12.0, ("friction_drift",)),
+)
 
 
 def scored(seed: int = SEED, cases: int = CASES) -> BlindScore:
@@ -47,7 +60,24 @@ def rows() -> list[Row]:
         ),
         Row.at_least(f"{title}: 'unknown' recognised", percent("unknown_recognised"), 90.0, "%"),
         Row.at_most(f"{title}: firm wrong names", percent("firm_wrong"), 2.0, "%"),
+        Row.at_least(f"{title}: share of the gap closed, median", percent("median_share_closed"), 97.0, "%"),
+        Row.at_least(
+            f"{title}: share of the gap closed, worst tenth", percent("worst_tenth_share_closed"), 80.0, "%"
+        ),
+        Row(f"{title}: Brier score of stated probabilities", "", f"{figures['brier'] or 0.0:.3f}", None),
+        *_parameters(title, result),
         Row.at_most(
             f"{title}: processor time of a case, median", float(figures["seconds_median"] or 0), 10, "s"
         ),
     ]
+
+
+def _parameters(title: str, result: BlindScore) -> list[Row]:
+    """Median errors of main parameters, by group of effects, of those that were found."""
+    made = []
+    for limit, names in CLOSE:
+        errors = [e for case in result.cases for name, e in case.parameter_errors if name in names]
+        if errors:
+            what = f"{title}: error of {', '.join(names).replace('_', ' ')}, median of {len(errors)}"
+            made.append(Row.at_most(what, 100.0 * median(errors), limit, "%"))
+    return made

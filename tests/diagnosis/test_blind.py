@@ -22,6 +22,7 @@ from excite.simulation.blind.draw import Draft
 from excite.simulation.blind.forms import hide
 from excite.simulation.blind.hidden import Answer, HiddenEffect
 from excite.simulation.blind.make import answers_file, build_case, load_answers, make_cases, recordings_of
+from excite.simulation.blind.parameter_error import parameter_error
 from excite.simulation.blind.score import score, score_case
 
 
@@ -163,3 +164,43 @@ def test_a_probability_is_no_larger_than_the_share_explained() -> None:
         chance["torque_bias", "b"] / chance["torque_bias", "a"]
         > sure["torque_bias", "b"] / sure["torque_bias", "a"]
     )
+
+
+def test_a_stated_size_is_compared_with_the_hidden_one() -> None:
+    hidden = {
+        "gain": HiddenEffect("torque_gain", "joint2", 1.1),
+        "drift": HiddenEffect("friction_drift", "joint2", -0.4, details={"time_constant": 94.0}),
+        "lag": HiddenEffect("actuator_lag", "torque", 0.01, "second_order"),
+        "wave": HiddenEffect("torque_ripple", "joint2", 5.0),
+        "stop": HiddenEffect("joint_spring", "joint2", 3.0, "hardening"),
+    }
+
+    def error(what: str, **values: float) -> float | None:
+        said = {name: {"value": value, "std": None, "unit": "1"} for name, value in values.items()}
+        return parameter_error(hidden[what], {"effect": hidden[what].effect, "parameters": said})
+
+    assert error("gain", gain=1.133, gain_error=0.133) == pytest.approx(0.03)
+    # A session of eight trials ends 94 s after its start: after one time constant.
+    assert error("drift", relative_change=-0.4 * (1.0 - np.exp(-1.0))) == pytest.approx(0.0, abs=1e-9)
+    assert error("lag", time_constant=0.022) == pytest.approx(0.1)
+    assert error("wave", cosine=3.0, sine=-4.0) == pytest.approx(0.0)
+    assert error("stop", stiffness=3.0) is None
+    assert error("gain", bias=1.0) is None
+
+
+def test_median_errors_are_of_effects_found_at_their_place() -> None:
+    answer = _answer(("torque_bias", "joint2"), ("backlash", "joint4"))
+    document = _document("effect", ("torque_bias", "joint2"), ("backlash", "joint5"))
+    for item, name in zip(document["effects"], ("bias", "width"), strict=True):
+        item["parameters"] = {name: {"value": 1.2, "std": None, "unit": "1"}}
+    result = score({"a": answer}, {"a": document}, {})
+    assert result.parameter_errors == {"torque_bias": {"median": pytest.approx(0.2), "count": 1}}
+    assert "error of torque bias" in result.summary()
+
+
+def test_brier_is_the_mean_square_of_what_was_stated_too_much() -> None:
+    sure, wrong = (_document("effect", ("torque_bias", place)) for place in ("joint2", "joint2"))
+    sure["candidates"][0]["probability"], wrong["candidates"][0]["probability"] = 0.9, 0.7
+    answers = {"a": _answer(("torque_bias", "joint2")), "b": _answer(("backlash", "joint2"))}
+    result = score(answers, {"a": sure, "b": wrong}, {})
+    assert result.brier == pytest.approx(0.5 * (0.1**2 + 0.7**2))

@@ -49,6 +49,15 @@ def test_other_own_columns_leave_the_first_solver_alone():
     np.testing.assert_array_equal(solver.fit(extra).sigma, before)
 
 
+def test_a_direction_that_nothing_shows_takes_no_coefficient():
+    """Rounding errors of a column that is none would be fitted with a huge coefficient."""
+    equations, extra, _ = _equations(np.random.default_rng(4))
+    nothing = 1e-12 * np.random.default_rng(5).normal(size=extra.shape)
+    fit = Solver(equations).fit(np.concatenate([nothing, extra], axis=2))
+    assert fit.extra[0] == 0.0
+    assert fit.extra[1] == pytest.approx(0.7, abs=5 * fit.extra_std[1])
+
+
 def test_effective_samples_of_an_autoregressive_residual():
     rng, n, rho = np.random.default_rng(3), 20000, 0.8
     noise = rng.normal(size=n)
@@ -74,3 +83,11 @@ def test_deflection_of_a_loaded_spring_and_of_play():
     assert across[0, 50] == pytest.approx(-load / stiffness - 0.01)
     assert across[0, -1] == pytest.approx(load / stiffness + 0.01, rel=1e-3)
     assert across[2, 101] == pytest.approx(load / inertia, rel=0.8)
+
+
+def test_a_hardening_spring_under_a_constant_load_starts_where_it_stays():
+    n, load, stiffness, cubic = 200, 20.0, 265.0, 2500.0
+    starts = np.zeros(n, dtype=bool)
+    starts[0] = True
+    x = deflect(np.full(n, load), np.full(n, 0.5), starts, 0.005, stiffness, 1.0, 0.0, cubic)[0]
+    np.testing.assert_allclose(stiffness * x * (1.0 + cubic * x**2), -load, rtol=1e-6)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from excite.simulation.blind.detectability import DETECTABLE
 from excite.simulation.blind.hidden import Answer
+from excite.simulation.blind.parameter_error import parameter_error
 
 _SAME = {"payload": "link_inertia"}
 _PAIR = frozenset({"torque_bias", "coulomb_asymmetry"})
@@ -33,6 +34,8 @@ class CaseScore:
         probability: that it states for its first candidate, None where it states none.
         share_closed: of the gap.
         interval: 90 % interval of that, None where it states none.
+        parameter_errors: relative error of the main parameter of each hidden effect that is found at its place,
+            by its name, where it can be compared.
     """
 
     case: str
@@ -50,6 +53,7 @@ class CaseScore:
     probability: float | None
     share_closed: float
     interval: tuple[float, float] | None
+    parameter_errors: tuple[tuple[str, float], ...] = ()
 
 
 def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseScore:
@@ -108,7 +112,17 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         first.get("probability"),
         float(document["gap"]["share_closed"]),
         None if interval is None else (float(interval[0]), float(interval[1])),
+        tuple(_parameter_errors(answer, effects)),
     )
+
+
+def _parameter_errors(answer: Answer, effects: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, float]]:
+    for hidden in answer.effects:
+        for item in effects:
+            if _match(hidden.effect, item["effect"]) and hidden.location == item["location"]:
+                error = parameter_error(hidden, item)
+                if error is not None:
+                    yield hidden.effect, error
 
 
 def _tied(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:

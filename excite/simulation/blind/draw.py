@@ -29,6 +29,7 @@ class Draft:
         noise: factor on the usual noise.
         faults: kinds of faults of the record.
         bristles: whether all joints' dry friction has bristles, as the nominal model's has not.
+        absent: a term that neither the robot nor its model has, empty where there is none.
     """
 
     robot: str
@@ -38,6 +39,7 @@ class Draft:
     noise: float
     faults: tuple[str, ...]
     bristles: bool
+    absent: str = ""
 
 
 def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOTS) -> Draft:
@@ -78,5 +80,14 @@ def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOT
     noise = 2.0 if kind == "none" and turn == 9 else float(rng.choice([1.0, 1.0, 1.5]))
     faulty = rng.random() < 0.4
     faults = (str(rng.choice(sorted(FAULTS))),) if faulty else ()
-    forms = tuple((name, str(rng.choice(FORMS[name]))) for name in effects)
-    return Draft(robot, kind, forms, fixed, noise, faults, bool(rng.random() < 0.15))
+    # Warm oil alone changes little: over a background it would be the least of what is there.
+    forms = tuple(
+        (name, str(rng.choice([f for f in FORMS[name] if kind != "weak" or f != "oil"]))) for name in effects
+    )
+    bristles, absent = bool(rng.random() < 0.15), ""
+    if rng.random() < 0.2:
+        absent = str(rng.choice(("viscous_friction", "armature")))
+        # A wrist that is nearly all rotor needs one; what is hidden, or changes what is hidden, stays.
+        taken = {*effects} & {absent, "friction_drift", "joint_elasticity", "backlash"}
+        absent = "" if taken or robot == "ur10" else absent
+    return Draft(robot, kind, forms, fixed, noise, faults, bristles, absent)

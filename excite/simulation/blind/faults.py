@@ -1,4 +1,4 @@
-"""Faults of a record: rows repeated or lost, stamps that jitter or are late, coarse sensors."""
+"""Faults of a record: rows repeated or lost, stamps that jitter or are late, coarse sensors, filters."""
 
 from __future__ import annotations
 
@@ -65,10 +65,30 @@ def quantised(trial: Trial, rng: np.random.Generator) -> Trial:
     return replace(trial, q=q, tau=np.round(trial.tau / step) * step)
 
 
+def filtered(trial: Trial, rng: np.random.Generator) -> Trial:
+    """All channels went through the same low-pass on their way to the log, and are late alike."""
+    from scipy.signal import butter, lfilter, lfilter_zi
+
+    rate = (len(trial.time) - 1) / float(trial.time[-1] - trial.time[0])
+    b, a = butter(1, rng.uniform(30.0, 60.0), fs=rate)
+
+    def late(values: Array) -> Array:
+        start = lfilter_zi(b, a)[:, None] * values[:1]
+        return np.asarray(lfilter(b, a, values, axis=0, zi=start)[0])
+
+    return replace(
+        trial,
+        q=late(trial.q),
+        tau=None if trial.tau is None else late(trial.tau),
+        q_cmd=None if trial.q_cmd is None else late(trial.q_cmd),
+    )
+
+
 FAULTS: dict[str, Callable[[Trial, np.random.Generator], Trial]] = {
     "repeated_rows": repeated,
     "missing_rows": lost,
     "late_stamps": late,
     "jitter": jittered,
     "quantised": quantised,
+    "filtered": filtered,
 }

@@ -9,6 +9,7 @@ import numpy as np
 from excite.simulation.blind.arm import Arm
 from excite.simulation.blind.hidden import HiddenEffect
 from excite.simulation.blind.magnitudes import DRIVE_FIELDS, MAKERS, Hidden, Site
+from excite.simulation.drives import Drives
 from excite.simulation.virtual_robot import VirtualRobot
 
 # Forms by effect; the first is the textbook's. Effects of the model's own terms and of given inertial
@@ -57,7 +58,9 @@ def hide(
     Returns:
         The robot with it, and what is to be found.
     """
-    size *= float(np.exp(rng.uniform(-0.4, 0.4)))
+    # Alone, an effect may be hardly seen or large; over a background it stays above it.
+    low, high = (-0.9, 0.7) if size >= 1.0 else (-0.4, 0.4)
+    size *= float(np.exp(rng.uniform(low, high)))
     site = Site(virtual, arm, effect, form, joint, size, float(rng.choice([-1.0, 1.0])), rng)
     return MAKERS[effect](site)
 
@@ -80,6 +83,12 @@ def left_out(before: VirtualRobot, after: VirtualRobot, effect: str, joint: int)
     values = getattr(after.drives, field).copy()
     values[joint] = values.min()
     return replace(before, drives=replace(before.drives, **{field: values}))
+
+
+def without_term(drives: Drives, term: str) -> Drives:
+    """Drives that lack a term of ``modelled``; a rotor is never weightless."""
+    values = getattr(drives, DRIVE_FIELDS[term])
+    return replace(drives, **{DRIVE_FIELDS[term]: (1e-3 if term == "armature" else 0.0) * values})
 
 
 def background(

@@ -26,9 +26,11 @@ from excite.simulation.blind.faults import FAULTS
 from excite.simulation.blind.floating.case import build_floating_case
 from excite.simulation.blind.floating.draw import floating_draft
 from excite.simulation.blind.floating.stand import ROBOTS as STANDING_ROBOTS
-from excite.simulation.blind.forms import OWN_TERMS, background, hide, left_out
+from excite.simulation.blind.forms import OWN_TERMS, background, hide, left_out, without_term
 from excite.simulation.blind.hidden import Answer, HiddenEffect
 from excite.simulation.effects.bristles import BristleLaw
+from excite.simulation.effects.coulomb_asymmetry import AsymmetryLaw
+from excite.simulation.effects.friction_drift import WarmingLaw
 from excite.simulation.execution import execute
 from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
@@ -189,8 +191,12 @@ def _prepare(
     others: tuple[HiddenEffect, ...] = ()
     if plan.kind == "weak":
         virtual, others = background(virtual, arm, rng)
+    if plan.absent in modelled:
+        modelled.remove(plan.absent)
+        virtual = replace(virtual, drives=without_term(virtual.drives, plan.absent))
     if plan.bristles and "coulomb_friction" in modelled:
-        taken = {law.joint for law in virtual.laws if isinstance(law, BristleLaw)}
+        # Bristles take the place of dry friction; a law that takes some of it away would find none.
+        taken = {law.joint for law in virtual.laws if isinstance(law, BristleLaw | AsymmetryLaw | WarmingLaw)}
         for j in set(range(n)) - taken:
             virtual = virtual.with_law(BristleLaw(j, float(virtual.drives.coulomb[j]), breakaway=1.5e-3))
     return virtual, tuple(hidden), tuple(modelled), others

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from statistics import median
 from typing import Any
 
 from excite.simulation.blind.case_score import CaseScore, score_case
@@ -64,6 +65,24 @@ class BlindScore:
         return lines
 
     @property
+    def brier(self) -> float | None:
+        """Mean square of stated probability less outcome (Brier 1950); None where none is stated."""
+        stated = [(c.probability - c.named) ** 2 for c in self.cases if c.probability is not None]
+        return sum(stated) / len(stated) if stated else None
+
+    @property
+    def parameter_errors(self) -> dict[str, dict[str, float]]:
+        """Median relative error of the main parameter, and of how many, by effect."""
+        found: dict[str, list[float]] = {}
+        for case in self.cases:
+            for name, error in case.parameter_errors:
+                found.setdefault(name, []).append(error)
+        return {
+            name: {"median": float(median(errors)), "count": len(errors)}
+            for name, errors in sorted(found.items())
+        }
+
+    @property
     def detectable(self) -> BlindScore:
         """The cases whose effects all stand far enough above the noise; those without any are among them."""
         cases = tuple(case for case in self.cases if case.detectable)
@@ -89,6 +108,7 @@ class BlindScore:
             "firm_wrong": self.share("firm_wrong"),
             "median_share_closed": self._closed(0.5),
             "worst_tenth_share_closed": self._closed(0.1),
+            "brier": self.brier,
             "seconds_median": seconds[len(seconds) // 2] if seconds else None,
         }
 
@@ -100,6 +120,9 @@ class BlindScore:
             if value is not None:
                 columns = f"{_figure(name, value):>8} {_figure(name, clear[name]):>12}"
                 lines.append(f"{name.replace('_', ' '):28} {columns}")
+        for name, item in self.parameter_errors.items():
+            line = f"{100 * item['median']:.1f} % ({item['count']:.0f})"
+            lines.append(f"error of {name.replace('_', ' '):19} {line:>8}")
         for case in self.cases:
             marks = [
                 mark
@@ -124,6 +147,7 @@ class BlindScore:
             "figures_detectable": self.detectable.figures(),
             "confusion": self.confusion,
             "calibration": self.calibration,
+            "parameter_errors": self.parameter_errors,
             "cases": [asdict(case) for case in self.cases],
         }
 
