@@ -10,7 +10,7 @@ from scipy.ndimage import median_filter
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, refine
-from excite.diagnosis.floating.screening import effect_columns
+from excite.diagnosis.floating.screening import absent, effect_columns
 from excite.diagnosis.floating.state import State
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
@@ -70,16 +70,25 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
         effect = UnloggedContact(share, share[problem.record.every_other])
         state = explained_state(problem, before)
         rows = problem.rows(state) + problem.baseline_rows(before.delta)
-        zero = np.zeros(3)
         ranked = sorted(
             (
-                (problem.fit(rows, effect_columns(problem, state, effect, link, zero)), link)
+                (
+                    problem.fit(
+                        rows, effect_columns(problem, state, effect, link, absent(effect, state, link))
+                    ),
+                    link,
+                )
                 for link in effect.locations(state)
             ),
             key=lambda item: -item[0].evidence,
         )[:shortlist]
         fits = [
-            refine(problem, (*before.placed, Placed(effect, link)), (*before.theta, fit.theta * 25.0), before)
+            refine(
+                problem,
+                (*before.placed, Placed(effect, link)),
+                (*before.theta, fit.theta * effect.scales(state, link)),
+                before,
+            )
             for fit, link in ranked
         ]
         top = max(fits, key=lambda item: item.evidence)

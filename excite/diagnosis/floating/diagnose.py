@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from excite.diagnosis.candidate import Candidate
-from excite.diagnosis.floating.attribution import Attribution, Ranked, attribute
+from excite.diagnosis.floating.attribution import Attribution, attribute
 from excite.diagnosis.floating.gap import gap_of
 from excite.diagnosis.floating.held_out import refit
 from excite.diagnosis.floating.problem import Problem, build_problem
+from excite.diagnosis.floating.ranking import Ranked
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.refinement import Fitted
 from excite.diagnosis.floating.where import free_force_links, locate
@@ -18,6 +21,34 @@ from excite.logs.log import Log
 from excite.robot.robot import Robot
 
 _N_CANDIDATES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """A record with its verdict and what is fitted to the identification trials alone.
+
+    Attributes:
+        problem: the problem.
+        found: the verdict on all trials.
+        before: the baseline's fit to the identification trials.
+        after: that of the accepted effects; the baseline's where there are none.
+    """
+
+    problem: Problem
+    found: Attribution
+    before: Fitted
+    after: Fitted
+
+
+def analyse(log: Log, robot: Robot | None = None) -> Analysis:
+    """Prepare a log, find what explains it, and fit that again without the validation trials.
+
+    Args and errors as of :func:`diagnose_floating`.
+    """
+    problem = build_problem(prepare_record(log, robot))
+    found = attribute(problem)
+    accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
+    return Analysis(problem, found, *refit(problem, accepted))
 
 
 def diagnose_floating(
@@ -33,18 +64,20 @@ def diagnose_floating(
     Raises:
         LogError: the log lacks base pose or wrenches, or a trial is too short.
     """
-    record = prepare_record(log, robot)
-    problem = build_problem(record)
-    found = attribute(problem)
+    return diagnosis_of(analyse(log, robot), rng)
+
+
+def diagnosis_of(analysis: Analysis, rng: np.random.Generator | None = None) -> Diagnosis:
+    """What an analysis says, with the gap's interval from a bootstrap."""
+    problem, found = analysis.problem, analysis.found
     accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
-    before, after = refit(problem, accepted)
-    gap = gap_of(problem, before, after, rng or np.random.default_rng(0))
+    gap = gap_of(problem, analysis.before, analysis.after, rng or np.random.default_rng(0))
     first = found.steps[0] if found.steps and accepted.placed else ()
     tied = found.tied[0] if first else ()
     if found.verdict == "unknown":
         tied = free_force_links(problem, found.baseline)
     return Diagnosis(
-        robot=record.robot.name,
+        robot=problem.record.robot.name,
         verdict=found.verdict,
         effect=_name(first[0]) if first else None,
         location=first[0].last.location if first else (tied[0] if tied else None),

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.signal.windows import tukey
 
 from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.ranking import NOISE_SLACK
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.spectrum import BAND_HZ
@@ -15,6 +16,8 @@ from excite.robot.robot import Array
 
 UNITS = ("N",) * 3 + ("N·m",) * 3
 _BLOCK_S, _DRAWS = 1.0, 500
+# Noise has few independent numbers in a band of a few hertz, and trials as short as these.
+_LEAST_SPREAD, _LARGEST_SPREAD = 0.05, 0.3
 
 
 def in_band(record: FloatingRecord, values: Array) -> Array:
@@ -49,6 +52,21 @@ def noise_floor(problem: Problem) -> Array:
     return np.sqrt(total / len(problem.record.spans))
 
 
+def _spread(problem: Problem, powers: list[float]) -> float:
+    """How far the noise's power in the validation trials may be from what was learnt, relative.
+
+    Args:
+        problem: the problem.
+        powers: what a fit leaves of each trial.
+    """
+    held_out = np.array(problem.record.validation)
+    fitted = np.array(powers)[~held_out]
+    if len(fitted) < 3:
+        return _LARGEST_SPREAD
+    share = float(fitted.std(ddof=1) / fitted.mean()) / np.sqrt(max(1, held_out.sum()))
+    return float(np.clip(share, _LEAST_SPREAD, _LARGEST_SPREAD))
+
+
 def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator) -> Gap:
     """Gap of the baseline and of the accepted effects, both fitted to the identification trials.
 
@@ -64,24 +82,33 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     measured = in_band(record, problem.nominal.measured)
     train = measured[~held_out] if (~held_out).any() else measured
     scale = np.maximum(train.std(axis=0), 1e-9)
-    old, new = residual_of(problem, before)[rows], residual_of(problem, after)[rows]
-    floor = np.minimum(noise_floor(problem), np.sqrt((new**2).mean(axis=0)))
+    old, fitted = residual_of(problem, before)[rows], residual_of(problem, after)
+    new, learnt = fitted[rows], noise_floor(problem)
+    # What is left in the trials that were fitted says how loud the noise is, as far as noise can be that loud.
+    seen = np.sqrt((fitted[~rows if (~rows).any() else rows] ** 2).mean(axis=0))
+    level = np.minimum(seen, np.sqrt(NOISE_SLACK) * learnt)
     blocks = np.array_split(np.arange(len(old)), max(2, round(len(old) / (_BLOCK_S * record.rate_hz))))
     powers = [np.array([(x[b] ** 2).mean(axis=0) for b in blocks]) for x in (old, new)]
 
     def total(power: Array) -> float:
-        return float(np.sqrt(np.mean(power.mean(axis=0) / scale**2)))
+        return float(np.sqrt(np.mean(power / scale**2)))
 
-    first, last = total(powers[0]), total(powers[1])
-    lowest = float(np.sqrt(np.mean(floor**2 / scale**2)))
+    spread = _spread(problem, [total((fitted[span] ** 2).mean(axis=0)) ** 2 for span in record.spans])
+    first, last = (total(power.mean(axis=0)) for power in powers)
+    # Noise happens to be a little less than it is on average.
+    floor = level * min(1.0, last / total(level**2))
     interval = None
     if after.placed:
         draws = []
         for _ in range(_DRAWS):
             pick = rng.integers(0, len(blocks), len(blocks))
-            drawn = total(powers[1][pick])
-            draws.append(share_closed(total(powers[0][pick]), drawn, min(lowest, drawn)))
+            was, now = (total(power[pick].mean(axis=0)) for power in powers)
+            low = np.minimum(level, learnt) ** 2
+            power = low + rng.uniform() * (level**2 - low)
+            quiet = total(power * max(0.0, 1.0 + spread * rng.standard_normal()))
+            draws.append(share_closed(was, now, min(quiet, now)))
         interval = (float(np.quantile(draws, 0.05)), float(np.quantile(draws, 0.95)))
+    lowest = total(floor**2)
     channels = {
         axis: ChannelGap(
             float(np.sqrt((old[:, i] ** 2).mean())),

@@ -39,6 +39,11 @@ def effect_columns(
     return np.vstack([base, unloaded]) * effect.scales(state, location)
 
 
+def absent(effect: FloatingEffect, state: State, location: str) -> Array:
+    """Its parameters where it is absent: zeros."""
+    return np.zeros(len(effect.parameters(state, location)))
+
+
 def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
     """Linearised fits of all effects at all places, best evidence first.
 
@@ -52,7 +57,6 @@ def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
     ]
     screened = []
     for effect, location in hypotheses:
-        theta = np.zeros(len(effect.parameters(state, location)))
-        columns = effect_columns(problem, state, effect, location, theta)
+        columns = effect_columns(problem, state, effect, location, absent(effect, state, location))
         screened.append(Screened(effect, location, problem.fit(rows, columns)))
     return sorted(screened, key=lambda item: -item.fit.evidence)

@@ -12,6 +12,9 @@ from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
+# How far from a link's origin forces act on it [m].
+_REACH = 0.1
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -93,6 +96,11 @@ def links(state: State) -> tuple[str, ...]:
         for i, segment in enumerate(state.record.robot.segments)
         if i not in unmeasured and phi[10 * i] > 0.0
     )
+
+
+def points() -> tuple[Parameter, ...]:
+    """A point of a link, in its joint's frame; the same for all links, so that large ones pay no more."""
+    return tuple(Parameter(f"at_{axis}", "m", _REACH, 1e-3) for axis in "xyz")
 
 
 def segment_of(state: State, link: str) -> int:

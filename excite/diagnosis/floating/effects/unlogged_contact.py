@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, segment_of
+from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
 
 class UnloggedContact(FloatingEffect):
-    """A world force on the link's origin while the contact lasts; when it lasts is learnt from the record.
+    """A world force at a point of the link while the contact lasts; when it lasts is learnt from the record.
 
     ``share (n,)``, between 0 and 1, says when: a member made without it has no places. ``coarse`` is the same
     for a thinned record.
@@ -29,12 +29,13 @@ class UnloggedContact(FloatingEffect):
         return () if self.share is None else links(state)
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """The force while in contact, world frame."""
-        return tuple(Parameter(axis, "N", 25.0, 1.0) for axis in ("fx", "fy", "fz"))
+        """The force while in contact, world frame, and the point in the link's frame."""
+        force = tuple(Parameter(axis, "N", 25.0, 1.0) for axis in ("fx", "fy", "fz"))
+        return (*force, *points())
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Add it."""
         known = [share for share in (self.share, self.coarse) if share is not None]
         share = next((share for share in known if len(share) == len(state.q)), np.zeros(len(state.q)))
-        point = state.poses.translation[:, segment_of(state, location) + 1]
-        return state.but(extra=state.extra + state.at_base(share[:, None] * theta, point))
+        point = state.poses.point(segment_of(state, location) + 1, theta[3:])
+        return state.but(extra=state.extra + state.at_base(share[:, None] * theta[:3], point))

@@ -1,0 +1,133 @@
+"""All effects at all places, as one more beside those that are accepted already."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.diagnosis.floating.contact_times import PRICE_OF_A_SWITCH, find_contact
+from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, refine
+from excite.diagnosis.floating.screening import Screened, absent, effect_columns, screen
+from excite.diagnosis.floating.state import State
+
+# Nats by which evidence must differ before one hypothesis is preferred (odds of 150 to 1).
+DECISIVE = 5.0
+# Power over the expected noise that repeated trials, which set it, leave open.
+NOISE_SLACK = 1.5
+_FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS = 6, 1, 14
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """A refined hypothesis among its rivals.
+
+    Attributes:
+        fitted: the fit.
+        evidence: log Bayes factor, for noise as large as the best hypothesis leaves, places paid for [nats].
+        choice: what the number of places costs [nats].
+    """
+
+    fitted: Fitted
+    evidence: float
+    choice: float = 0.0
+
+    @property
+    def last(self) -> Placed:
+        """The effect that it adds."""
+        return self.fitted.placed[-1]
+
+
+def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranked, ...]:
+    """All effects at all places added to ``current``: screened by linearised fits, the promising ones refined.
+
+    Args:
+        problem: the problem.
+        coarse: the same with every other sample, for screening.
+        current: what is accepted already.
+    """
+    n = len(problem.nominal_rows)
+    state = explained_state(coarse, current)
+    rows = coarse.rows(state) + coarse.baseline_rows(current.delta)
+    screened = screen(coarse, state, rows)
+    places = {name: max(1, sum(s.effect.name == name for s in screened)) for name in FLOATING_EFFECTS}
+    fits = [_refined(problem, current, item) for item in _shortlist(screened)]
+    top = min(fits, key=lambda f: f.power, default=None)
+    if top is not None:
+        fits += [_refined(problem, current, item) for item in _neighbours(screened, fits, top)]
+    open_after = (min(f.power for f in fits) if fits else current.power) / n
+    if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
+        fits += _contacts(problem, current, places)
+    fits = [f for f in fits if current.power - f.power > f.placed[-1].effect.least_shrink * n]
+    if not fits:
+        return ()
+    over = max(1.0, min(f.power for f in fits) / n)
+    ranked = []
+    for fit in fits:
+        choice = float(np.log(places.get(fit.placed[-1].effect.name, 1)))
+        gain = 0.5 * (current.power - fit.power) / over
+        ranked.append(Ranked(fit, gain - (fit.price - current.price) - choice, choice))
+    return tuple(sorted(ranked, key=lambda item: -item.evidence))
+
+
+def _shortlist(screened: list[Screened]) -> list[Screened]:
+    """The first few of all, and the best of each effect that explains anything."""
+    chosen = [item for item in screened[:_FIRST_LOOK] if item.fit.evidence > 0.0]
+    for name in FLOATING_EFFECTS:
+        own = [item for item in screened if item.effect.name == name and item.fit.evidence > 0.0]
+        chosen += [item for item in own[:_PER_EFFECT] if item not in chosen]
+    return chosen
+
+
+def _neighbours(screened: list[Screened], done: list[Fitted], top: Fitted) -> list[Screened]:
+    """Other places of the leading effect that may turn out as good."""
+    seen = {(f.placed[-1].effect.name, f.placed[-1].location) for f in done}
+    name = top.placed[-1].effect.name
+    own = [item for item in screened if item.effect.name == name]
+    if not own:
+        return []
+    close = [item for item in own if item.fit.gain > 0.97 * own[0].fit.gain - 2.0 * DECISIVE]
+    return [item for item in close if (name, item.location) not in seen][:_NEIGHBOURS]
+
+
+def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:
+    start = item.fit.theta * item.effect.scales(problem.nominal, item.location)
+    placed = Placed(item.effect, item.location)
+    return refine(problem, (*current.placed, placed), (*current.theta, start), current)
+
+
+def _contacts(problem: Problem, current: Fitted, places: dict[str, int]) -> list[Fitted]:
+    """The best unlogged contact and its neighbours, the moments of change paid for."""
+    found = find_contact(problem, current)
+    if found is None:
+        return []
+    effect: FloatingEffect = found.fitted.placed[-1].effect
+    state = apply_all(
+        State.logged(problem.record, problem.record.tree.phi + found.fitted.delta),
+        current.placed,
+        current.theta,
+    )
+    rows = problem.rows(state) + problem.baseline_rows(found.fitted.delta)
+    locations = effect.locations(problem.nominal)
+    places[effect.name] = len(locations)
+    linear = {
+        link: problem.fit(rows, effect_columns(problem, state, effect, link, absent(effect, state, link)))
+        for link in locations
+    }
+    nearest = sorted(locations, key=lambda link: -linear[link].evidence)[: _NEIGHBOURS // 2]
+    fits = [
+        refine(
+            problem,
+            (*current.placed, Placed(effect, link)),
+            (*current.theta, linear[link].theta * effect.scales(problem.nominal, link)),
+            current,
+        )
+        for link in nearest
+    ]
+    price = PRICE_OF_A_SWITCH * found.switches
+    return [
+        Fitted(f.placed, f.theta, f.std, f.delta, f.power, f.evidence - price, f.price + price) for f in fits
+    ]

@@ -1,0 +1,128 @@
+"""Which effects together: one by one, from several beginnings where one is not enough, and none that is not needed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from excite.diagnosis.floating.held_out import held_out_gain
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked, rank_next
+from excite.diagnosis.floating.refinement import Fitted, refine
+
+# Evidence, after the number of places is paid for, that an effect must have to be there at all.
+SIGNIFICANT = 8.0
+# A further effect must close this share of the power above the noise that is still open, and of all of it;
+# more where one of its kind is accepted already, since that is what an approximate form leaves behind.
+_FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
+_MOST_EFFECTS = 3
+# Effects from which a search for several begins, and what each must close at least of what the best closes.
+_BEGINNINGS, _CLOSES = 3, 0.5
+
+Step = tuple[Ranked, ...]
+
+
+def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, ...]:
+    """Effects that explain a record, each with its rivals, the accepted one first.
+
+    Of two effects the first to be found may be one that imitates both a little. So where one effect leaves more
+    than noise, each of the leading names is tried as the first, and the pair decides.
+
+    Args:
+        problem: the problem.
+        coarse: the same with every other sample, for screening.
+        baseline: the baseline's fit.
+    """
+    first = _step(problem, coarse, baseline, baseline)
+    if first is None:
+        return ()
+    if _enough(problem, first[0].fitted):
+        return (first,)
+    chains: list[tuple[Step, ...]] = []
+    for start in _beginnings(first, baseline):
+        second = _step(problem, coarse, start[0].fitted, baseline)
+        chains.append((start,) if second is None else (start, second))
+    n = len(problem.nominal_rows)
+    over = max(1.0, min(chain[-1][0].fitted.power for chain in chains) / n)
+    chain = max(chains, key=lambda chain: _evidence(chain, baseline, over))
+    while len(chain) < _MOST_EFFECTS and len(chain) > 1 and not _enough(problem, chain[-1][0].fitted):
+        further = _step(problem, coarse, chain[-1][0].fitted, baseline)
+        if further is None:
+            break
+        chain = (*chain, further)
+    return needed(problem, chain, baseline)
+
+
+def _step(problem: Problem, coarse: Problem, current: Fitted, baseline: Fitted) -> Step | None:
+    """The best further effect and its rivals; None if none is worth it."""
+    ranked = rank_next(problem, coarse, current)
+    if not ranked or not _worthwhile(ranked[0], current, baseline, len(problem.nominal_rows)):
+        return None
+    return ranked if held_out_gain(problem, current, ranked[0].fitted) > 0.0 else None
+
+
+def _enough(problem: Problem, fitted: Fitted) -> bool:
+    return fitted.power < NOISE_SLACK * len(problem.nominal_rows)
+
+
+def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool:
+    if best.evidence < SIGNIFICANT:
+        return False
+    if not current.placed:
+        return True
+    closed = current.power - best.fitted.power
+    known = {item.effect.name for item in current.placed}
+    of_all = _SAME_OF_ALL if best.last.effect.name in known else _FURTHER_OF_ALL
+    return closed > _FURTHER_SHARE * (current.power - n) and closed > of_all * (baseline.power - n)
+
+
+def _beginnings(step: Step, baseline: Fitted) -> list[Step]:
+    """The leading names, each with those rivals that it beats or that are of its kind."""
+    least = _CLOSES * (baseline.power - min(item.fitted.power for item in step))
+    begun: dict[str, Step] = {}
+    for k, item in enumerate(step):
+        name = item.last.effect.name
+        if name not in begun and baseline.power - item.fitted.power >= least:
+            others = [r for r in step[:k] if r.last.effect.name == name]
+            begun[name] = (item, *others, *(r for r in step[k + 1 :]))
+    return list(begun.values())[:_BEGINNINGS]
+
+
+def _evidence(chain: tuple[Step, ...], baseline: Fitted, over: float) -> float:
+    last = chain[-1][0].fitted
+    places = sum(step[0].choice for step in chain)
+    return 0.5 * (baseline.power - last.power) / over - last.price - places
+
+
+def needed(problem: Problem, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
+    """The chain without effects that those found after them have made superfluous."""
+    n, k = len(problem.nominal_rows), 0
+    while k < len(chain) - 1:
+        full = chain[-1][0].fitted
+        rest = [i for i in range(len(full.placed)) if i != k]
+        placed, theta = tuple(full.placed[i] for i in rest), tuple(full.theta[i] for i in rest)
+        without = refine(problem, placed, theta, full)
+        lost = 0.5 * (without.power - full.power) / max(1.0, full.power / n)
+        lost -= full.price - without.price + chain[k][0].choice
+        if lost < SIGNIFICANT or without.power - full.power < _FURTHER_OF_ALL * (baseline.power - n):
+            last = (replace(chain[-1][0], fitted=without), *chain[-1][1:])
+            chain = (*chain[:k], *chain[k + 1 : -1], last)
+            k = 0
+        else:
+            k += 1
+    return chain
+
+
+def tied_places(step: Step) -> tuple[str, ...]:
+    """Places that the data cannot tell from the accepted effect's, itself first."""
+    best = step[0]
+    same = (item for item in step if item.last.effect.name == best.last.effect.name)
+    return tuple(dict.fromkeys(i.last.location for i in same if i.evidence > best.evidence - DECISIVE))
+
+
+def rivals(step: Step) -> tuple[Ranked, ...]:
+    """The accepted effect and those of other names that the data cannot tell from it."""
+    chosen: dict[str, Ranked] = {}
+    for item in step:
+        if item.evidence > step[0].evidence - DECISIVE:
+            chosen.setdefault(item.last.effect.name, item)
+    return tuple(chosen.values())
