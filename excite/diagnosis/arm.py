@@ -83,7 +83,9 @@ def diagnose_torques(
     """
     samples = arm_samples(robot, log, chart.trials)
     spectral = floor_of(samples)
-    baseline = fit_baseline(samples, modelled, np.minimum(white_floor(samples), spectral))
+    # Torques that were not measured are no better further up in the spectrum.
+    least = np.minimum(white_floor(samples), spectral) if floor_of is spectral_floor else spectral
+    baseline = fit_baseline(samples, modelled, least)
     columns = [log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, chart.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
