@@ -122,7 +122,9 @@ class Case:
         ]
         header = log_header(self.virtual.robot, tuple(self.headers))
         return Log(
-            header.model_copy(update={"modelled": self.modelled}), tuple(made), self.virtual.robot.urdf
+            header.model_copy(update={"modelled": self.modelled}),
+            tuple(made),
+            robot_text=self.virtual.robot.urdf,
         )
 
 
