@@ -17,6 +17,8 @@ FOLDER = "hsm150_two_motor"
 JOINT = "shaft"
 # What the catalogue says of one motor [kg·m²].
 CATALOGUE_INERTIA = 1.2e-4
+# Smallest and largest that plain least squares by hand makes of single steps [kg·m²].
+BY_HAND = (1.23e-4, 3.3e-4)
 STEPS = ("pos_0.06", "pos_0.065", "neg_0.04", "neg_0.045")
 URDF = f"""<robot name="hsm150">
   <link name="frame"/>

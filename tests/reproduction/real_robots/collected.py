@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tests.reproduction.real_robots import arms, dvrk, emps, small, so101, ur10e
+from tests.reproduction.real_robots import arms, damper, dvrk, emps, small, so101, ur10e
 from tests.reproduction.real_robots.entry import Entry
 
 PARTS: dict[str, Callable[[Path, Path], list[Entry]]] = {
@@ -14,6 +14,7 @@ PARTS: dict[str, Callable[[Path, Path], list[Entry]]] = {
     "emps": emps.entries,
     "dvrk": dvrk.entries,
     "small": small.entries,
+    "damper": damper.entries,
     "arms": arms.entries,
     "so101": so101.entries,
 }

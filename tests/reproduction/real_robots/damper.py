@@ -1,0 +1,59 @@
+"""A friction damper with play, at three tensions of its band."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.diagnosis.candidate import Candidate
+from excite.diagnosis.diagnose import diagnose
+from tests.reproduction.brfd import TWO_AMPLITUDES, at_tension, brfd_log
+from tests.reproduction.real_robots.entry import Bar, Entry, names
+from tests.reproduction.real_robots.pictures import DAMPER
+
+_TRIALS = {
+    20: "The first 4.5 s were fitted, 4.5 to 7.5 s judge; then it stands.",
+    30: "Half an inch and half of the run at one and a half were fitted, the rest of that run judges.",
+    80: "The first 4.5 s were fitted, 4.5 to 7.5 s judge; then it stands.",
+}
+_PLAY = (
+    "the library's backlash is a link's that flies freely between contacts; a damper moves no mass, and its play shows "
+    "as the way over which friction builds up after a reversal"
+)
+
+
+def entries(data: Path, folder: Path) -> list[Entry]:
+    """Tensions from low to high."""
+    made: list[Entry] = []
+    levels: list[float] = []
+    for tension, trials in _TRIALS.items():
+        parts = TWO_AMPLITUDES if tension == 30 else at_tension(tension)
+        d = diagnose(brfd_log(data, folder / str(tension), parts))
+        dry = next((item for item in d.effects if item.effect == "coulomb_friction"), None)
+        levels.append(float("nan") if dry is None else 1e-3 * dry.parameters["level"].value)
+        bars = [
+            Bar("dry friction", ", ".join(names(d)), names(d) == ("coulomb_friction",)),
+            Bar("play", _way(dry), "backlash" in names(d), _PLAY),
+        ]
+        if tension == max(_TRIALS):
+            text = ", ".join(f"{level:.1f} kN" for level in levels)
+            bars.append(Bar("friction rises with tension: 20, 30, 80 lb", text, levels == sorted(levels)))
+        made.append(
+            Entry(
+                title=f"Friction damper with play, band at {tension} lb",
+                source="Coble, Huggins, Cao, Ricles, Downey: Data set of a friction damper with backlash, 2022.",
+                trials=trials,
+                baseline="none: the device's force is all there is.",
+                known="dry friction that rises with the band's tension, and play, by construction.",
+                diagnosis=d,
+                bars=tuple(bars),
+                picture=DAMPER if tension == 30 else None,
+            )
+        )
+    return made
+
+
+def _way(dry: Candidate | None) -> str:
+    """How friction sets in."""
+    if dry is None or "breakaway" not in dry.parameters:
+        return "no way over which friction builds up"
+    return f"friction that builds up over {1000 * dry.parameters['breakaway'].value:.1f} mm"
