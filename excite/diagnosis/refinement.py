@@ -87,8 +87,10 @@ def in_richer_forms(search: Search, effect: Effect, location: str) -> list[Hypot
     """The richer forms of an effect at a place, each refined; where the textbook's form does not fit, it may."""
     plain = search.coarse(effect, location)
     theta = plain.theta if plain is not None else next(iter(effect.grid(search.context, location)), None)
-    made = []
-    for form in effect.richer if theta is not None else ():
+    made: list[Hypothesis] = []
+    if theta is None:
+        return made
+    for form in effect.richer:
         begun = [search.try_at(form, location, start) for start in form.starts(theta)]
         found = [start for start in begun if start is not None]
         if found:

@@ -38,7 +38,8 @@ def gap_of(
     outside = ~samples.identification
     rows = outside if outside.any() else samples.identification
     length = max(1, round(_BLOCK_S * samples.bands.rate_hz))
-    blocks, trial = [], []
+    blocks: list[NDArray[np.intp]] = []
+    trial: list[NDArray[np.intp]] = []
     for k in np.unique(samples.trial_of_row[rows]):
         index = np.flatnonzero(samples.trial_of_row == k)
         parts = np.array_split(index, max(1, len(index) // length))
