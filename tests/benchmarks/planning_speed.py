@@ -158,19 +158,18 @@ def _draw(g1: dict[int, Work], joints: dict[str, Work], start: float, each: floa
         for axes in (left, middle):
             axes.set_xticks(counts, counts)
             axes.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
-        low = True
         for name, work in joints.items():
             each_ms = 1e3 * work.repairs / _COUNT
             right.plot(_JOINTS[name], each_ms, "o", color=IDENTIFIED.light)
-            # Neighbours are named above and below in turn.
+            # Names on the side where there is room.
+            side = 1 if _JOINTS[name] < 20 else -1
             right.annotate(
                 name,
                 (_JOINTS[name], each_ms),
-                (0, -14 if low else 7),
+                (7 * side, -4),
                 textcoords="offset points",
-                ha="center",
+                ha="left" if side > 0 else "right",
             )
-            low = not low
         right.set(title="Repairs and checks of each [ms]", xlabel="joints", xlim=(0, 38))
         right.set_ylim(0.0, 1.25e3 * max(work.repairs for work in joints.values()) / _COUNT)
 
