@@ -9,7 +9,7 @@ from tests.reproduction import __main__ as command
 from tests.reproduction.iiwa import grouping, iiwa, published_base, published_parameters, rows
 from tests.reproduction.iiwa_excitation import OMEGA, condition, excitation
 from tests.reproduction.table import Line, Table
-from tests.reproduction.tables import seed_003
+from tests.reproduction.tables import xu_iiwa
 
 
 def test_grouping_predicts_the_same_torques():
@@ -43,8 +43,8 @@ def test_excitation_obeys_eq_10():
 
 
 def test_tables_that_need_no_data_meet_their_bars():
-    assert not seed_003.structure().missed
-    table = seed_003.table_4()
+    assert not xu_iiwa.structure().missed
+    table = xu_iiwa.table_4()
     assert len(table.lines) == 57 and all(line.difference is not None for line in table.lines)
 
 
@@ -52,8 +52,8 @@ def test_tables_that_need_no_data_meet_their_bars():
 def test_a_missed_bar_fails_the_command_unless_its_reason_is_known(monkeypatch, capsys, reason, code):
     missed = Line("a", 1.0, 3.0, False, "≤ 2", reason)
     table = Table("t", (missed, Line("b", None, "x"), Line("c", 1, 1, True, "= 1", "no longer missed")))
-    monkeypatch.setattr(seed_003, "tables", lambda: [table])
-    monkeypatch.setattr("sys.argv", ["reproduce", "--only", "seed_003"])
+    monkeypatch.setattr(xu_iiwa, "tables", lambda: [table])
+    monkeypatch.setattr("sys.argv", ["reproduce", "--only", "xu_iiwa"])
     assert command.main() == code
     said = capsys.readouterr().out
     assert f"| a | 1 | 3 | +2 | ≤ 2 | {f'known: {reason}' if reason else '✗'} |" in said
