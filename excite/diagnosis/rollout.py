@@ -10,6 +10,7 @@ import numpy as np
 from excite.diagnosis.augmented_effects import DEFLECTION, NOTE
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, PositionServo, Window
 from excite.diagnosis.rollout_friction import DryFriction
+from excite.divergence import diverged, without_log_file
 from excite.errors import InputError
 from excite.robot.robot import Array
 
@@ -85,17 +86,20 @@ class Simulator:
         model.dof_damping[:] = self._damping + added
         share = _share(model.opt.timestep, self._before)
         kept = [window.q]
-        for step, time in enumerate(window.time):
-            q, v = data.qpos[self._qpos], data.qvel[self._dof]
-            filtered = filtered + share * (drive.torque(float(time) + delay, q, v) - filtered)
-            data.ctrl[self._motor] = filtered
-            if self._notes:
-                self._apply(q, v, window, float(time - window.time[0]), added)
-            mujoco.mj_step(model, data)
-            if self._dry.bristles:
-                self._dry.move(data.qvel[self._dof], model.opt.timestep)
-            if (step + 1) % keep == 0:
-                kept.append(data.qpos[self._qpos].copy())
+        with without_log_file():
+            for step, time in enumerate(window.time):
+                q, v = data.qpos[self._qpos], data.qvel[self._dof]
+                filtered = filtered + share * (drive.torque(float(time) + delay, q, v) - filtered)
+                data.ctrl[self._motor] = filtered
+                if self._notes:
+                    self._apply(q, v, window, float(time - window.time[0]), added)
+                mujoco.mj_step(model, data)
+                if self._dry.bristles:
+                    self._dry.move(data.qvel[self._dof], model.opt.timestep)
+                if (step + 1) % keep == 0:
+                    kept.append(data.qpos[self._qpos].copy())
+        if diverged(data):
+            kept[-1] = np.full(len(self.joints), np.nan)
         return np.array(kept)
 
     def _filtered(self, window: Window, drive: Drive, delay: float) -> tuple[Array, Array]:

@@ -70,6 +70,9 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
 
     Returns:
         The comparison.
+
+    Raises:
+        InputError: the log or the model gives no roll-outs, or those of the nominal simulator diverge.
     """
     if len(baseline.samples.joints) < baseline.samples.robot.n_joints:
         raise InputError(
@@ -86,8 +89,10 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
     samples, effects = baseline.samples, found_effects(attribution)
     plan = replace(plan or torque_plan(samples), growth=drift_growth(attribution))
     before = baseline_model(baseline)
-    after, final, kept = _helpful(attribution, baseline, before, effects, plan)
     plain = errors(before.xml, samples, baseline.rigid, plan)
+    if not np.isfinite(plain).all():
+        raise InputError("roll-outs of the nominal simulator diverge", remedy="judge by the torques")
+    after, final, kept = _helpful(attribution, baseline, before, effects, plan)
     augmented = errors(after.xml, samples, final.rigid, plan) if kept else plain
     left = ", ".join(f"{e.effect} at {e.location}" for e in effects[len(kept) :])
     said = (f"the model is without {left}: roll-outs of the identification trials are no nearer with it",)

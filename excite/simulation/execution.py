@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.divergence import diverged, without_log_file
 from excite.errors import MotionError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Array, Robot
@@ -97,17 +98,18 @@ def execute(
     track = _Track(plant, clock)
     data.ctrl[:] = controls[0]
     plant.run(virtual.laws)
-    for _ in range(clock.settle):
-        plant.advance()
-    for step in range((clock.samples - 1) * clock.per_sample + 1):
-        data.ctrl[:] = controls[step]
-        if step % clock.per_sample:
+    with without_log_file():
+        for _ in range(clock.settle):
             plant.advance()
-            continue
-        track.sample()
-        if stop is not None and stop(track.count - 1, data.qpos[plant.qpos]):
-            break
-    if not np.isfinite(track.qacc[: track.count]).all():
+        for step in range((clock.samples - 1) * clock.per_sample + 1):
+            data.ctrl[:] = controls[step]
+            if step % clock.per_sample:
+                plant.advance()
+                continue
+            track.sample()
+            if stop is not None and stop(track.count - 1, data.qpos[plant.qpos]):
+                break
+    if diverged(data) or not np.isfinite(track.qacc[: track.count]).all():
         raise MotionError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
     return track.recording(virtual, motion.name, positions[:: clock.per_sample], clock)
 

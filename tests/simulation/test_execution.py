@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,6 +13,7 @@ import pytest
 from excite.errors import MotionError
 from excite.robot.robot import Array, Robot
 from excite.simulation.execution import execute
+from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
 from tests.simulation.motions import squatting, standing, waving
@@ -123,8 +128,23 @@ def test_a_motion_of_another_robot_is_refused(changed_g1: VirtualRobot, panda: R
 
 
 def test_a_finer_step_changes_little(changed_g1: VirtualRobot, squat: Recording) -> None:
-    from dataclasses import replace
 
     fine = replace(changed_g1, world=replace(changed_g1.world, timestep=2.5e-4))
     run = execute(fine, squatting(fine.robot, duration=2.0))
     assert np.abs(run.q[:, 7:] - squat.q[:, 7:]).max() < 2e-3
+
+
+def test_a_run_that_goes_wrong_is_refused_and_leaves_no_file_behind(
+    arm: VirtualRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Blow:
+        """A torque that no robot takes."""
+
+        def start(self, plant: Plant) -> Callable[[], None]:
+            return lambda: plant.torque.fill(1e25)
+
+    monkeypatch.chdir(tmp_path)
+    wild = arm.with_law(Blow())
+    with pytest.raises(MotionError, match="diverged"):
+        execute(wild, waving(arm.robot, {arm.robot.joint_names[0]: 0.3}))
+    assert not list(tmp_path.iterdir())
