@@ -16,6 +16,7 @@ import numpy as np
 
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.result import Diagnosis
+from excite.errors import ExciteError
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
@@ -143,10 +144,12 @@ class Blind:
     Attributes:
         score: of the diagnoses.
         ratios: by case with an effect: error of its roll-outs with the effects over that without.
+        refused: cases that are refused with a reason, such as gains that the motion does not show.
     """
 
     score: BlindScore
     ratios: dict[str, float]
+    refused: tuple[str, ...] = ()
 
     @property
     def honest(self) -> int:
@@ -159,11 +162,16 @@ def blind(seed: int = SEED, cases: int = CASES) -> Blind:
     with tempfile.TemporaryDirectory() as place:
         where = Path(place) / "cases"
         make_cases(where, seed=seed, cases=cases, torque="none")
-        documents = {case.name: diagnose(case).to_json() for case in sorted(where.glob("case_*"))}
-        return compared(where, documents)
+        documents, refused = {}, []
+        for case in sorted(where.glob("case_*")):
+            try:
+                documents[case.name] = diagnose(case).to_json()
+            except ExciteError:
+                refused.append(case.name)
+        return compared(where, documents, tuple(refused))
 
 
-def compared(where: Path, documents: dict[str, dict[str, Any]]) -> Blind:
+def compared(where: Path, documents: dict[str, dict[str, Any]], refused: tuple[str, ...] = ()) -> Blind:
     """Diagnoses of a folder's cases beside their answers."""
     ratios = {
         name: float(
@@ -173,7 +181,8 @@ def compared(where: Path, documents: dict[str, dict[str, Any]]) -> Blind:
         for name, document in documents.items()
         if document["effects"] and document["simulation"] and document["simulation"]["before"]
     }
-    return Blind(score(load_answers(where), documents, {}), ratios)
+    answers = {name: answer for name, answer in load_answers(where).items() if name in documents}
+    return Blind(score(answers, documents, {}), ratios, refused)
 
 
 def rows() -> list[Row]:
@@ -186,9 +195,10 @@ def _blind_rows() -> list[Row]:
     cases, title = found.score.cases, f"command-only blind arms ({CASES} cases)"
     named = sum(case.named for case in cases)
     return [
-        Row.at_least(f"{title}: right name", named / len(cases), 0.6),
-        Row(f"{title}: honestly unknown", "", f"{found.honest} of {len(cases)}", None),
-        Row.at_most(f"{title}: firmly wrong", sum(c.firm_wrong for c in cases) / len(cases), 0.05),
+        Row.at_least(f"{title}: right name", named / CASES, 0.6),
+        Row(f"{title}: honestly unknown", "", f"{found.honest} of {CASES}", None),
+        Row(f"{title}: refused with a reason", "", f"{len(found.refused)} of {CASES}", None),
+        Row.at_most(f"{title}: firmly wrong", sum(c.firm_wrong for c in cases) / CASES, 0.05),
         Row(f"{title}: effects named that are not there", "", str(sum(c.extras for c in cases)), None),
         Row.at_most(f"{title}: worst roll-out, over that without effects", max(found.ratios.values()), 1.0),
     ]
