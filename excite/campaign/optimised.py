@@ -83,7 +83,7 @@ def optimised_candidates(
             raise InputError(
                 f"joint {joint!r} stands still in optimised series",
                 source=robot.name,
-                remedy="aim at a joint that is in no leg, or use another generator",
+                remedy="aim at a joint of the upper body that carries no foot, or use another generator",
             )
     aims: list[str | None] = [*targets[:count]] or [None]
     made: list[Candidate] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
@@ -40,14 +41,16 @@ def scored(seed: int = SEED, cases: int = CASES) -> BlindScore:
         return score(load_answers(folder), documents, seconds)
 
 
+def percentages(result: BlindScore) -> Callable[[str], float]:
+    """The score's shares by name, in percent; 0 where there was no such case."""
+    figures = result.figures()
+    return lambda name: 100.0 * float(figures[name] or 0.0)
+
+
 def rows() -> list[Row]:
     """Figures of the battery."""
     result = scored()
-    figures = result.figures()
-
-    def percent(name: str) -> float:
-        return 100.0 * float(figures[name] or 0.0)
-
+    figures, percent = result.figures(), percentages(result)
     title = f"blind arms ({CASES} cases)"
     return [
         Row.at_least(f"{title}: one effect, right name", percent("single_named"), 95.0, "%"),

@@ -20,6 +20,7 @@ from excite.simulation.blind.floating.case import build_floating_case
 from excite.simulation.blind.floating.draw import floating_draft
 from excite.simulation.blind.hidden import Answer
 from excite.simulation.blind.score import BlindScore, score
+from tests.benchmarks.diagnosis_blind import percentages
 from tests.benchmarks.table import Row
 
 SEED, CASES = 20261, 20
@@ -70,11 +71,7 @@ def truly_closed(analysis: Analysis, quiet: Log) -> float:
 def rows() -> list[Row]:
     """Figures of the battery."""
     result, covered = scored()
-    figures = result.figures()
-
-    def percent(name: str) -> float:
-        return 100.0 * float(figures[name] or 0.0)
-
+    percent = percentages(result)
     title = f"blind standing robots ({CASES} cases)"
     return [
         Row.at_least(f"{title}: one effect, right name", percent("single_named"), 90.0, "%"),

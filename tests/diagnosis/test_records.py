@@ -110,8 +110,10 @@ def test_a_joint_without_torque_moves_the_others(tmp_path: Path) -> None:
     trials = two_trials(np.eye(2))
     assert all(trial.tau is not None for trial in trials)
     blank = tuple(
-        replace(t, tau=np.column_stack([t.tau[:, 0], np.full(t.n_samples, np.nan)])) for t in trials
-    )  # type: ignore[index]
+        replace(t, tau=np.column_stack([t.tau[:, 0], np.full(t.n_samples, np.nan)]))
+        for t in trials
+        if t.tau is not None
+    )
     result = diagnosed(tmp_path, blank, no_torque=["second"])
     assert set(result.gap.per_channel) == {"first"}
     assert result.verdict == "none"
