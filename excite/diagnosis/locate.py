@@ -35,7 +35,7 @@ def locate(context: Context, fit: Fit, floor: Array, scale: Array) -> tuple[Wher
     lines = []
     for j, name in enumerate(context.joints):
         dependence = {
-            what: _explained(samples.rows(samples.split(columns))[use], fit.residual[j][use])
+            what: _explained(samples.rows(columns)[use], fit.residual[j][use])
             for what, columns in _features(context, j).items()
         }
         best = max(dependence, key=lambda what: dependence[what])

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.diagnosis.held_lowpass import both_ways
+from excite.diagnosis.standstill import moving_span, standstill_speed
 from excite.errors import LogError
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial
@@ -16,10 +17,10 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import is_uniform, resample_noisy, resample_smooth, uniform_grid
+from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Array, Robot
 
-# Speed below which a joint stands before and after a motion, and by which it surely moves within one [rad/s].
-_STILL, _STANDS = 0.01, 0.012
+_ORDER = 4
 
 
 @dataclass(frozen=True)
@@ -109,26 +110,30 @@ class ArmSamples:
             return values[:, self.index[turning[0]]]
         return values[:, [self.index[k] for k in turning]] @ row[turning]
 
-    def filtered(self, signals: Sequence[Array]) -> list[Array]:
-        """Signals at full rate, one ``(n, …)`` a trial, through the filter, at the kept rows."""
-        lengths = [len(trial.time) for trial in self.trials]
-        # All trials go through side by side; a shorter one is held at its end, as the filter would do.
-        stacked = np.empty((max(lengths), len(lengths), *signals[0].shape[1:]))
-        for k, values in enumerate(signals):
-            stacked[: len(values), k], stacked[len(values) :, k] = values, values[-1]
-        smooth = np.moveaxis(both_ways(stacked, self.rate_hz, self.bands.rows_hz), 1, 0)
-        return [values[trial.rows] for trial, values in zip(self.trials, smooth, strict=True)]
+    def rows(self, signals: Array | Sequence[Array]) -> Array:
+        """Signals at full rate, all trials below each other or one a trial, through the filter, ``(n_rows, …)``.
 
-    def rows(self, signals: Sequence[Array]) -> Array:
-        """The same, all trials below each other, ``(n_rows, …)``."""
-        return np.concatenate(self.filtered(signals))
+        Ends are held, not mirrored: rows near them are left out.
+        """
+        values = signals if isinstance(signals, np.ndarray) else np.concatenate(signals)
+        kept = [trial.rows for trial in self.trials]
+        if self.bands.rows_hz >= 0.5 * self.rate_hz:
+            return np.concatenate([v[rows] for v, rows in zip(self.split(values), kept, strict=True)])
+        smooth = both_ways(
+            values.reshape(len(values), -1),
+            np.cumsum([len(trial.time) for trial in self.trials]),
+            np.concatenate(kept),
+            np.cumsum([len(rows) for rows in kept]),
+            *butterworth_sections(_ORDER, self.rate_hz, self.bands.rows_hz),
+        )
+        return smooth.reshape(len(smooth), *values.shape[1:])
 
-    @property
+    @cached_property
     def identification(self) -> NDArray[np.bool_]:
         """Which rows belong to identification trials, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), t.identification) for t in self.trials])
 
-    @property
+    @cached_property
     def trial_of_row(self) -> NDArray[np.int64]:
         """Index of each row's trial, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), k) for k, t in enumerate(self.trials)])
@@ -178,16 +183,10 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
         made.append(_arm_trial(robot, trial, places, rate, bands, start))
         clock += float(made[-1].time[-1])
     index = tuple(robot.joint_index(name) for name in joints)
-    still = np.array([_standstill([t.q[:, k] for t in trials], bands) for k in places.torques])
+    still = np.array(
+        [standstill_speed([t.q[:, k] for t in trials], bands.kinematics_hz) for k in places.torques]
+    )
     return ArmSamples(robot, joints, index, tuple(made), rate, bands, places.coupling, still)
-
-
-def _standstill(positions: Sequence[Array], bands: Bands) -> float:
-    """Speed up to which a joint may as well stand [rad/s]: no slower than its encoder tells within the band."""
-    values = np.concatenate(positions)
-    levels = np.unique(np.round(values, 9))
-    coarse = 2 < len(levels) < len(values) / 3
-    return max(_STANDS, 2.0 * bands.kinematics_hz * float(np.median(np.diff(levels)))) if coarse else _STANDS
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +226,7 @@ def _arm_trial(
     q[:, columns], v[:, columns], a[:, columns] = d.value[:, order], d.first[:, order], d.second[:, order]
     edge = max(3, settling_samples(rate, bands.rows_hz))
     step = max(1, round(rate / bands.rate_hz))
-    first, last = _moving(v, 4 * edge)
+    first, last = moving_span(v, 4 * edge)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",
@@ -240,11 +239,3 @@ def _arm_trial(
         tau=tau,
         rows=np.arange(first + edge, last + 1 - edge, step),
     )
-
-
-def _moving(v: Array, least: int) -> tuple[int, int]:
-    """First and last sample at which a joint moves; all where that is too short a stretch."""
-    moving = np.flatnonzero((np.abs(v) > _STILL).any(axis=1))
-    if len(moving) == 0 or moving[-1] - moving[0] < least:
-        return 0, len(v) - 1
-    return int(moving[0]), int(moving[-1])

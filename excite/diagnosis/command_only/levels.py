@@ -25,8 +25,10 @@ def error_integral(signals: Signals) -> Array:
 class _Levelled(ArmSamples):
     """Samples whose filter also takes every trial's mean off: on both sides of every equation alike."""
 
-    def filtered(self, signals: Sequence[Array]) -> list[Array]:
-        return [values - values.mean(axis=0) for values in super().filtered(signals)]
+    def rows(self, signals: Array | Sequence[Array]) -> Array:
+        values, of_row = super().rows(signals), self.trial_of_row
+        parts = [values[of_row == k] for k in range(len(self.trials))]
+        return np.concatenate([part - part.mean(axis=0) for part in parts])
 
 
 def trial_levels(samples: ArmSamples, modelled: tuple[str, ...]) -> dict[str, Array]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from scipy.signal import butter, sosfiltfilt
+import numpy as np
 
 from excite.errors import LogError
+from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Array
 
 
@@ -30,7 +31,6 @@ def lowpass(values: Array, rate_hz: float, cutoff_hz: float, order: int = 4) -> 
     """
     if cutoff_hz >= 0.5 * rate_hz:
         return values.copy()
-    sections = butter(order, cutoff_hz, fs=rate_hz, output="sos")
     needed = settling_samples(rate_hz, cutoff_hz)
     if len(values) <= needed:
         raise LogError(
@@ -38,7 +38,13 @@ def lowpass(values: Array, rate_hz: float, cutoff_hz: float, order: int = 4) -> 
             field="cutoff_hz",
             remedy=f"record at least {needed + 1} samples or raise the cut-off",
         )
-    return sosfiltfilt(sections, values, axis=0, padlen=needed)
+    # Point reflections continue the ends with their slope.
+    before, after = 2.0 * values[:1] - values[needed:0:-1], 2.0 * values[-1:] - values[-2 : -2 - needed : -1]
+    padded = np.concatenate([before, values, after]).reshape(len(values) + 2 * needed, -1)
+    end, rows = np.array([len(padded)]), np.arange(needed, needed + len(values))
+    sections, states = butterworth_sections(order, rate_hz, cutoff_hz)
+    smooth = both_ways(padded, end, rows, np.array([len(rows)]), sections, states)
+    return smooth.reshape(values.shape)
 
 
 def settling_samples(rate_hz: float, cutoff_hz: float) -> int:
