@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.arm import diagnose_arm
-from excite.diagnosis.command_only.currents import diagnose_currents
-from excite.diagnosis.command_only.diagnose import diagnose_commands
-from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.diagnosis.result import Diagnosis
 from excite.errors import InputError, LogError
 from excite.logs.files import load_log
@@ -45,12 +42,28 @@ def diagnose(
             raise LogError(
                 "has no identification trial", field="trials", remedy="give one the role identification"
             )
-        kinds = {"current": diagnose_currents, "none": diagnose_commands}
-        return kinds.get(loaded.header.torque or "", diagnose_arm)(robot, loaded, rng, folder)
+        return _of_arm(loaded.header.torque)(robot, loaded, rng, folder)
     if loaded.header.sensors:
+        from excite.diagnosis.floating.diagnose import diagnose_floating
+
         return diagnose_floating(loaded, robot, rng)
     raise InputError(
         f"a log with base {loaded.header.base} and no sensors is not diagnosed",
         field="sensors",
         remedy="log the contact wrenches, or the torques of a fixed base",
     )
+
+
+def _of_arm(torque: str | None) -> Callable[[Robot, Log, np.random.Generator, Path | None], Diagnosis]:
+    """The diagnosis of a fixed base for what the log says of its torques; each kind loads libraries of its own."""
+    if torque == "current":
+        from excite.diagnosis.command_only.currents import diagnose_currents
+
+        return diagnose_currents
+    if torque == "none":
+        from excite.diagnosis.command_only.diagnose import diagnose_commands
+
+        return diagnose_commands
+    from excite.diagnosis.arm import diagnose_arm
+
+    return diagnose_arm

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import welch
 
 from excite.diagnosis.baseline import Baseline, own_names
 from excite.diagnosis.samples import ArmSamples
@@ -13,6 +12,7 @@ from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
+from excite.logs.signals.spectrum import welch
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array
 
@@ -41,9 +41,7 @@ def position_noise(samples: ArmSamples, columns: Sequence[int], trials: Sequence
         q = trial.q[:, list(columns)]
         if not is_uniform(trial.time, rate):
             q = resample_smooth(trial.time, q, uniform_grid(trial.time, rate))
-        f, p = welch(
-            np.diff(q, 3, axis=0), rate, nperseg=min(_SEGMENT, len(q) // 2), average="median", axis=0
-        )
+        f, p = welch(np.diff(q, 3, axis=0), rate, min(_SEGMENT, len(q) // 2), median=True)
         band = (f > low) & (f < high)
         density = np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate))[:, None] ** 6, axis=0)
         found.append(np.sqrt(density * 0.5 * rate))

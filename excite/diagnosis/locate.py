@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import welch
 
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.gap import Where
+from excite.logs.signals.spectrum import welch
 from excite.robot.robot import Array
 
 _LEAST = 0.02
@@ -84,7 +84,7 @@ def _band(context: Context, residual: Array) -> tuple[float, float]:
     length = min(256, *(len(part) for part in parts))
     spectra = []
     for part in parts:
-        f, p = welch(part, samples.bands.rate_hz, nperseg=length, detrend=False)
+        f, p = welch(part, samples.bands.rate_hz, length, centred=False)
         spectra.append(p)
     growth = np.cumsum(np.mean(spectra, axis=0))
     growth /= max(float(growth[-1]), 1e-300)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.next_experiment import Proposal, propose, written
 from excite.diagnosis.result import NextExperiment
 from excite.diagnosis.verdict import Judgement
+
+if TYPE_CHECKING:
+    from excite.diagnosis.next_experiment import Proposal
 
 # Rivals that a motion is chosen for, the likeliest.
 _MOST = 5
@@ -41,11 +44,14 @@ def advice(
     separates += [f"{item.name}@{item.location}" for item in others]
     said = []
     if others:
-        proposal = None
+        proposal = file = None
         if out is not None:
+            # Generators, checks and repairs are loaded where a motion is made.
+            from excite.diagnosis.next_experiment import propose, written
+
             floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
             proposal = propose(baseline, [best, *others], floor, seed=0)
-        file = None if out is None or proposal is None else written(proposal, out)
+            file = None if proposal is None else written(proposal, out)
         said.append(_of_motion(best, others, proposal, file, planned=out is not None))
     else:
         file = None

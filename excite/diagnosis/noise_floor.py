@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import noise_bandwidth
+from excite.logs.signals.spectrum import welch
 from excite.robot.robot import Array
 
 _ABOVE = (1.5, 3.0)
@@ -61,9 +61,7 @@ def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
     for j in range(len(samples.joints)):
         densities = []
         for trial in samples.trials:
-            f, p = welch(
-                np.diff(trial.tau[:, j]), rate, nperseg=min(256, len(trial.time) // 2), average="median"
-            )
+            f, p = welch(np.diff(trial.tau[:, j]), rate, min(256, len(trial.time) // 2), median=True)
             found = []
             for least, most in bands:
                 high = min(most * samples.bands.rows_hz, 0.45 * rate)

@@ -10,8 +10,8 @@ from zipfile import BadZipFile
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import pyarrow.parquet
 
+from excite.arrow_columns import numpy_columns, read_parquet
 from excite.atomic import atomic_path
 from excite.errors import MotionError
 from excite.motion.motion import Motion, MotionMetadata
@@ -171,9 +171,9 @@ def _read_columns(path: Path) -> tuple[dict[str, Array], dict]:
                 table = pa.csv.read_csv(stream)
                 metadata = json.loads(first[len(_CSV_COMMENT) :])
         else:
-            table = pa.parquet.read_table(path)
+            table = read_parquet(path)
             metadata = json.loads((table.schema.metadata or {}).get(b"excite", b"{}"))
-        return {name: table[name].to_numpy() for name in table.column_names}, metadata
+        return numpy_columns(table), metadata
     except (OSError, ValueError, KeyError, BadZipFile, pa.ArrowException) as error:
         text = str(error).split("\n")[0]
         raise MotionError(

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
+from excite.lazy_kernel import LazyKernel
 from excite.robot.robot import Array
+
+
+@LazyKernel
+def heated(heat, share, state):  # pragma: no cover - compiled
+    """A first-order lag of ``heat (n,)`` that follows a ``share`` of the difference a sample, from a state."""
+    out = np.empty(len(heat))
+    for i in range(len(heat)):
+        state = share * heat[i] + (1.0 - share) * state
+        out[i] = state
+    return out
 
 
 class FrictionDrift(Effect):
@@ -79,7 +89,7 @@ class HeatedFriction(FrictionDrift):
         for k in np.argsort([t.session_s[0] for t in samples.trials], kind="stable"):
             trial = samples.trials[k]
             state *= np.exp(-max(float(trial.session_s[0]) - last, 0.0) / theta[0])
-            made[int(k)], _ = lfilter([share], [1.0, share - 1.0], heat[k], zi=[(1.0 - share) * state])
+            made[int(k)] = heated(heat[k], share, state)
             state, last = float(made[int(k)][-1]), float(trial.session_s[-1])
         growth = np.concatenate([made[k] for k in range(len(samples.trials))])
         return growth / max(float(np.abs(growth).max()), 1e-9)

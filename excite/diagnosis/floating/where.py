@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import welch
 
 from excite.diagnosis.floating.effects.effect import links, segment_of
 from excite.diagnosis.floating.gap import in_band, noise_floor
@@ -12,6 +11,7 @@ from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.gap import Where
 from excite.logs.columns import WRENCH_AXES
+from excite.logs.signals.spectrum import welch
 from excite.robot.robot import Array
 
 _LEAST = 0.02
@@ -87,7 +87,7 @@ def _explained(columns: Array, residual: Array) -> float:
 
 
 def _band(residual: Array, rate_hz: float) -> tuple[float, float]:
-    f, p = welch(residual, rate_hz, nperseg=min(256, len(residual)), detrend=False)
+    f, p = welch(residual, rate_hz, min(256, len(residual)), centred=False)
     growth = np.cumsum(p) / max(float(p.sum()), 1e-300)
     low, high = (float(f[min(int(np.searchsorted(growth, x)), len(f) - 1)]) for x in (0.1, 0.9))
     return low, high

@@ -9,6 +9,7 @@ from typing import ClassVar
 import pyarrow as pa
 import pyarrow.csv
 
+from excite.arrow_columns import numpy_columns
 from excite.logs.readers.reader import TrialReader, unreadable
 from excite.robot.robot import Array
 
@@ -30,7 +31,7 @@ class CsvReader(TrialReader):
                 table = pa.csv.read_csv(stream)
         except (OSError, pa.ArrowException) as error:
             raise unreadable(path, error) from error
-        return {name.strip(): table[name].to_numpy() for name in table.column_names}
+        return {name.strip(): column for name, column in numpy_columns(table).items()}
 
     def write(self, columns: Mapping[str, Array], path: Path) -> None:
         """See :meth:`TrialReader.write`."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import pyarrow as pa
 import pyarrow.parquet
 
+from excite.arrow_columns import numpy_columns, read_parquet
 from excite.logs.readers.reader import TrialReader, unreadable
 from excite.robot.robot import Array
 
@@ -22,10 +23,9 @@ class ParquetReader(TrialReader):
     def read(self, path: Path) -> dict[str, Array]:
         """See :meth:`TrialReader.read`."""
         try:
-            table = pa.parquet.read_table(path)
+            return numpy_columns(read_parquet(path))
         except (OSError, pa.ArrowException) as error:
             raise unreadable(path, error) from error
-        return {name: table[name].to_numpy() for name in table.column_names}
 
     def write(self, columns: Mapping[str, Array], path: Path) -> None:
         """See :meth:`TrialReader.write`."""

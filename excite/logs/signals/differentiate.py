@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import correlate1d
 
 from excite.errors import LogError
 from excite.robot.robot import Array
 
-# Central differences of sixth order, for neighbours 0, 1, 2, 3 on either side.
-_FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
-_SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0
+# Central differences of sixth order: weights of the third, second and first neighbours, and of the sample itself.
+_FIRST = np.array([-1.0, 9.0, -45.0]) / 60.0
+_SECOND, _ITSELF = np.array([2.0, -27.0, 270.0]) / 180.0, -490.0 / 180.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +45,13 @@ def central_differences(values: Array, rate_hz: float) -> Derivatives:
     """
     before = 2.0 * values[:1] - values[3:0:-1]
     after = 2.0 * values[-1:] - values[-2:-5:-1]
-    padded = np.concatenate([before, values, after])
-    return Derivatives(
-        value=values,
-        first=correlate1d(padded, _FIRST, axis=0)[3:-3] * rate_hz,
-        second=correlate1d(padded, _SECOND, axis=0)[3:-3] * rate_hz**2,
-    )
+    padded, n = np.concatenate([before, values, after]), len(values)
+    first, second = np.zeros_like(padded[:n]), _ITSELF * values
+    for k, (slope, bend) in enumerate(zip(_FIRST, _SECOND, strict=True)):
+        left, right = padded[k : k + n], padded[6 - k : 6 - k + n]
+        first += (left - right) * slope
+        second += (left + right) * bend
+    return Derivatives(values, first * rate_hz, second * rate_hz**2)
 
 
 def periodic_derivatives(values: Array, rate_hz: float, max_frequency_hz: float) -> Derivatives:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from excite.errors import LogError
 from excite.robot.robot import Array
@@ -38,6 +37,8 @@ def resample_noisy(time: Array, values: Array, grid: Array) -> Array:
     Raises:
         LogError: the grid reaches outside the stamps.
     """
+    from scipy.interpolate import PchipInterpolator
+
     return PchipInterpolator(time, values)(_inside(time, grid))
 
 
@@ -47,6 +48,8 @@ def resample_smooth(time: Array, values: Array, grid: Array) -> Array:
     Its error falls with the fourth power of the interval, which second derivatives need. Arguments, result
     and errors are those of :func:`resample_noisy`.
     """
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(time, values)(_inside(time, grid))
 
 
