@@ -14,6 +14,7 @@ import numpy as np
 from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
 from excite.diagnosis.floating.gap import in_band, residual_of
 from excite.diagnosis.floating.record import prepare_record
+from excite.diagnosis.floating.state import State
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.simulation.blind.floating.case import build_floating_case
@@ -57,7 +58,8 @@ def scored(seed: int = SEED, cases: int = CASES, first: int = 0) -> tuple[BlindS
 
 def truly_closed(analysis: Analysis, quiet: Log) -> float:
     """Share of the gap's power that a diagnosis' model closes in the same validation trials without noise."""
-    problem = replace(analysis.problem, record=prepare_record(quiet))
+    record = prepare_record(quiet)
+    problem = replace(analysis.problem, record=record, nominal=State.logged(record))
     held_out = problem.record.validation_samples()
     measured = in_band(analysis.problem.record, analysis.problem.nominal.measured)
     scale = measured[~held_out].std(axis=0)

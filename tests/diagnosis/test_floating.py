@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.floating.attribution import attribute
+from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.ranking import Ranked
@@ -24,6 +25,7 @@ from excite.logs.log import Log
 
 # Nominal inertials given and right; plates under a TALOS; nothing hidden.
 _CLEAN = "case_013"
+_FOOTED = "case_000"
 _BIASED, _BIAS = "case_024", (5.264572, 7.468074, -9.363308, -4.561285, -5.174294, -5.676496)
 
 
@@ -40,6 +42,24 @@ def record(clean_log: Log) -> FloatingRecord:
 @pytest.fixture(scope="module")
 def problem(record: FloatingRecord) -> Problem:
     return build_problem(record)
+
+
+@pytest.fixture(scope="module")
+def footed(gap_dir: Path) -> FloatingRecord:
+    """The first samples of a record with sensors in the feet."""
+    return first_samples(prepare_record(load_log(gap_dir / "floating" / _FOOTED)))
+
+
+def first_samples(record: FloatingRecord, n: int = 200) -> FloatingRecord:
+    return replace(
+        record,
+        q=record.q[:n],
+        v=record.v[:n],
+        a=record.a[:n],
+        readings={k: x[:n] for k, x in record.readings.items()},
+        readings_rate={k: x[:n] for k, x in record.readings_rate.items()},
+        spans=(slice(0, n),),
+    )
 
 
 def with_readings(record: FloatingRecord, sensor: str, change) -> FloatingRecord:
@@ -62,15 +82,7 @@ def test_noise_of_a_clean_record_is_as_expected(problem: Problem) -> None:
 
 @pytest.mark.parametrize("name", sorted(FLOATING_EFFECTS))
 def test_effects_vanish_at_zero_and_follow_their_columns(record: FloatingRecord, name: str) -> None:
-    few = replace(
-        record,
-        q=record.q[:200],
-        v=record.v[:200],
-        a=record.a[:200],
-        readings={k: x[:200] for k, x in record.readings.items()},
-        readings_rate={k: x[:200] for k, x in record.readings_rate.items()},
-        spans=(slice(0, 200),),
-    )
+    few = first_samples(record)
     effect, state = FLOATING_EFFECTS[name], State.logged(few)
     location = effect.locations(state)[-1]
     zero = np.zeros(len(effect.parameters(state, location)))
@@ -125,3 +137,16 @@ def test_wrenches_are_needed(clean_log: Log) -> None:
     bare = replace(clean_log, trials=tuple(replace(t, wrenches={}) for t in clean_log.trials))
     with pytest.raises(LogError, match="wrench"):
         prepare_record(bare)
+
+
+@pytest.mark.parametrize("name", ["link_length_error", "encoder_offset", "joint_elasticity", "soft_tissue"])
+def test_columns_of_joints_under_foot_sensors_are_finite_differences(
+    footed: FloatingRecord, name: str
+) -> None:
+    effect, state = FLOATING_EFFECTS[name], State.logged(footed)
+    for location in effect.locations(state)[2:12:3]:
+        theta = 0.5 * effect.scales(state, location)
+        columns = effect.columns(state, location, theta)
+        expected = FloatingEffect.columns(effect, state, location, theta)
+        off = np.linalg.norm(columns - expected, axis=(0, 1))
+        assert (off < 0.01 * np.linalg.norm(expected, axis=(0, 1))).all()

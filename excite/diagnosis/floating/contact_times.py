@@ -11,7 +11,6 @@ from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, refine
 from excite.diagnosis.floating.screening import absent, effect_columns
-from excite.diagnosis.floating.state import State
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
 
@@ -110,7 +109,7 @@ def _pulled(problem: Problem, fitted: Fitted) -> Array:
     """Share of the fitted force that acts at each instant, ``(n,)``, by weighted projection."""
     *_, place = fitted.placed
     *_, force = fitted.theta
-    state = State.logged(problem.record, problem.record.tree.phi + fitted.delta)
+    state = problem.state(fitted.delta)
     state = apply_all(state, fitted.placed[:-1], fitted.theta[:-1])
     always = UnloggedContact(np.ones(problem.record.n_samples)).apply(state, place.location, force)
     pull = state.residual - always.residual

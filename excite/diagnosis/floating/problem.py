@@ -74,6 +74,13 @@ class Problem:
         """``(m,)`` whitened residual in a state."""
         return np.concatenate([self.whitening(state.residual), self.unloaded.residual(state)])
 
+    def state(self, delta: Array) -> State:
+        """The logged state with errors ``delta (10·n_segments,)`` of the inertial parameters.
+
+        What the nominal state has computed of kinematics and sensors is handed on: it does not depend on them.
+        """
+        return self.nominal.but(phi=self.record.tree.phi + delta)
+
     @cached_property
     def nominal_rows(self) -> Array:
         """Those of the nominal state."""

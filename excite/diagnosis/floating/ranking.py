@@ -10,15 +10,16 @@ from excite.diagnosis.floating.contact_times import PRICE_OF_A_SWITCH, find_cont
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, refine
+from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, judged_by, refine
 from excite.diagnosis.floating.screening import Screened, absent, effect_columns, screen
-from excite.diagnosis.floating.state import State
 
 # Nats by which evidence must differ before one hypothesis is preferred (odds of 150 to 1).
 DECISIVE = 5.0
 # Power over the expected noise that repeated trials, which set it, leave open.
 NOISE_SLACK = 1.5
 _FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS = 6, 1, 14
+# How far behind the leading one, in decisive steps, a hypothesis is fitted to all samples.
+_LEADING = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +55,11 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     rows = coarse.rows(state) + coarse.baseline_rows(current.delta)
     screened = screen(coarse, state, rows)
     places = {name: max(1, sum(s.effect.name == name for s in screened)) for name in FLOATING_EFFECTS}
-    fits = [_refined(problem, current, item) for item in _shortlist(screened)]
-    top = min(fits, key=lambda f: f.power, default=None)
+    rough = [_refined(coarse, current, item) for item in _shortlist(screened)]
+    top = min(rough, key=lambda f: f.power, default=None)
     if top is not None:
-        fits += [_refined(problem, current, item) for item in _neighbours(screened, fits, top)]
+        rough += [_refined(coarse, current, item) for item in _neighbours(screened, rough, top)]
+    fits = _in_full(problem, current, rough)
     open_after = (min(f.power for f in fits) if fits else current.power) / n
     if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
         fits += _contacts(problem, current, places)
@@ -71,6 +73,19 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
         gain = 0.5 * (current.power - fit.power) / over
         ranked.append(Ranked(fit, gain - (fit.price - current.price) - choice, choice))
     return tuple(sorted(ranked, key=lambda item: -item.evidence))
+
+
+def _in_full(problem: Problem, current: Fitted, rough: list[Fitted]) -> list[Fitted]:
+    """Fits to every other sample, those that may lead repeated on all of them."""
+    if not rough:
+        return []
+    over = max(1.0, min(f.power for f in rough) / len(problem.nominal_rows))
+    worth = [-0.5 * f.power / over - f.price for f in rough]
+    leading = max(worth) - _LEADING * DECISIVE
+    return [
+        refine(problem, fit.placed, fit.theta, fit) if value > leading else judged_by(problem, fit)
+        for value, fit in zip(worth, rough, strict=True)
+    ]
 
 
 def _shortlist(screened: list[Screened]) -> list[Screened]:
@@ -106,7 +121,7 @@ def _contacts(problem: Problem, current: Fitted, places: dict[str, int]) -> list
         return []
     effect: FloatingEffect = found.fitted.placed[-1].effect
     state = apply_all(
-        State.logged(problem.record, problem.record.tree.phi + found.fitted.delta),
+        problem.state(found.fitted.delta),
         current.placed,
         current.theta,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def apply_all(state: State, placed: tuple[Placed, ...], theta: tuple[Array, ...]
 
 def explained_state(problem: Problem, fitted: Fitted) -> State:
     """The record's state with a fit's inertials and effects."""
-    state = State.logged(problem.record, problem.record.tree.phi + fitted.delta)
+    state = problem.state(fitted.delta)
     return apply_all(state, fitted.placed, fitted.theta)
 
 
@@ -104,24 +104,33 @@ def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...
             break
         gained = 0.5 * (cost - best[3])
         theta, delta, rows, cost = best
-        if gained < _CONVERGED_NATS:
+        if gained < _CONVERGED_NATS * max(1.0, cost / len(rows)):
             break
     null = nominal_fit(problem).power
     parts = _split(theta, counts)
     return Fitted(placed, parts, _split(std, counts), delta, cost, 0.5 * (null - cost) - price, price)
 
 
+def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
+    """A fit, as it is, judged by another problem, as one with more samples of the same record."""
+    counts = [len(values) for values in fitted.theta]
+    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
+    theta = np.concatenate(fitted.theta)
+    rows = _rows(problem, fitted.placed, theta, counts, fitted.delta)
+    return replace(fitted, power=_cost(problem, rows, theta / scales, fitted.delta))
+
+
 def _rows(
     problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array
 ) -> Array:
-    state = State.logged(problem.record, problem.record.tree.phi + delta)
+    state = problem.state(delta)
     return problem.rows(apply_all(state, placed, _split(theta, counts)))
 
 
 def _columns(
     problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array
 ) -> Array:
-    state, columns = State.logged(problem.record, problem.record.tree.phi + delta), []
+    state, columns = problem.state(delta), []
     parts = _split(theta, counts)
     for item, values in zip(placed, parts, strict=True):
         columns.append(effect_columns(problem, state, item.effect, item.location, values))

@@ -28,7 +28,7 @@ def effect_columns(
     """Whitened columns of an effect in units of its scales, unloaded sensors included, ``(m, k)``."""
     base = problem.whitening(effect.columns(state, location, theta))
     unloaded = np.zeros((6 * len(problem.unloaded.sensors), base.shape[1]))
-    if len(unloaded):
+    if len(unloaded) and effect.changes_readings:
         for i, parameter in enumerate(effect.parameters(state, location)):
             ahead = theta.copy()
             ahead[i] += parameter.step

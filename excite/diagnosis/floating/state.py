@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +14,9 @@ from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
 from excite.regressor.tree import KinematicTree
 from excite.robot.robot import Array
+
+if TYPE_CHECKING:
+    from excite.diagnosis.floating.joint_turns import JointTurn
 
 _MOTION = {"tree", "q"}
 _DEPENDS: dict[str, set[str]] = {
@@ -125,6 +128,11 @@ class State:
         for segment in self.record.unmeasured:
             body[:, :, 10 * segment : 10 * segment + 10] = 0.0
         return body
+
+    @cached_property
+    def turns(self) -> dict[int, JointTurn]:
+        """By joint, what :func:`~excite.diagnosis.floating.joint_turns.joint_turn` has found for this state."""
+        return {}
 
     @cached_property
     def joint_torques(self) -> Array:

@@ -39,6 +39,7 @@ class FloatingEffect(ABC):
     Attributes:
         name: a word of the contract.
         reads_as: what it is confused with, and what tells it apart.
+        changes_readings: whether it says something else of what the sensors read.
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
@@ -46,6 +47,7 @@ class FloatingEffect(ABC):
 
     name: ClassVar[str]
     reads_as: ClassVar[str]
+    changes_readings: ClassVar[bool] = False
     least_shrink: ClassVar[float] = 0.05
 
     @abstractmethod
@@ -65,7 +67,9 @@ class FloatingEffect(ABC):
 
         Forward differences: the fit is iterated, and its steps are evaluated in full.
         """
-        columns, here = [], self.apply(state, location, theta).residual if theta.any() else state.residual
+        columns, here = [], state.residual
+        if theta.any():
+            here = self.apply(state, location, theta).residual
         for i, parameter in enumerate(self.parameters(state, location)):
             ahead = theta.copy()
             ahead[i] += parameter.step

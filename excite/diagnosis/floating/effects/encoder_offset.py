@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.joint_turns import joint_turn
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -31,6 +32,11 @@ class EncoderOffset(FloatingEffect):
         q = state.q.copy()
         q[:, state.tree.idx_q[joint_of(state, location)]] += theta[0]
         return state.but(q=q)
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """The joint's own column: it turns, and no more."""
+        turned = self.apply(state, location, theta) if theta.any() else state
+        return -joint_turn(turned, joint_of(state, location)).by_q[:, :, None]
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Logged less true, as the contract counts it."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.joint_turns import joint_turn
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -31,14 +32,28 @@ class JointElasticity(FloatingEffect):
         """Bend the joint, with the rates that this brings."""
         joint = joint_of(state, location)
         iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
-        bend = -theta[0] * state.smooth_torques[:, iv]
+        bend, rate, rate_of_rate = (theta[0] * change for change in self._yields(state, iv))
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
-        for span in state.record.spans:
-            rate = np.gradient(bend[span], 1.0 / state.record.rate_hz)
-            v[span, iv] += rate
-            a[span, iv] += np.gradient(rate, 1.0 / state.record.rate_hz)
         q[:, iq] += bend
+        v[:, iv] += rate
+        a[:, iv] += rate_of_rate
         return state.but(q=q, v=v, a=a)
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """The joint's columns along what a unit of compliance lets it yield."""
+        joint = joint_of(state, location)
+        bent = self.apply(state, location, theta) if theta.any() else state
+        q, v, a = (change[:, None] for change in self._yields(state, state.tree.idx_v[joint]))
+        return joint_turn(bent, joint).columns(q, v, a)
+
+    def _yields(self, state: State, iv: int) -> tuple[Array, Array, Array]:
+        """Angle, velocity and acceleration for a unit of compliance, ``(n,)``."""
+        bend = -state.smooth_torques[:, iv]
+        rate, again = np.empty_like(bend), np.empty_like(bend)
+        for span in state.record.spans:
+            rate[span] = np.gradient(bend[span], 1.0 / state.record.rate_hz)
+            again[span] = np.gradient(rate[span], 1.0 / state.record.rate_hz)
+        return bend, rate, again
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Stiffness and compliance."""

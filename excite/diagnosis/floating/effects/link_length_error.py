@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.moved_branch import moved_branch
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -30,6 +31,12 @@ class LinkLengthError(FloatingEffect):
         translations = state.tree.translations.copy()
         translations[joint_of(state, location)] += theta
         return state.but(tree=replace(state.tree, translations=translations))
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """What the joint carries moves as one, turning with the parent: its mass, its moment, its sensors."""
+        moved = self.apply(state, location, theta) if theta.any() else state
+        joint = joint_of(moved, location)
+        return -moved_branch(moved, joint)
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """The model's placement less the true one."""

@@ -15,6 +15,7 @@ class SensorBias(FloatingEffect):
 
     name: ClassVar[str] = "sensor_bias"
     reads_as: ClassVar[str] = "constant external force, inertials, base orientation; the unloaded foot tells"
+    changes_readings: ClassVar[bool] = True
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Sensors."""

@@ -15,6 +15,7 @@ class SensorCrosstalk(FloatingEffect):
 
     name: ClassVar[str] = "sensor_crosstalk"
     reads_as: ClassVar[str] = "a turn of the sensor's frame, which couples A to B and B to A"
+    changes_readings: ClassVar[bool] = True
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Every ordered pair of axes of every sensor."""

@@ -16,6 +16,7 @@ class SensorGain(FloatingEffect):
 
     name: ClassVar[str] = "sensor_gain"
     reads_as: ClassVar[str] = "with free inertials a gain common to all sensors is invisible"
+    changes_readings: ClassVar[bool] = True
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Sensors, and each of their axes."""

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.joint_turns import joint_turn
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -37,20 +38,48 @@ class SoftTissue(FloatingEffect):
         """Turn the joint, with the rates that this brings."""
         joint = self._joint(state, location)
         iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
+        turn, rate, again = self._wobble(state, joint, theta[3:]) @ theta[:3]
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
+        q[:, iq] += turn
+        v[:, iv] += rate
+        a[:, iv] += again
+        return state.but(q=q, v=v, a=a)
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """The joint's columns along what each parameter makes it do."""
+        joint = self._joint(state, location)
+        turned = self.apply(state, location, theta) if theta.any() else state
+        here = self._wobble(state, joint, theta[3:])
+        changes = [here]
+        for i, parameter in enumerate(self.parameters(state, location)[3:]):
+            ahead = theta[3:].copy()
+            ahead[i] += parameter.step
+            moved = self._wobble(state, joint, ahead) - here if theta[:3].any() else np.zeros_like(here)
+            changes.append((moved @ theta[:3])[..., None] / parameter.step)
+        q, v, a = np.concatenate(changes, axis=2)
+        return joint_turn(turned, joint).columns(q, v, a)
+
+    def _wobble(self, state: State, joint: int, tissue: Array) -> Array:
+        """``(3, n, 3)`` angle, velocity and acceleration for each axis' unit of angle by acceleration.
+
+        Args:
+            state: the state.
+            joint: index in the tree.
+            tissue: ``lag`` and ``inertia``.
+        """
+        out = np.empty((3, len(state.q), 3))
         point = state.poses.translation[:, joint]
         for span in state.record.spans:
             n = span.stop - span.start
             omega = 2.0 * np.pi * np.fft.rfftfreq(n, 1.0 / state.record.rate_hz)
             # Noise of accelerations is left out as a low-pass without phase does.
             follows = -(omega**2) / (1.0 + (omega / (2.0 * np.pi * _CUTOFF_HZ)) ** 8)
-            follows = follows / (1.0 + 1j * omega * theta[3] - omega**2 * theta[4])
+            follows = follows / (1.0 + 1j * omega * tissue[0] - omega**2 * tissue[1])
             line = np.linspace(0.0, 1.0, n)[:, None] * (point[span][-1] - point[span][0])
-            turn = np.fft.rfft((point[span] - line) @ theta[:3]) * follows
-            q[span, iq] += np.fft.irfft(turn, n)
-            v[span, iv] += np.fft.irfft(turn * 1j * omega, n)
-            a[span, iv] += np.fft.irfft(turn * -(omega**2), n)
-        return state.but(q=q, v=v, a=a)
+            turn = np.fft.rfft(point[span] - line, axis=0) * follows[:, None]
+            for order in range(3):
+                out[order, span] = np.fft.irfft(turn * (1j * omega[:, None]) ** order, n, axis=0)
+        return out
 
     def _joint(self, state: State, link: str) -> int:
         """The first joint that belongs to a link."""

@@ -16,6 +16,7 @@ class TimeDelay(FloatingEffect):
 
     name: ClassVar[str] = "time_delay"
     reads_as: ClassVar[str] = "nothing else follows the wrench's rate"
+    changes_readings: ClassVar[bool] = True
 
     def locations(self, state: State) -> tuple[str, ...]:
         """The wrench channels as a whole."""
