@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
@@ -56,6 +55,8 @@ def drift_growth(attribution: Attribution) -> dict[str, list[Array]]:
     for item in attribution.accepted:
         if item.name != "friction_drift":
             continue
+        from scipy.ndimage import uniform_filter1d
+
         h = item.hypothesis
         context = Context(h.baseline)
         j = context.row(item.location)
