@@ -53,6 +53,7 @@ class ArmTrial:
         a: accelerations.
         tau: ``(n, n_joints)`` unfiltered torque, the log's joints in the model's order [N·m].
         rows: indices of the rows that are kept.
+        q_cmd: commanded positions, as ``q``; None where there are none.
     """
 
     name: str
@@ -65,6 +66,7 @@ class ArmTrial:
     a: Array
     tau: Array
     rows: NDArray[np.int64]
+    q_cmd: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,17 +118,20 @@ class ArmSamples:
         Ends are held, not mirrored: rows near them are left out.
         """
         values = signals if isinstance(signals, np.ndarray) else np.concatenate(signals)
-        kept = [trial.rows for trial in self.trials]
         if self.bands.rows_hz >= 0.5 * self.rate_hz:
-            return np.concatenate([v[rows] for v, rows in zip(self.split(values), kept, strict=True)])
-        smooth = both_ways(
-            values.reshape(len(values), -1),
-            np.cumsum([len(trial.time) for trial in self.trials]),
-            np.concatenate(kept),
-            np.cumsum([len(rows) for rows in kept]),
-            *butterworth_sections(_ORDER, self.rate_hz, self.bands.rows_hz),
-        )
+            parts = zip(self.split(values), self.trials, strict=True)
+            return np.concatenate([part[trial.rows] for part, trial in parts])
+        sections = butterworth_sections(_ORDER, self.rate_hz, self.bands.rows_hz)
+        smooth = both_ways(values.reshape(len(values), -1), *self._layout, *sections)
         return smooth.reshape(len(smooth), *values.shape[1:])
+
+    @cached_property
+    def _layout(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Where each trial ends in stacked signals, the rows in their trials, and where each trial ends in these."""
+        ends, row_ends = np.cumsum(
+            [[len(t.time) for t in self.trials], [len(t.rows) for t in self.trials]], 1
+        )
+        return ends, np.concatenate([trial.rows for trial in self.trials]), row_ends
 
     @cached_property
     def identification(self) -> NDArray[np.bool_]:
@@ -144,7 +149,7 @@ class ArmSamples:
 
     def split(self, values: Array) -> list[Array]:
         """Full-rate values of all trials, back into trials."""
-        return np.split(values, np.cumsum([len(t.time) for t in self.trials])[:-1])
+        return np.split(values, self._layout[0][:-1])
 
 
 def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> ArmSamples:
@@ -224,6 +229,11 @@ def _arm_trial(
     q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, robot.model.nv)), np.zeros((n, robot.model.nv))
     columns, order = list(places.moved), list(places.logged)
     q[:, columns], v[:, columns], a[:, columns] = d.value[:, order], d.first[:, order], d.second[:, order]
+    commanded = None
+    if trial.q_cmd is not None:
+        q_cmd = trial.q_cmd if uniform else resample_smooth(trial.time, trial.q_cmd, grid)
+        commanded = np.tile(robot.rest, (n, 1))
+        commanded[:, columns] = q_cmd[:, order]
     edge = max(3, settling_samples(rate, bands.rows_hz))
     step = max(1, round(rate / bands.rate_hz))
     first, last = moving_span(v, 4 * edge)
@@ -238,4 +248,5 @@ def _arm_trial(
         a=a,
         tau=tau,
         rows=np.arange(first + edge, last + 1 - edge, step),
+        q_cmd=commanded,
     )

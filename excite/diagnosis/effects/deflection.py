@@ -16,46 +16,62 @@ def deflect(load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0):  # p
     """Integrate ``M δ̈ = −τ − k(δ) − D δ̇`` with a dead band of ±gap, semi-implicitly.
 
     load, inertia: ``(n,)`` torque that the link needs and its inertia; ``starts`` marks the first sample of
-    each trial, where the deflection is the static one. The spring is ``k x (1 + cubic x²)``; in the dead band
-    there is neither spring nor damper.
+    each trial, the first of all among them, where the deflection is the static one. The spring is
+    ``k x (1 + cubic x²)``; in the dead band there is neither spring nor damper.
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
     n = len(load)
-    out = np.zeros((3, n))
-    x, s, acc = 0.0, 0.0, 0.0
+    out = np.empty((3, n))
+    first = np.flatnonzero(starts)
+    lengths = np.append(first[1:], n) - first
+    count, longest = len(first), lengths.max()
+    # All trials go side by side: the processor works on several, where one would wait for itself.
+    x, s, mean = np.empty(count), np.zeros(count), np.empty(count)
+    now, then, m = np.empty(count), np.empty(count), np.empty(count)
+    for k in range(count):
+        now[k] = load[first[k]]
+        x[k] = -now[k] / stiffness
+        # Newton's method for k x (1 + cubic x²) = −τ; from the softest spring's side it comes down.
+        for _ in range(30):
+            x[k] -= (x[k] * (1.0 + cubic * x[k] * x[k]) + now[k] / stiffness) / (
+                1.0 + 3.0 * cubic * x[k] * x[k]
+            )
+        x[k] = x[k] + gap if x[k] > 0.0 else x[k] - gap
     h = dt / 4
-    for i in range(n):
-        if starts[i]:
-            x = -load[i] / stiffness
-            # Newton's method for k x (1 + cubic x²) = −τ; from the softest spring's side it comes down.
-            for _ in range(30):
-                x -= (x * (1.0 + cubic * x * x) + load[i] / stiffness) / (1.0 + 3.0 * cubic * x * x)
-            x = x + gap if x > 0.0 else x - gap
-            s = 0.0
-        out[0, i], out[1, i] = x, s
-        mean = 0.0
-        last = i if i + 1 >= n or starts[i + 1] else i + 1
-        for k in range(4):
-            share = (k + 0.5) / 4
-            tau = load[i] * (1.0 - share) + load[last] * share
-            m = inertia[i]
-            beyond = x - gap if x > gap else (x + gap if x < -gap else 0.0)
-            kk = stiffness * (1.0 + cubic * beyond * beyond) if beyond != 0.0 else 0.0
-            dd = damping if beyond != 0.0 else 0.0
-            # Implicit in the spring and the damper: stable for any stiffness.
-            force = -tau - kk * (beyond + h * s) - dd * s
-            acc = force / (m + h * dd + h * h * kk)
-            s += h * acc
-            x += h * s
-            mean += acc / 4
-        out[2, i] = mean
+    for i in range(longest):
+        for k in range(count):
+            # A trial that has ended goes on under its last load, unrecorded.
+            here = first[k] + min(i, lengths[k] - 1)
+            if i < lengths[k]:
+                out[0, here], out[1, here] = x[k], s[k]
+            now[k], m[k], mean[k] = load[here], inertia[here], 0.0
+            then[k] = load[first[k] + min(i + 1, lengths[k] - 1)]
+        for part in range(4):
+            share = (part + 0.5) / 4
+            for k in range(count):
+                tau = now[k] * (1.0 - share) + then[k] * share
+                beyond = x[k] - gap if x[k] > gap else (x[k] + gap if x[k] < -gap else 0.0)
+                kk = stiffness * (1.0 + cubic * beyond * beyond) if beyond != 0.0 else 0.0
+                dd = damping if beyond != 0.0 else 0.0
+                # Implicit in the spring and the damper: stable for any stiffness.
+                force = -tau - kk * (beyond + h * s[k]) - dd * s[k]
+                acc = force / (m[k] + h * dd + h * h * kk)
+                s[k] += h * acc
+                x[k] += h * s[k]
+                mean[k] += acc / 4
+        for k in range(count):
+            if i < lengths[k]:
+                out[2, first[k] + i] = mean[k]
     return out
 
 
 def link_inertia(context: Context, j: int) -> Array:
     """Inertia that a joint moves, ``(n_samples,)``, kept positive where fitted parameters make it none [kg·m²]."""
-    mass = context.gradient(j, "a")[:, j]
-    return np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
+    key = (j, "inertia")
+    if key not in context._cache:
+        mass = context.gradient(j, "a")[:, j]
+        context._cache[key] = np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
+    return context._cache[key]
 
 
 def response(
@@ -82,16 +98,8 @@ def response(
         True
     )
     damping = 2.0 * ratio * math.sqrt(stiffness * float(inertia.mean()))
-    x, s, acc = deflect(
-        load,
-        inertia,
-        starts,
-        1.0 / context.baseline.samples.rate_hz,
-        stiffness,
-        damping,
-        gap,
-        cubic,
-    )
+    rate = context.baseline.samples.rate_hz
+    x, s, acc = deflect(load, inertia, starts, 1.0 / rate, stiffness, damping, gap, cubic)
     by_q, by_v = context.gradient(j, "q"), context.gradient(j, "v")
     total = by_q * x[:, None] + by_v * s[:, None] + mass * acc[:, None]
     return {k: total[:, k] for k in range(total.shape[1])}

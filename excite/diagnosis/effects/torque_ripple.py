@@ -11,6 +11,8 @@ from excite.robot.robot import Array
 
 # Periods over a joint's motion below which nothing has been seen to repeat: a spring or a stop would do as well.
 _SEEN = 2.0
+# Spacing of the periods a revolution that are tried.
+_APART = 0.5
 
 
 class TorqueRipple(Effect):
@@ -38,8 +40,8 @@ class TorqueRipple(Effect):
         # Every second row: the sampling of the phase matters little, that of the periods much.
         residual, q = context.baseline.fit.residual[j][use][::2], q[use][::2]
         least = _SEEN * 2.0 * np.pi / max(float(np.ptp(context.q[:, j])), 1e-9)
-        periods = np.arange(max(4.0, np.ceil(2.0 * least) / 2.0), 150.0, 0.5)
-        power = np.abs(np.exp(-1j * np.outer(periods, q)) @ residual)
+        periods = np.arange(max(4.0, np.ceil(2.0 * least) / 2.0), 150.0, _APART)
+        power = _projections(periods, q, residual)
         best: list[Theta] = []
         for k in np.argsort(-power):
             if all(abs(periods[k] - b[0]) > 1.5 for b in best):
@@ -56,6 +58,18 @@ class TorqueRipple(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         seen = theta[0] * float(np.ptp(context.q[:, context.row(location)])) / (2.0 * np.pi)
         return seen >= _SEEN and super().admissible(context, location, theta, beta)
+
+
+def _projections(periods: Array, q: Array, residual: Array) -> Array:
+    """``|Σ r exp(−i N q)|`` at evenly spaced N, ``(n_periods,)``; each wave is the one before, turned on."""
+    power = np.empty(len(periods))
+    if len(periods) == 0:
+        return power
+    wave, turn = residual * np.exp(-1j * periods[0] * q), np.exp(-1j * _APART * q)
+    for k in range(len(periods)):
+        power[k] = np.abs(wave.sum())
+        wave *= turn
+    return power
 
 
 class RippleHarmonics(TorqueRipple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening
 
 from excite.errors import LogError
 from excite.robot.robot import Array
@@ -44,5 +43,7 @@ def long_standstill(velocity: Array, threshold: float, shortest: int) -> NDArray
         threshold: speed below which a joint counts as standing, same unit.
         shortest: shortest stretch [samples].
     """
+    from scipy.ndimage import binary_opening
+
     slow = np.abs(velocity) < threshold
     return binary_opening(slow, np.ones((shortest, 1), dtype=bool))
