@@ -55,6 +55,7 @@ class Simulator:
         self._notes = [item for item in every if item[0] != "time_delay" and item[1] in joints]
         self._delay = sum(v["delay"] for effect, _, v in every if effect == "time_delay")
         self._before = sum(v["before"] for e, _, v in every if e == "actuator_lag")
+        self._stepwise = any(_acts(effect, values) for effect, _, values in self._notes)
         self._dry = DryFriction([item for item in self._notes if item[0] in _FRICTION], joints)
         self._load = np.zeros(len(joints))
 
@@ -85,13 +86,15 @@ class Simulator:
             drive = replace(drive, undamped=True)
         model.dof_damping[:] = self._damping + added
         share = _share(model.opt.timestep, self._before)
-        kept = [window.q]
         with without_log_file():
+            if isinstance(drive, LoggedTorque) and not self._stepwise:
+                return self._open_loop(window, drive.torques(window.time + delay), filtered, share, keep)
+            kept = [window.q]
             for step, time in enumerate(window.time):
                 q, v = data.qpos[self._qpos], data.qvel[self._dof]
                 filtered = filtered + share * (drive.torque(float(time) + delay, q, v) - filtered)
                 data.ctrl[self._motor] = filtered
-                if self._notes:
+                if self._stepwise:
                     self._apply(q, v, window, float(time - window.time[0]), added)
                 mujoco.mj_step(model, data)
                 if self._dry.bristles:
@@ -101,6 +104,25 @@ class Simulator:
         if diverged(data):
             kept[-1] = np.full(len(self.joints), np.nan)
         return np.array(kept)
+
+    def _open_loop(self, window: Window, torques: Array, filtered: Array, share: float, keep: int) -> Array:
+        """:meth:`run` where nothing has to be looked at on the way: all steps at once."""
+        import mujoco
+        from mujoco.rollout import rollout
+
+        control = np.zeros((len(torques), self.model.nu))
+        for k, torque in enumerate(torques):
+            filtered = filtered + share * (torque - filtered)
+            control[k, self._motor] = filtered
+        whole = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        start = np.empty(mujoco.mj_stateSize(self.model, whole))
+        mujoco.mj_getState(self.model, self.data, start, whole)
+        states, _ = rollout(self.model, self.data, start, control)
+        # A state is the time, then the positions.
+        kept = np.vstack([window.q, states[0][keep - 1 :: keep][:, 1 + self._qpos]])
+        if diverged(self.data):
+            kept[-1] = np.nan
+        return kept
 
     def _filtered(self, window: Window, drive: Drive, delay: float) -> tuple[Array, Array]:
         """What the two filters of a lag have come to at the window's start: before the motor, in the motor."""
@@ -112,9 +134,14 @@ class Simulator:
         period = float(past.time[1] - past.time[0])
         first, second = _share(period, self._before), _share(period, slow)
         one = two = drive.torque(float(past.time[0]) + delay, past.q[0], past.v[0])
-        for t, q, v in zip(past.time[:-1], past.q, past.v, strict=False):
-            # Half a period on: the command of an interval, not of its start.
-            one = one + first * (drive.torque(float(t) + 0.5 * period + delay, q, v) - one)
+        # Half a period on: the command of an interval, not of its start.
+        times = past.time[:-1] + 0.5 * period + delay
+        if isinstance(drive, LoggedTorque):
+            asked = drive.torques(times)
+        else:
+            asked = np.array([drive.torque(*x) for x in zip(times, past.q, past.v, strict=False)])
+        for torque in asked:
+            one = one + first * (torque - one)
             two = two + second * (one - two)
         return one, two
 
@@ -178,6 +205,13 @@ class Simulator:
             return self._load
         force = data.qfrc_actuator[dof] + data.qfrc_passive[dof] + data.qfrc_constraint[dof]
         return force + data.qfrc_applied[dof] - self.model.dof_armature[dof] * data.qacc[dof]
+
+
+def _acts(effect: str, values: dict[str, float]) -> bool:
+    """Whether the runner has to see to an effect at every step: not where the model's own text says it all."""
+    if effect == "joint_spring":
+        return not values.keys().isdisjoint({"quadratic", "cubic", "breakaway"})
+    return effect in _FRICTION or "periods_per_rev" in values
 
 
 def _share(period: float, time_constant: float) -> float:

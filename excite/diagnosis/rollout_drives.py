@@ -71,8 +71,12 @@ class LoggedTorque:
     tau: Array
 
     def torque(self, time: float, q: Array, v: Array) -> Array:
-        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
-        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
+        return self.torques(np.array([time]))[0]
+
+    def torques(self, times: Array) -> Array:
+        """Torques of the motors at several times of the trial ``(n,)``, ``(n, n_joints)`` [N·m]."""
+        k = np.clip(np.searchsorted(self.time, times) - 1, 0, len(self.time) - 2)
+        share = np.clip((times - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0, 1.0)[:, None]
         return (1.0 - share) * self.tau[k] + share * self.tau[k + 1]
 
 
