@@ -145,3 +145,11 @@ def test_every_effect_of_the_library_has_a_form():
     from excite.diagnosis.effects.registry import EFFECTS
 
     assert set(EFFECTS) <= set(FORMS)
+
+
+@pytest.mark.parametrize("notes", [{}, {"stribeck": "excess=0.1 velocity=0.1"}])
+def test_a_run_that_diverges_ends_in_what_is_not_finite(notes, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = simulator('frictionloss="0.001"', **notes).run(window(), constant(9e9), 100)
+    assert len(path) == 11 and not np.isfinite(path[-1]).any()
+    assert not list(tmp_path.iterdir())
