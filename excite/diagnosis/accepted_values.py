@@ -17,6 +17,12 @@ _SMOOTH = 201
 
 def found_effects(attribution: Attribution) -> tuple[Found, ...]:
     """The accepted effects with their sizes as fitted all together."""
+    sizes = fitted_sizes(attribution)
+    return tuple(_found(item, beta) for item, beta in zip(attribution.accepted, sizes, strict=True))
+
+
+def fitted_sizes(attribution: Attribution) -> tuple[Array, ...]:
+    """Linear parameters of each accepted effect, ``(n_linear,)``, as fitted all together."""
     last, place, made = attribution.final, 0, []
     columns = last.solver.equations.shared
     first = attribution.stages[0].context.baseline.basis.shape[1]
@@ -30,7 +36,7 @@ def found_effects(attribution: Attribution) -> tuple[Found, ...]:
             scale = np.linalg.norm(columns[:, :, here], axis=(0, 1)) / np.where(size > 0.0, size, 1.0)
             beta = last.fit.shared[here] * scale
         place += count
-        made.append(_found(item, beta))
+        made.append(beta)
     return tuple(made)
 
 
