@@ -87,20 +87,22 @@ class Simulator:
         model.dof_damping[:] = self._damping + added
         share = _share(model.opt.timestep, self._before)
         with without_log_file():
-            if isinstance(drive, LoggedTorque) and not self._stepwise:
-                return self._open_loop(window, drive.torques(window.time + delay), filtered, share, keep)
-            kept = [window.q]
+            told = drive.torques(window.time + delay) if isinstance(drive, LoggedTorque) else None
+            if told is not None and not self._stepwise:
+                return self._open_loop(window, told, filtered, share, keep)
+            kept, positions, velocities = [window.q], data.qpos, data.qvel
             for step, time in enumerate(window.time):
-                q, v = data.qpos[self._qpos], data.qvel[self._dof]
-                filtered = filtered + share * (drive.torque(float(time) + delay, q, v) - filtered)
+                q, v = positions[self._qpos], velocities[self._dof]
+                asked = drive.torque(float(time) + delay, q, v) if told is None else told[step]
+                filtered = filtered + share * (asked - filtered)
                 data.ctrl[self._motor] = filtered
                 if self._stepwise:
                     self._apply(q, v, window, float(time - window.time[0]), added)
                 mujoco.mj_step(model, data)
                 if self._dry.bristles:
-                    self._dry.move(data.qvel[self._dof], model.opt.timestep)
+                    self._dry.move(velocities[self._dof], model.opt.timestep)
                 if (step + 1) % keep == 0:
-                    kept.append(data.qpos[self._qpos].copy())
+                    kept.append(positions[self._qpos])
         if diverged(data):
             kept[-1] = np.full(len(self.joints), np.nan)
         return np.array(kept)
@@ -160,13 +162,14 @@ class Simulator:
             )
 
     def _apply(self, q: Array, v: Array, window: Window, elapsed: float, added: Array) -> None:
-        model, data, dof = self.model, self.data, self._dof
-        growth = self._growth(window, elapsed)
-        level, viscous = self._dry.levels(self._friction[dof], v, self._carried(), growth)
-        bent, stiff = self._dry.bent(level, v, model.opt.timestep)
-        model.dof_frictionloss[dof] = level
-        model.dof_damping[:] = self._damping + added
-        model.dof_damping[dof] += viscous + stiff
+        model, data, dof, bent = self.model, self.data, self._dof, np.zeros(len(self.joints))
+        if self._dry.acts:
+            carried = self._carried() if self._dry.loaded else self._load
+            level, viscous = self._dry.levels(self._friction[dof], v, carried, self._growth(window, elapsed))
+            bent, stiff = self._dry.bent(level, v, model.opt.timestep)
+            model.dof_frictionloss[dof] = level
+            model.dof_damping[:] = self._damping + added
+            model.dof_damping[dof] += viscous + stiff
         data.qfrc_applied[:] = 0.0
         data.qfrc_applied[dof] = bent
         for effect, place, p in self._notes:

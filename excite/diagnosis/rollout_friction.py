@@ -53,7 +53,13 @@ class Bristle:
 
 
 class DryFriction:
-    """Friction levels of all joints at every step, and the bristles of those that have some."""
+    """Friction levels of all joints at every step, and the bristles of those that have some.
+
+    Attributes:
+        bristles: those of all joints.
+        acts: whether anything changes from step to step.
+        loaded: whether the torques that the gears carry matter.
+    """
 
     def __init__(self, notes: Sequence[Note], joints: tuple[str, ...]):
         """Pick what is friction from a model's notes.
@@ -71,6 +77,11 @@ class DryFriction:
             elif "breakaway" in p:
                 self._own.append((Bristle(j, p["breakaway"]), p))
         self.bristles = (*self._common.values(), *(bristle for bristle, _ in self._own))
+        kinds = {effect for effect, *_ in self._notes}
+        self.acts, self.loaded = (
+            bool(self.bristles or kinds - {"joint_spring"}),
+            "load_dependent_friction" in kinds,
+        )
 
     def start(self, window: Window) -> None:
         """Begin a window."""
@@ -102,6 +113,8 @@ class DryFriction:
     def bent(self, level: Array, v: Array, step: float) -> tuple[Array, Array]:
         """Torque and damping of all bristles; levels that they take over are taken off ``level`` in place."""
         force, damping = np.zeros_like(level), np.zeros_like(level)
+        if not self.bristles:
+            return force, damping
         parts = [(b, level[j]) for j, b in self._common.items()]
         level[list(self._common)] = 0.0
         for bristle, p in self._own:
