@@ -10,6 +10,7 @@ from excite.diagnosis.floating.refinement import (
     Fitted,
     explained_state,
     nominal_fit,
+    refine,
 )
 from excite.diagnosis.floating.search import Step, rivals, search, tied_places
 from excite.diagnosis.floating.spectrum import NOT_NOISE, repeat_levels
@@ -26,7 +27,8 @@ class Attribution:
     Attributes:
         verdict: ``none``, ``effect``, ``ambiguous`` or ``unknown``.
         baseline: the baseline's fit.
-        steps: for each accepted effect, all its rivals, best first.
+        steps: for each accepted effect, all its rivals given the others, best first.
+        partial: fits of the first accepted effect, of the first two and so on.
         rivals: names that the data cannot tell from the first accepted effect, itself first.
         tied: places that the data cannot tell from each accepted effect's, itself first.
         overdispersion: power that the accepted effects leave over that expected.
@@ -35,7 +37,8 @@ class Attribution:
 
     verdict: Verdict
     baseline: Fitted
-    steps: tuple[tuple[Ranked, ...], ...]
+    steps: tuple[Step, ...]
+    partial: tuple[Fitted, ...]
     rivals: tuple[Ranked, ...]
     tied: tuple[tuple[str, ...], ...]
     overdispersion: float
@@ -60,7 +63,14 @@ def attribute(problem: Problem) -> Attribution:
     tied = tuple(tied_places(step) for step in steps)
     close = rivals(steps[0]) if steps else ()
     verdict = _verdict(problem, baseline, steps, close, explained, n)
-    return Attribution(verdict, baseline, steps, close, tied, over, explained)
+    return Attribution(verdict, baseline, steps, _partial(problem, current), close, tied, over, explained)
+
+
+def _partial(problem: Problem, full: Fitted) -> tuple[Fitted, ...]:
+    """Fits of the first effects of a fit, one more each; the last is the fit itself."""
+    counts = range(1, len(full.placed))
+    first = tuple(refine(problem, full.placed[:k], full.theta[:k], full) for k in counts)
+    return (*first, full) if full.placed else ()
 
 
 def _verdict(

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.ndimage import median_filter
 
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, refine
+from excite.diagnosis.floating.refinement import (
+    Fitted,
+    Placed,
+    apply_all,
+    explained_state,
+    linearised,
+    refine,
+)
 from excite.diagnosis.floating.screening import absent, effect_columns
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
@@ -20,18 +25,10 @@ _ROUNDS = 4
 # Share of the variance that two levels must explain: 0.64 for Gaussian noise, 0.75 for an even spread.
 _TWO_LEVELS = 0.8
 # Each change between contact and none is a free moment in time.
-PRICE_OF_A_SWITCH = 6.0
+_PRICE_OF_A_SWITCH = 6.0
 
 
-@dataclass(frozen=True, eq=False)
-class ContactFit:
-    """The best contact found, and how often it came or went."""
-
-    fitted: Fitted
-    switches: int
-
-
-def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> ContactFit | None:
+def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Fitted | None:
     """Alternate between when and where, from two clusters of the smoothed residual; None if there are not two.
 
     Args:
@@ -49,30 +46,26 @@ def find_contact(problem: Problem, before: Fitted, shortlist: int = 2) -> Contac
     between = upper.mean() * (1.0 - upper.mean()) * (high - low) ** 2
     if between < _TWO_LEVELS * score.var():
         return None
-    best: ContactFit | None = None
+    best: Fitted | None = None
     for raw in ((score - low) / (high - low), (high - score) / (high - low)):
         found = _alternate(problem, before, _tidy(problem, raw), shortlist)
-        if found is not None and (best is None or _worth(found) > _worth(best)):
+        if found is not None and (best is None or found.evidence > best.evidence):
             best = found
-        if best is not None and best.fitted.power < 2.0 * len(problem.nominal_rows):
+        if best is not None and best.power < 2.0 * len(problem.nominal_rows):
             break
     return best
 
 
-def _worth(found: ContactFit) -> float:
-    return found.fitted.evidence - PRICE_OF_A_SWITCH * found.switches
-
-
-def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -> ContactFit | None:
-    best: ContactFit | None = None
+def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -> Fitted | None:
+    best: Fitted | None = None
+    beside, state, rows = linearised(problem, before)
     for _ in range(_ROUNDS):
-        effect = UnloggedContact(share, share[problem.record.every_other])
-        state = explained_state(problem, before)
-        rows = problem.rows(state) + problem.baseline_rows(before.delta)
+        price = _PRICE_OF_A_SWITCH * float((np.abs(np.diff(share > 0.5))).sum())
+        effect = UnloggedContact(share, share[problem.record.every_other], price)
         ranked = sorted(
             (
                 (
-                    problem.fit(
+                    beside.fit(
                         rows, effect_columns(problem, state, effect, link, absent(effect, state, link))
                     ),
                     link,
@@ -90,12 +83,11 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
             )
             for fit, link in ranked
         ]
-        top = max(fits, key=lambda item: item.evidence)
-        found = ContactFit(top, int((np.abs(np.diff(share > 0.5))).sum()))
-        if best is not None and _worth(found) <= _worth(best) + 1.0:
+        found = max(fits, key=lambda item: item.evidence)
+        if best is not None and found.evidence <= best.evidence + 1.0:
             return best
         best = found
-        share = _tidy(problem, _pulled(problem, top))
+        share = _tidy(problem, _pulled(problem, found))
         if not 0.01 < share.mean() < 0.99:
             return best
     return best

@@ -149,7 +149,7 @@ def _effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate,
     for k, step in enumerate(found.steps):
         best = step[0]
         placed = final.placed[k]
-        share, after = _closed(problem, found, best.fitted, gap)
+        share, after = _closed(problem, found, found.partial[k], gap)
         out.append(
             Candidate(
                 effect=placed.effect.called(final.theta[k]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -117,16 +117,29 @@ class Problem:
         """Factor of the baseline's normal equations, prior included."""
         return scipy.linalg.cho_factor(self.columns.T @ self.columns + np.eye(len(self.index)))
 
+    def beside(self, columns: Array) -> Problem:
+        """The problem in which the parameters of ``columns (m, k)``, of unit prior, are integrated out as well."""
+        left = columns - self.basis @ self.project(columns)
+        factor = np.linalg.cholesky(np.eye(columns.shape[1]) + columns.T @ left)
+        further = scipy.linalg.solve_triangular(factor, left.T, lower=True).T
+        return replace(self, basis=np.hstack([self.basis, further]))
+
     def power(self, rows: Array) -> float:
         """Sum of squares left by the baseline, its prior included."""
         return float(rows @ rows - (self.project(rows) ** 2).sum())
 
     def fit(self, rows: Array, columns: Array) -> LinearFit:
         """Fit ``columns (m, k)``, in units of their scales, to ``rows (m,)``."""
-        projected, shadow = self.project(columns), self.project(rows)
-        gram = columns.T @ columns - projected.T @ projected
-        right = columns.T @ rows - projected.T @ shadow
-        return solve(gram, right)
+        return self.fit_each(rows, [columns])[0]
+
+    def fit_each(self, rows: Array, hypotheses: list[Array]) -> list[LinearFit]:
+        """Fit each of several sets of columns, by itself."""
+        ends = np.cumsum([columns.shape[1] for columns in hypotheses])[:-1]
+        projected, shadow = self.project(np.hstack(hypotheses)), self.project(rows)
+        return [
+            solve(columns.T @ columns - part.T @ part, columns.T @ rows - part.T @ shadow)
+            for columns, part in zip(hypotheses, np.split(projected, ends, axis=1), strict=True)
+        ]
 
 
 def solve(gram: Array, right: Array, overdispersion: float = 1.0) -> LinearFit:

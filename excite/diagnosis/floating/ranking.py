@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.diagnosis.floating.contact_times import PRICE_OF_A_SWITCH, find_contact
+from excite.diagnosis.floating.contact_times import find_contact
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.refinement import Fitted, Placed, apply_all, explained_state, judged_by, refine
+from excite.diagnosis.floating.refinement import Fitted, Placed, judged_by, linearised, refine
 from excite.diagnosis.floating.screening import Screened, absent, effect_columns, screen
 
 # Nats by which evidence must differ before one hypothesis is preferred (odds of 150 to 1).
@@ -18,6 +18,8 @@ DECISIVE = 5.0
 # Power over the expected noise that repeated trials, which set it, leave open.
 NOISE_SLACK = 1.5
 _FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS = 6, 1, 14
+# Share of the best linearised gain below which no iteration will bring a hypothesis to the top.
+_WORTH_A_LOOK = 0.2
 # How far behind the leading one, in decisive steps, a hypothesis is fitted to all samples.
 _LEADING = 4.0
 
@@ -51,9 +53,7 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
         current: what is accepted already.
     """
     n = len(problem.nominal_rows)
-    state = explained_state(coarse, current)
-    rows = coarse.rows(state) + coarse.baseline_rows(current.delta)
-    screened = screen(coarse, state, rows)
+    screened = screen(*linearised(coarse, current))
     places = {name: max(1, sum(s.effect.name == name for s in screened)) for name in FLOATING_EFFECTS}
     rough = [_refined(coarse, current, item) for item in _shortlist(screened)]
     top = min(rough, key=lambda f: f.power, default=None)
@@ -66,10 +66,15 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     fits = [f for f in fits if current.power - f.power > f.placed[-1].effect.least_shrink * n]
     if not fits:
         return ()
-    over = max(1.0, min(f.power for f in fits) / n)
+    choices = [float(np.log(places.get(fit.placed[-1].effect.name, 1))) for fit in fits]
+    return by_evidence(list(zip(fits, choices, strict=True)), current, problem)
+
+
+def by_evidence(fits: list[tuple[Fitted, float]], current: Fitted, problem: Problem) -> tuple[Ranked, ...]:
+    """Fits, each with what the number of its places costs, ranked by evidence over ``current``, best first."""
+    over = max(1.0, min(fit.power for fit, _ in fits) / len(problem.nominal_rows))
     ranked = []
-    for fit in fits:
-        choice = float(np.log(places.get(fit.placed[-1].effect.name, 1)))
+    for fit, choice in fits:
         gain = 0.5 * (current.power - fit.power) / over
         ranked.append(Ranked(fit, gain - (fit.price - current.price) - choice, choice))
     return tuple(sorted(ranked, key=lambda item: -item.evidence))
@@ -89,10 +94,11 @@ def _in_full(problem: Problem, current: Fitted, rough: list[Fitted]) -> list[Fit
 
 
 def _shortlist(screened: list[Screened]) -> list[Screened]:
-    """The first few of all, and the best of each effect that explains anything."""
+    """The first few of all, and the best of each effect that explains a good part of what the first does."""
     chosen = [item for item in screened[:_FIRST_LOOK] if item.fit.evidence > 0.0]
+    least = _WORTH_A_LOOK * max((item.fit.gain for item in chosen), default=0.0)
     for name in FLOATING_EFFECTS:
-        own = [item for item in screened if item.effect.name == name and item.fit.evidence > 0.0]
+        own = [s for s in screened if s.effect.name == name and s.fit.evidence > 0.0 and s.fit.gain > least]
         chosen += [item for item in own[:_PER_EFFECT] if item not in chosen]
     return chosen
 
@@ -119,21 +125,16 @@ def _contacts(problem: Problem, current: Fitted, places: dict[str, int]) -> list
     found = find_contact(problem, current)
     if found is None:
         return []
-    effect: FloatingEffect = found.fitted.placed[-1].effect
-    state = apply_all(
-        problem.state(found.fitted.delta),
-        current.placed,
-        current.theta,
-    )
-    rows = problem.rows(state) + problem.baseline_rows(found.fitted.delta)
+    effect: FloatingEffect = found.placed[-1].effect
+    beside, state, rows = linearised(problem, current)
     locations = effect.locations(problem.nominal)
     places[effect.name] = len(locations)
     linear = {
-        link: problem.fit(rows, effect_columns(problem, state, effect, link, absent(effect, state, link)))
+        link: beside.fit(rows, effect_columns(problem, state, effect, link, absent(effect, state, link)))
         for link in locations
     }
     nearest = sorted(locations, key=lambda link: -linear[link].evidence)[: _NEIGHBOURS // 2]
-    fits = [
+    return [
         refine(
             problem,
             (*current.placed, Placed(effect, link)),
@@ -141,8 +142,4 @@ def _contacts(problem: Problem, current: Fitted, places: dict[str, int]) -> list
             current,
         )
         for link in nearest
-    ]
-    price = PRICE_OF_A_SWITCH * found.switches
-    return [
-        Fitted(f.placed, f.theta, f.std, f.delta, f.power, f.evidence - price, f.price + price) for f in fits
     ]

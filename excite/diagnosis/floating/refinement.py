@@ -107,8 +107,25 @@ def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...
         if gained < _CONVERGED_NATS * max(1.0, cost / len(rows)):
             break
     null = nominal_fit(problem).power
+    price += sum(item.effect.price for item in placed)
     parts = _split(theta, counts)
     return Fitted(placed, parts, _split(std, counts), delta, cost, 0.5 * (null - cost) - price, price)
+
+
+def linearised(problem: Problem, fitted: Fitted) -> tuple[Problem, State, Array]:
+    """What a further effect is to be fitted to, when those of a fit are free to give way.
+
+    Returns:
+        The problem with the fit's effects integrated out as well; the state with them in it; whitened rows.
+    """
+    state = explained_state(problem, fitted)
+    rows = problem.rows(state) + problem.baseline_rows(fitted.delta)
+    if not fitted.placed:
+        return problem, state, rows
+    counts, theta = [len(values) for values in fitted.theta], np.concatenate(fitted.theta)
+    columns = _columns(problem, fitted.placed, theta, counts, fitted.delta)
+    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
+    return problem.beside(columns), state, rows + columns @ (theta / scales)
 
 
 def judged_by(problem: Problem, fitted: Fitted) -> Fitted:

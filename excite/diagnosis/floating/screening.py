@@ -55,8 +55,12 @@ def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
     hypotheses = [
         (effect, location) for effect in FLOATING_EFFECTS.values() for location in effect.locations(state)
     ]
-    screened = []
-    for effect, location in hypotheses:
-        columns = effect_columns(problem, state, effect, location, absent(effect, state, location))
-        screened.append(Screened(effect, location, problem.fit(rows, columns)))
+    columns = [
+        effect_columns(problem, state, effect, location, absent(effect, state, location))
+        for effect, location in hypotheses
+    ]
+    screened = [
+        Screened(effect, location, fit)
+        for (effect, location), fit in zip(hypotheses, problem.fit_each(rows, columns), strict=True)
+    ]
     return sorted(screened, key=lambda item: -item.fit.evidence)

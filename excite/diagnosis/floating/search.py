@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from excite.diagnosis.floating.exchange import Step, exchanged
 from excite.diagnosis.floating.held_out import held_out_gain
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked, rank_next
@@ -17,8 +18,6 @@ _FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
 _MOST_EFFECTS = 3
 # Effects from which a search for several begins, and what each must close at least of what the best closes.
 _BEGINNINGS, _CLOSES = 3, 0.5
-
-Step = tuple[Ranked, ...]
 
 
 def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, ...]:
@@ -44,12 +43,26 @@ def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, .
     n = len(problem.nominal_rows)
     over = max(1.0, min(chain[-1][0].fitted.power for chain in chains) / n)
     chain = max(chains, key=lambda chain: _evidence(chain, baseline, over))
-    while len(chain) < _MOST_EFFECTS and len(chain) > 1 and not _enough(problem, chain[-1][0].fitted):
+    while len(chain) > 1:
+        chain = _settled(problem, coarse, chain, baseline)
+        if len(chain) == _MOST_EFFECTS or _enough(problem, chain[-1][0].fitted):
+            break
         further = _step(problem, coarse, chain[-1][0].fitted, baseline)
         if further is None:
             break
         chain = (*chain, further)
-    return needed(problem, chain, baseline)
+    return chain
+
+
+def _settled(
+    problem: Problem, coarse: Problem, chain: tuple[Step, ...], baseline: Fitted
+) -> tuple[Step, ...]:
+    """The chain after exchanges, without what they have made superfluous."""
+    while True:
+        before = len(chain)
+        chain = needed(problem, exchanged(problem, coarse, chain), baseline)
+        if len(chain) == before:
+            return chain
 
 
 def _step(problem: Problem, coarse: Problem, current: Fitted, baseline: Fitted) -> Step | None:

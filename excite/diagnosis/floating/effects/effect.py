@@ -43,12 +43,14 @@ class FloatingEffect(ABC):
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
+        price: what must be paid for what was learnt of it from the record before its parameters [nats].
     """
 
     name: ClassVar[str]
     reads_as: ClassVar[str]
     changes_readings: ClassVar[bool] = False
     least_shrink: ClassVar[float] = 0.05
+    price: float = 0.0
 
     @abstractmethod
     def locations(self, state: State) -> tuple[str, ...]:

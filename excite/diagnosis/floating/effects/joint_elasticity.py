@@ -14,7 +14,12 @@ from excite.robot.robot import Array
 
 
 class JointElasticity(FloatingEffect):
-    """True angle = logged − compliance × torque; the torque includes what the feet carry."""
+    """True angle = logged − (compliance + stiffening · |τ|/τ₀) · τ, the torque τ with what the feet carry.
+
+    τ₀ is the largest torque of the record. Gears with flexsplines and rubber stiffen under load
+   
+    (Tuttle and Seering 1996); a straight line is the case without it.
+    """
 
     name: ClassVar[str] = "joint_elasticity"
     reads_as: ClassVar[str] = "encoder offset, where the joint's load hardly changes"
@@ -25,14 +30,17 @@ class JointElasticity(FloatingEffect):
         return joints(state)
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """Compliance, one over the stiffness."""
-        return (Parameter("compliance", "rad/(N·m)", 3e-3, 1e-4),)
+        """Compliance of the unloaded joint, one over its stiffness, and how that changes with load."""
+        return (
+            Parameter("compliance", "rad/(N·m)", 3e-3, 1e-4),
+            Parameter("stiffening", "rad/(N·m)", 1e-3, 1e-4),
+        )
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Bend the joint, with the rates that this brings."""
         joint = joint_of(state, location)
         iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
-        bend, rate, rate_of_rate = (theta[0] * change for change in self._yields(state, iv))
+        bend, rate, rate_of_rate = (change @ theta for change in self._yields(state, iv))
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
         q[:, iq] += bend
         v[:, iv] += rate
@@ -40,23 +48,24 @@ class JointElasticity(FloatingEffect):
         return state.but(q=q, v=v, a=a)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
-        """The joint's columns along what a unit of compliance lets it yield."""
+        """The joint's columns along what each parameter lets it yield."""
         joint = joint_of(state, location)
         bent = self.apply(state, location, theta) if theta.any() else state
-        q, v, a = (change[:, None] for change in self._yields(state, state.tree.idx_v[joint]))
-        return joint_turn(bent, joint).columns(q, v, a)
+        return joint_turn(bent, joint).columns(*self._yields(state, state.tree.idx_v[joint]))
 
     def _yields(self, state: State, iv: int) -> tuple[Array, Array, Array]:
-        """Angle, velocity and acceleration for a unit of compliance, ``(n,)``."""
-        bend = -state.smooth_torques[:, iv]
+        """Angle, velocity and acceleration for a unit of each parameter, ``(n, 2)``."""
+        torque = state.smooth_torques[:, iv]
+        load = np.abs(torque) / max(float(np.abs(torque).max()), 1e-9)
+        bend = -np.column_stack([torque, load * torque])
         rate, again = np.empty_like(bend), np.empty_like(bend)
         for span in state.record.spans:
-            rate[span] = np.gradient(bend[span], 1.0 / state.record.rate_hz)
-            again[span] = np.gradient(rate[span], 1.0 / state.record.rate_hz)
+            rate[span] = np.gradient(bend[span], 1.0 / state.record.rate_hz, axis=0)
+            again[span] = np.gradient(rate[span], 1.0 / state.record.rate_hz, axis=0)
         return bend, rate, again
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
-        """Stiffness and compliance."""
+        """Stiffness of the unloaded joint, and the parameters."""
         if not theta[0]:
             return super().report(state, location, theta, std)
         stiffness = 1.0 / float(theta[0])

@@ -15,14 +15,14 @@ class UnloggedContact(FloatingEffect):
     """A world force at a point of the link while the contact lasts; when it lasts is learnt from the record.
 
     ``share (n,)``, between 0 and 1, says when: a member made without it has no places. ``coarse`` is the same
-    for a thinned record.
+    for a thinned record; ``price`` is that of the moments at which it comes and goes.
     """
 
     name: ClassVar[str] = "unlogged_contact"
     reads_as: ClassVar[str] = "any force that comes and goes; two levels, and the same link each time"
 
-    def __init__(self, share: Array | None = None, coarse: Array | None = None):
-        self.share, self.coarse = share, coarse
+    def __init__(self, share: Array | None = None, coarse: Array | None = None, price: float = 0.0):
+        self.share, self.coarse, self.price = share, coarse, price
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links, once it is known when there was a contact."""
