@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from excite.diagnosis.candidate import Candidate, in_words, measured, sized
@@ -24,6 +24,8 @@ class Rollout:
         model: file name of the augmented simulator, None where none was written.
         driven_by: what drives the roll-outs: ``logged torque`` (no feedback) or ``q_cmd`` (the servo).
         warnings: effects that the simulator cannot express or ignores.
+        floor: by channel, RMS by which replicas of the nominal simulator differ that start, and are driven, with
+            as much noise as the record has; what no model can go below, same unit.
     """
 
     before: dict[str, float]
@@ -32,12 +34,14 @@ class Rollout:
     model: str | None
     driven_by: str = "logged torque"
     warnings: tuple[str, ...] = ()
+    floor: dict[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """The comparison as it stands in the document."""
         return {
             "before": dict(self.before),
             "after": dict(self.after),
+            "floor": dict(self.floor),
             "horizon_s": self.horizon_s,
             "model": self.model,
             "driven_by": self.driven_by,

@@ -16,6 +16,7 @@ from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.result import Rollout
 from excite.diagnosis.rollout import Simulator
+from excite.diagnosis.rollout_floor import replicated
 from excite.diagnosis.rollout_windows import HORIZON_S, Plan, pieces, torque_plan
 from excite.diagnosis.samples import ArmSamples
 from excite.errors import InputError
@@ -104,8 +105,17 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
         model=None,
         driven_by=plan.driven_by,
         warnings=warnings,
+        floor=_floor(before.xml, baseline, plan),
     )
     return Comparison(rollout, after.xml, len(kept))
+
+
+def _floor(xml: str, baseline: Baseline, plan: Plan) -> dict[str, float]:
+    """RMS by which replicas of the nominal simulator differ from it, by joint [rad]."""
+    samples, few = baseline.samples, replace(plan, total_s=min(plan.total_s, _CHECKED_S))
+    again = replicated(samples, few, np.random.default_rng(0))
+    apart = errors(xml, again[0], baseline.rigid, again[1]) - errors(xml, samples, baseline.rigid, few)
+    return _rms(apart, samples.joints)
 
 
 def _helpful(

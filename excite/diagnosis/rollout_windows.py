@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, Past, Window
+from excite.diagnosis.rollout_torques import DrivingTorques, driving_torques
 from excite.diagnosis.samples import ArmSamples, ArmTrial
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
@@ -32,6 +33,7 @@ class Plan:
         total_s: simulated time at most: roll-outs are spread evenly over longer records [s].
         growth: by joint, how far friction that drifts has come, one ``(n,)`` a trial.
         fitted: simulate the identification trials, not the validation trials.
+        torques: what drives them where that is the log's torques.
     """
 
     horizon_s: float
@@ -40,12 +42,15 @@ class Plan:
     total_s: float = _TOTAL_S
     growth: Mapping[str, list[Array]] = field(default_factory=dict)
     fitted: bool = False
+    torques: DrivingTorques | None = None
 
 
 def torque_plan(samples: ArmSamples) -> Plan:
     """Half a second with the logged torques."""
-    drives: dict[str, Drive] = {t.name: LoggedTorque(t.time, t.tau) for t in samples.trials}
-    return Plan(HORIZON_S, drives, "logged torque")
+    torques = driving_torques(samples)
+    drives: dict[str, Drive] = {t.name: LoggedTorque(t.time, torques.torque[t.name]) for t in samples.trials}
+    how = "logged torque, smoothed by what the commands tell of it" if torques.smoothed else "logged torque"
+    return Plan(HORIZON_S, drives, how, torques=torques)
 
 
 @dataclass(frozen=True, eq=False)
