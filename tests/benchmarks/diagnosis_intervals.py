@@ -26,6 +26,7 @@ from excite.simulation.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
 from excite.simulation.blind.draw import ROBOTS, draft
 from excite.simulation.blind.make import _NOISE_TAU, _prepare, _session, recordings_of
 from excite.simulation.execution import execute
+from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
 from tests.benchmarks.table import Row
 
@@ -116,16 +117,13 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
         recordings = recordings_of(virtual, arm)
         spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
         sigma = plan.noise * (_NOISE_TAU * spread + 2e-4 * spread.max())
-        more, memory = [], {}
+        more: list[Recording] = []
+        memory: dict = {}
         while len(more) < 2 * PAIRS:
             for motion in arm_of(load_robot(plan.robot), plan.fixed, rng).motions[: 2 * PAIRS - len(more)]:
                 name, start = f"trial_{len(recordings) + len(more):02d}", len(recordings) + len(more)
-                run = execute(
-                    virtual,
-                    replace(motion, name=name),
-                    session_s=start * (TRIAL_S + PAUSE_S),
-                    memory=memory,
-                )
+                session = start * (TRIAL_S + PAUSE_S)
+                run = execute(virtual, replace(motion, name=name), session_s=session, memory=memory)
                 for reading in virtual.readings:
                     run = reading(run)
                 more.append(run)
