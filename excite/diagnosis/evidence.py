@@ -68,14 +68,14 @@ def effective_counts(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.
     for side, rows in enumerate((use, ~use)):
         if not rows.any():
             continue
-        for j in range(len(residual)):
-            total = np.zeros(_LAGS)
-            for k in np.unique(trial[rows]):
-                r = residual[j][trial == k]
-                r = r - r.mean()
-                f = np.fft.rfft(r, 2 * len(r))
-                acf = np.fft.irfft(np.abs(f) ** 2)[:_LAGS]
-                total[: len(acf)] += acf
+        totals = np.zeros((len(residual), _LAGS))
+        for k in np.unique(trial[rows]):
+            r = np.ascontiguousarray(residual[:, trial == k])
+            r = r - r.mean(axis=1, keepdims=True)
+            f = np.fft.rfft(r, 2 * r.shape[1], axis=1)
+            acf = np.fft.irfft(np.abs(f) ** 2, axis=1)[:, :_LAGS]
+            totals[:, : acf.shape[1]] += acf
+        for j, total in enumerate(totals):
             rho = total / max(total[0], 1e-300)
             pairs = rho[0:-1:2] + rho[1::2]
             stop = np.flatnonzero(pairs <= 0.0)

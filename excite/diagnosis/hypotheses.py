@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import minimize
 
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
 from excite.diagnosis.equations import Fit, Solver
+from excite.diagnosis.simplex import nelder_mead
 from excite.robot.robot import Array
 
 
@@ -150,6 +150,5 @@ class Search:
             return item.loss + float(np.abs(point - inside).sum())
 
         simplex = origin + np.vstack([np.zeros(n), step * np.eye(n)])
-        options = {"maxfev": evaluations * n, "initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-4}
-        minimize(loss, origin, method="Nelder-Mead", options=options)
+        nelder_mead(loss, simplex, evaluations * n, near=0.01, flat=1e-4)
         return best
