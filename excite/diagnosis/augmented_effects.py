@@ -101,12 +101,19 @@ def _body(plant: Plant, robot: Robot, joints: tuple[str, ...], item: Found) -> P
     return replace(plant, phi=phi)
 
 
+def _rubbing(plant: Plant, robot: Robot, joints: tuple[str, ...], item: Found) -> Plant:
+    """Bristles do not push: where a fit has them do so, the joint has less dry friction."""
+    less = min(item.value("rubbing"), 0.0)
+    return _drive("coulomb", "level")(plant, robot, joints, replace(item, values={"level": less}))
+
+
 def _spring(draft: Draft, item: Found) -> None:
     joint, stiffness = draft.spec.joint(item.location), item.value("stiffness")
     joint.stiffness = [stiffness, 0.0, 0.0]
     joint.springref = -item.value("torque_at_zero") / stiffness
-    if {"quadratic", "cubic", "rubbing"} & set(item.values):
-        draft.note(item, "quadratic", "cubic", "rubbing", "breakaway")
+    if {"quadratic", "cubic"} & set(item.values):
+        bristles = ("rubbing", "breakaway") if item.value("rubbing") > 0.0 else ()
+        draft.note(item, "quadratic", "cubic", *bristles)
 
 
 def _dry(draft: Draft, item: Found) -> None:
@@ -217,7 +224,7 @@ FORMS: dict[str, Form] = {
     "coulomb_asymmetry": Form(plant=_drive("bias", "bias")),
     "payload": Form(plant=_body),
     "link_inertia": Form(plant=_body),
-    "joint_spring": Form(model=_spring),
+    "joint_spring": Form(plant=_rubbing, model=_spring),
     "torque_gain": Form(model=_gain),
     "encoder_offset": Form(model=_offset),
     "actuator_lag": Form(model=_lag),

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.augmented_effects import FORMS, Found, tilted
+from excite.diagnosis.augmented_plant import Plant
 from excite.diagnosis.rollout import Simulator
 from excite.diagnosis.rollout_drives import LoggedTorque, Past, PositionServo, Window
+from excite.robot.loading import load_robot
 
 INERTIA = 0.5
 MODEL = """
@@ -153,3 +155,13 @@ def test_a_run_that_diverges_ends_in_what_is_not_finite(notes, tmp_path, monkeyp
     path = simulator('frictionloss="0.001"', **notes).run(window(), constant(9e9), 100)
     assert len(path) == 11 and not np.isfinite(path[-1]).any()
     assert not list(tmp_path.iterdir())
+
+
+def test_rubbing_that_a_fit_has_push_is_less_dry_friction():
+    none = np.zeros(1)
+    plant = Plant(np.zeros(10), none, np.array([0.4]), none, none)
+    for rubbing, level in ((-0.1, 0.3), (0.1, 0.4)):
+        item = Found("joint_spring", "j", {"stiffness": 1.0, "rubbing": rubbing, "breakaway": 0.01})
+        form = FORMS["joint_spring"].plant
+        assert form is not None
+        assert form(plant, load_robot("ur10"), ("j",), item).coulomb == pytest.approx([level])
