@@ -268,8 +268,8 @@ def model_phi(samples: ArmSamples) -> Array:
 def _shared(samples: ArmSamples, phi: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
     """Columns of the inertial parameters in units of their prior spread, in a basis without blind directions."""
     index = list(samples.index)
-    regressor = joint_torque_regressor(samples.robot.model, q, v, a)[:, index]
-    rows = samples.rows(samples.split(regressor.reshape(len(q), -1)))
+    regressor = samples.of_joints(joint_torque_regressor(samples.robot.model, q, v, a))
+    rows = samples.rows(regressor.reshape(len(q), -1))
     rows = rows.reshape(len(rows), len(index), -1) * prior_spread(phi)
     flat = np.concatenate([rows[:, j] / max(rows[:, j].std(), 1e-9) for j in range(len(index))])
     values, vectors = np.linalg.eigh(flat.T @ flat)

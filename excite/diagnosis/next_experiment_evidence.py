@@ -9,6 +9,7 @@ from itertools import permutations
 
 import numpy as np
 
+from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import (
     Baseline,
@@ -20,7 +21,7 @@ from excite.diagnosis.baseline import (
 )
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.hypotheses import Columns, Hypothesis, at_rows
-from excite.diagnosis.samples import ArmSamples, ArmTrial
+from excite.diagnosis.samples import ArmSamples
 from excite.diagnosis.verdict import tie
 from excite.logs.signals.butterworth import settling_samples
 from excite.motion.motion import Motion

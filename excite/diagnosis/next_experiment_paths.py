@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.diagnosis.samples import ArmSamples, ArmTrial
+from excite.diagnosis.arm_trial import ArmTrial
+from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.motion.motion import Motion, MotionMetadata

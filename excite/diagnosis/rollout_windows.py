@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, Past, Window
 from excite.diagnosis.rollout_torques import DrivingTorques, driving_torques
-from excite.diagnosis.samples import ArmSamples, ArmTrial
+from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.robot.robot import Array

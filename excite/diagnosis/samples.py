@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.diagnosis.arm_trial import ArmTrial, Bands
 from excite.diagnosis.standstill import moving_span, standstill_speed
 from excite.errors import LogError
 from excite.identification.kinematics import trial_rate
@@ -21,52 +22,6 @@ from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Array, Robot
 
 _ORDER = 4
-
-
-@dataclass(frozen=True)
-class Bands:
-    """Frequencies of the comparison [Hz].
-
-    Attributes:
-        rows_hz: cut-off of the filter on both sides of the equations.
-        kinematics_hz: cut-off before differentiation; wider, so that friction sees reversals sharply.
-        rate_hz: rate of the rows after decimation.
-    """
-
-    rows_hz: float = 10.0
-    kinematics_hz: float = 30.0
-    rate_hz: float = 50.0
-
-
-@dataclass(frozen=True, eq=False)
-class ArmTrial:
-    """One trial at its full rate.
-
-    Attributes:
-        name: stem of its file.
-        identification: whether it is an identification trial.
-        repeats: name of the trial whose command it repeats.
-        time: ``(n,)`` [s] from the trial's start.
-        session_s: ``(n,)`` [s] since the session's start.
-        q: ``(n, n_joints)`` in the model's order; v, a alike [rad, rad/s, rad/s²].
-        v: velocities.
-        a: accelerations.
-        tau: ``(n, n_joints)`` unfiltered torque, the log's joints in the model's order [N·m].
-        rows: indices of the rows that are kept.
-        q_cmd: commanded positions, as ``q``; None where there are none.
-    """
-
-    name: str
-    identification: bool
-    repeats: str | None
-    time: Array
-    session_s: Array
-    q: Array
-    v: Array
-    a: Array
-    tau: Array
-    rows: NDArray[np.int64]
-    q_cmd: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +101,10 @@ class ArmSamples:
     def stacked(self, name: str) -> Array:
         """A channel of all trials at full rate below each other."""
         return np.concatenate([getattr(trial, name) for trial in self.trials])
+
+    def of_joints(self, values: Array) -> Array:
+        """Those of ``values (n, nv, …)`` that belong to the joints with torque, no copy where these are all."""
+        return values if self.index == tuple(range(values.shape[1])) else values[:, list(self.index)]
 
     def split(self, values: Array) -> list[Array]:
         """Full-rate values of all trials, back into trials."""

@@ -17,9 +17,8 @@ def link_columns(context: Context, joint: int) -> Array:
     key = (0, "regressor")
     if key not in context._cache:
         s = context.baseline.samples
-        context._cache[key] = joint_torque_regressor(
-            s.robot.model, *(s.stacked(name) for name in ("q", "v", "a"))
-        )[:, list(s.index)]
+        motion = (s.stacked(name) for name in ("q", "v", "a"))
+        context._cache[key] = s.of_joints(joint_torque_regressor(s.robot.model, *motion))
     return context._cache[key][:, :, 10 * (joint - 1) : 10 * joint]
 
 

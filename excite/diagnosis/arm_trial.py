@@ -1,0 +1,56 @@
+"""One trial of a fixed-base arm on a uniform grid, and the frequencies of its comparison."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.robot.robot import Array
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Frequencies of the comparison [Hz].
+
+    Attributes:
+        rows_hz: cut-off of the filter on both sides of the equations.
+        kinematics_hz: cut-off before differentiation; wider, so that friction sees reversals sharply.
+        rate_hz: rate of the rows after decimation.
+    """
+
+    rows_hz: float = 10.0
+    kinematics_hz: float = 30.0
+    rate_hz: float = 50.0
+
+
+@dataclass(frozen=True, eq=False)
+class ArmTrial:
+    """One trial at its full rate.
+
+    Attributes:
+        name: stem of its file.
+        identification: whether it is an identification trial.
+        repeats: name of the trial whose command it repeats.
+        time: ``(n,)`` [s] from the trial's start.
+        session_s: ``(n,)`` [s] since the session's start.
+        q: ``(n, n_joints)`` in the model's order; v, a alike [rad, rad/s, rad/s²].
+        v: velocities.
+        a: accelerations.
+        tau: ``(n, n_joints)`` unfiltered torque, the log's joints in the model's order [N·m].
+        rows: indices of the rows that are kept.
+        q_cmd: commanded positions, as ``q``; None where there are none.
+    """
+
+    name: str
+    identification: bool
+    repeats: str | None
+    time: Array
+    session_s: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    rows: NDArray[np.int64]
+    q_cmd: Array | None = None
