@@ -150,3 +150,39 @@ def test_columns_of_joints_under_foot_sensors_are_finite_differences(
         expected = FloatingEffect.columns(effect, state, location, theta)
         off = np.linalg.norm(columns - expected, axis=(0, 1))
         assert (off < 0.01 * np.linalg.norm(expected, axis=(0, 1))).all()
+
+
+def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> None:
+    thin = record.thinned()
+    link = "arm_left_7_link"
+    segment = [s.link for s in thin.robot.segments].index(link)
+    state = State.logged(thin)
+    hand = state.poses.point(segment + 1, np.array([0.02, 0.0, 0.03]))
+    # A mattress: it gives way over 15 cm and never is fully pressed.
+    edge = float(np.quantile(hand[:, 2], 0.5))
+    force = np.clip((edge - hand[:, 2]) / 0.15, 0.0, 1.0)[:, None] * np.array([8.0, 0.0, 60.0])
+    plate = next(s for s in thin.robot.sensors if s.name == "left_plate").placement
+    arm = hand - plate.translation
+    relief = np.hstack([force @ plate.rotation, np.cross(arm, force) @ plate.rotation])
+    found = attribute(build_problem(with_readings(thin, "left_plate", lambda x: x - relief)))
+    assert found.verdict == "effect"
+    assert found.accepted.placed[0].effect.name == "unlogged_contact"
+    assert link in found.tied[0]
+    assert found.overdispersion < 1.2
+
+
+def test_of_two_effects_both_are_named_and_placed(record: FloatingRecord) -> None:
+    # The bias is found only once the gain's share of the other foot's load is told from it.
+    both = with_readings(
+        with_readings(record.thinned(), "left_plate", lambda x: x * 1.03),
+        "right_plate",
+        lambda x: x + np.array([6.0, -4.0, 8.0, 1.0, 2.0, -1.0]),
+    )
+    found = attribute(build_problem(both))
+    assert {(p.effect.name, p.location) for p in found.accepted.placed} == {
+        ("sensor_gain", "left_plate"),
+        ("sensor_bias", "right_plate"),
+    }
+    # Each has its rivals given the other, so that no first step is judged by what it left.
+    assert all(step[0].evidence > 1000.0 for step in found.steps)
+    assert found.overdispersion < 1.2

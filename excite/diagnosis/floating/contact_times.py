@@ -87,7 +87,7 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
         if best is not None and found.evidence <= best.evidence + 1.0:
             return best
         best = found
-        share = _tidy(problem, _pulled(problem, found))
+        share = _tidy(problem, pulled(problem, found))
         if not 0.01 < share.mean() < 0.99:
             return best
     return best
@@ -97,7 +97,7 @@ def _leftover(problem: Problem, fitted: Fitted) -> Array:
     return explained_state(problem, fitted).residual
 
 
-def _pulled(problem: Problem, fitted: Fitted) -> Array:
+def pulled(problem: Problem, fitted: Fitted) -> Array:
     """Share of the fitted force that acts at each instant, ``(n,)``, by weighted projection."""
     *_, place = fitted.placed
     *_, force = fitted.theta

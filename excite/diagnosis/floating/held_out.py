@@ -45,7 +45,7 @@ def refit(problem: Problem, fitted: Fitted) -> tuple[Fitted, Fitted]:
     baseline = nominal_fit(restricted)
     if not fitted.placed:
         return baseline, baseline
-    return baseline, refine(restricted, fitted.placed, fitted.theta, baseline)
+    return baseline, refine(restricted, fitted.placed, fitted.theta, fitted)
 
 
 def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float:
@@ -59,7 +59,7 @@ def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float
     baseline = nominal_fit(restricted)
     powers = []
     for fitted in (without, candidate):
-        alone = refine(restricted, fitted.placed, fitted.theta, baseline) if fitted.placed else baseline
+        alone = refine(restricted, fitted.placed, fitted.theta, fitted) if fitted.placed else baseline
         rows = problem.rows(explained_state(problem, alone))
         powers.append(float((rows[problem.validation] ** 2).sum()))
     return powers[0] - powers[1]

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.diagnosis.floating.contact_times import find_contact
-from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.effects.effect import FloatingEffect, links
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, Placed, judged_by, linearised, refine
 from excite.diagnosis.floating.screening import Screened, absent, effect_columns, screen
+from excite.diagnosis.floating.surfaces import find_surfaces, pressed
 
 # Nats by which evidence must differ before one hypothesis is preferred (odds of 150 to 1).
 DECISIVE = 5.0
@@ -20,6 +22,8 @@ NOISE_SLACK = 1.5
 _FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS = 6, 1, 14
 # Share of the best linearised gain below which no iteration will bring a hypothesis to the top.
 _WORTH_A_LOOK = 0.2
+# Iterations before hypotheses are first compared.
+_ROUGH_STEPS = 4
 # How far behind the leading one, in decisive steps, a hypothesis is fitted to all samples.
 _LEADING = 4.0
 
@@ -117,23 +121,31 @@ def _neighbours(screened: list[Screened], done: list[Fitted], top: Fitted) -> li
 def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:
     start = item.fit.theta * item.effect.scales(problem.nominal, item.location)
     placed = Placed(item.effect, item.location)
-    return refine(problem, (*current.placed, placed), (*current.theta, start), current)
+    return refine(problem, (*current.placed, placed), (*current.theta, start), current, _ROUGH_STEPS)
 
 
 def _contacts(problem: Problem, current: Fitted, places: dict[str, int]) -> list[Fitted]:
-    """The best unlogged contact and its neighbours, the moments of change paid for."""
+    """Links with an unlogged contact: its times or a surface paid for, whichever explains more."""
+    places[UnloggedContact.name] = len(links(problem.nominal))
+    timed = _timed_contacts(problem, current)
+    soft = [fit for fit in (pressed(problem, contact) for contact in timed) if fit is not None]
+    if min((f.power for f in timed + soft), default=np.inf) > NOISE_SLACK * len(problem.nominal_rows):
+        soft += find_surfaces(problem, current)
+    return max(timed, soft, key=lambda fits: max((f.evidence for f in fits), default=-np.inf))
+
+
+def _timed_contacts(problem: Problem, current: Fitted) -> list[Fitted]:
+    """The best contact by its times, and its neighbours."""
     found = find_contact(problem, current)
     if found is None:
         return []
     effect: FloatingEffect = found.placed[-1].effect
     beside, state, rows = linearised(problem, current)
-    locations = effect.locations(problem.nominal)
-    places[effect.name] = len(locations)
     linear = {
         link: beside.fit(rows, effect_columns(problem, state, effect, link, absent(effect, state, link)))
-        for link in locations
+        for link in effect.locations(problem.nominal)
     }
-    nearest = sorted(locations, key=lambda link: -linear[link].evidence)[: _NEIGHBOURS // 2]
+    nearest = sorted(linear, key=lambda link: -linear[link].evidence)[: _NEIGHBOURS // 2]
     return [
         refine(
             problem,

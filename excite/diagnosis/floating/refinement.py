@@ -12,7 +12,7 @@ from excite.diagnosis.floating.screening import effect_columns
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
-_MAX_STEPS = 5
+_MAX_STEPS = 8
 _CONVERGED_NATS = 0.5
 
 
@@ -66,7 +66,13 @@ def explained_state(problem: Problem, fitted: Fitted) -> State:
     return apply_all(state, fitted.placed, fitted.theta)
 
 
-def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...], before: Fitted) -> Fitted:
+def refine(
+    problem: Problem,
+    placed: tuple[Placed, ...],
+    start: tuple[Array, ...],
+    before: Fitted,
+    steps: int = _MAX_STEPS,
+) -> Fitted:
     """Iterate linearised fits until they gain nothing.
 
     Args:
@@ -74,6 +80,7 @@ def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...
         placed: the effects.
         start: their parameters to begin with.
         before: a fit whose inertial parameters to begin with.
+        steps: at most.
 
     Returns:
         The best point that was evaluated in full.
@@ -84,7 +91,7 @@ def refine(problem: Problem, placed: tuple[Placed, ...], start: tuple[Array, ...
     rows = _rows(problem, placed, theta, counts, delta)
     cost = _cost(problem, rows, theta / scales, delta)
     price, std = 0.0, np.zeros_like(theta)
-    for _ in range(_MAX_STEPS):
+    for _ in range(steps):
         columns = _columns(problem, placed, theta, counts, delta)
         target = rows + problem.baseline_rows(delta) + columns @ (theta / scales)
         fit = problem.fit(target, columns)

@@ -17,7 +17,6 @@ class JointElasticity(FloatingEffect):
     """True angle = logged − (compliance + stiffening · |τ|/τ₀) · τ, the torque τ with what the feet carry.
 
     τ₀ is the largest torque of the record. Gears with flexsplines and rubber stiffen under load
-   
     (Tuttle and Seering 1996); a straight line is the case without it.
     """
 

@@ -1,0 +1,128 @@
+"""Surfaces that a link may have been pressed on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.floating.contact_times import pulled
+from excite.diagnosis.floating.effects.effect import links, segment_of
+from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.refinement import Fitted, Placed, explained_state, linearised, refine
+from excite.diagnosis.floating.screening import effect_columns
+from excite.diagnosis.floating.state import State
+from excite.robot.robot import Array
+
+# Less of the share's variance than this is explained by nothing that stands still.
+_LEAST_EXPLAINED = 0.5
+_HEIGHTS, _DEPTHS_M = 25, (0.005, 0.01, 0.02, 0.035, 0.06, 0.1, 0.17, 0.3)
+# Links that are fitted in full.
+_LINKS = 6
+
+
+def pressed(problem: Problem, contact: Fitted) -> Fitted | None:
+    """A contact that was found in time, as one with a surface; None where no surface explains the times.
+
+    Args:
+        problem: the problem.
+        contact: a fit whose last effect is an unlogged contact.
+    """
+    place, theta = contact.placed[-1], contact.theta[-1]
+    force = theta[:3]
+    if not np.linalg.norm(force) > 0.0:
+        return None
+    state = explained_state(problem, contact)
+    point = state.poses.point(segment_of(state, place.location) + 1, theta[3:6])
+    normal = _normal(force, -state.record.tree.gravity)
+    found = _surface(point @ normal, pulled(problem, contact), normal)
+    if found is None:
+        return None
+    surface, scale = found
+    start = np.concatenate([scale * force, theta[3:6], [0.0, 0.0]])
+    placed = (*contact.placed[:-1], Placed(PressedContact(surface), place.location))
+    return refine(problem, placed, (*contact.theta[:-1], start), contact)
+
+
+def _normal(force: Array, up: Array) -> Array:
+    """Of a floor, a table or a ceiling where the force is mostly vertical, of a wall otherwise."""
+    up = up / np.linalg.norm(up)
+    lift = float(force @ up)
+    level = force - lift * up
+    return np.sign(lift) * up if abs(lift) > np.linalg.norm(level) else level / np.linalg.norm(level)
+
+
+def _surface(along: Array, share: Array, normal: Array) -> tuple[Surface, float] | None:
+    """The surface that explains a measured share best by least squares, and its largest force over the fitted."""
+    best, least = None, (1.0 - _LEAST_EXPLAINED) * float(((share - share.mean()) ** 2).sum())
+    x, y, z = (float(part) for part in normal)
+    for height in np.quantile(along, np.linspace(0.02, 1.0, _HEIGHTS)):
+        for depth in _DEPTHS_M:
+            for rounded in (False, True):
+                surface = Surface((x, y, z), float(height), depth, rounded)
+                model = surface.share(along)
+                power = float(model @ model)
+                if power < 1e-9:
+                    continue
+                scale = float(model @ share) / power
+                left = float(((share - scale * model) ** 2).sum())
+                if scale > 0.0 and left < least:
+                    best, least = (surface, scale), left
+    return best
+
+
+def find_surfaces(problem: Problem, before: Fitted) -> list[Fitted]:
+    """Contacts with something that gives way, sought by where each link was and not by when: the likeliest links.
+
+    For each link and each surface that it passed, the force that explains most of what is left, instant by
+    instant; then the links' best in the likelihood, and the best of those refined.
+
+    Args:
+        problem: the problem.
+        before: what is explained already.
+    """
+    beside, state, rows = linearised(problem, before)
+    left = state.residual
+    factor = np.linalg.inv(np.linalg.cholesky(problem.record.sensor_noise))
+    guesses = []
+    for link in links(state):
+        best = _best_surface(state, link, left @ factor.T, factor)
+        if best is None:
+            continue
+        effect = PressedContact(best[0])
+        start = np.concatenate([best[1], np.zeros(5)])
+        # Linear in the force; where the point is and how the surface gives way come with the refinement.
+        fit = beside.fit(rows, effect_columns(problem, state, effect, link, start)[:, :3])
+        scales = effect.scales(state, link)
+        guesses.append((fit.evidence, link, effect, np.concatenate([fit.theta * scales[:3], np.zeros(5)])))
+    guesses.sort(key=lambda item: -item[0])
+    return [
+        refine(problem, (*before.placed, Placed(effect, link)), (*before.theta, start), before)
+        for _, link, effect, start in guesses[:_LINKS]
+    ]
+
+
+def _best_surface(state: State, link: str, white: Array, factor: Array) -> tuple[Surface, Array] | None:
+    """The surface and the force on a link that explain most of whitened residuals ``white (n, 6)``."""
+    point = state.poses.translation[:, segment_of(state, link) + 1]
+    arms = np.stack([state.at_base(np.tile(e, (len(point), 1)), point) for e in np.eye(3)], axis=2)
+    arms = factor @ arms
+    own = np.einsum("nik,nil->nkl", arms, arms).reshape(-1, 9)
+    shared = -np.einsum("nik,ni->nk", arms, white)
+    best, most = None, 0.0
+    up = -state.record.tree.gravity / np.linalg.norm(state.record.tree.gravity)
+    for normal in (up, *np.eye(3)[:2], *-np.eye(3)[:2]):
+        along = point @ normal
+        x, y, z = (float(part) for part in normal)
+        surfaces = [
+            Surface((x, y, z), float(height), depth, False)
+            for height in np.quantile(along, np.linspace(0.1, 1.0, _HEIGHTS // 2))
+            for depth in _DEPTHS_M[1::2]
+        ]
+        shares = np.array([surface.share(along) for surface in surfaces])
+        grams, rights = (shares**2 @ own).reshape(-1, 3, 3), shares @ shared
+        forces = np.linalg.solve(grams + 1e-9 * np.eye(3), rights[:, :, None])[:, :, 0]
+        gains = np.where(forces @ normal > 0.0, (forces * rights).sum(axis=1), 0.0)
+        k = int(gains.argmax())
+        if gains[k] > most:
+            best, most = (surfaces[k], forces[k]), float(gains[k])
+    return best
