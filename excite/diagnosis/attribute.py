@@ -124,8 +124,15 @@ class Attributor:
         return tuple(self._score(before, item, floor, scale) for item in found)
 
     def _whole(self, item: Scored) -> bool:
-        """Whether a richer form leaves next to nothing of a clear gap: with enough parameters half of one fits."""
-        return item.stands >= self.gates.clear and float(item.closed[item.place]) >= self.gates.closed_richer
+        """Whether a richer form leaves next to nothing of a clear gap: with enough parameters half of one fits.
+
+        What a moving link does to other joints no parameters make up.
+        """
+        gates, closed = self.gates, float(item.closed[item.place])
+        coupled = item.hypothesis.effect.moves and item.elsewhere >= gates.elsewhere
+        if coupled:
+            return item.stands >= gates.clear_coupled and closed >= gates.closed_coupled
+        return item.stands >= gates.clear and closed >= gates.closed_richer
 
     def _removed(self, before: Fit, item: Hypothesis, scale: Array) -> float:
         """Normalised power above the floor that a hypothesis removes from the identification trials."""
@@ -190,12 +197,20 @@ class Attributor:
             counts,
             left,
             stands,
+            float(ratio.sum() - ratio[place].sum()),
         )
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
         gates, closed = self.gates, float(item.closed[item.place])
         evidence, validation = gates.nats(closed, again=bool(accepted))
-        if item.evidence < evidence or item.validation < validation or item.stands < gates.stands:
+        # An effect on its own joint alone leaves nothing at others, however strong.
+        place = self.baseline.samples.joints[item.place]
+        apart = all(_own(a) and a.location not in {place, item.location} for a in accepted)
+        if item.stands < gates.stands:
+            if not apart:
+                return False
+            evidence, validation = gates.nats_faint(again=bool(accepted))
+        if item.evidence < evidence or item.validation < validation:
             return False
         if not accepted:
             return closed >= gates.closed
@@ -213,6 +228,12 @@ class Attributor:
         most = item.of_rest >= gates.most_of_rest
         if item.of_rest < gates.of_rest or (item.left > gates.left and not most):
             return False
-        if item.strength < gates.relative * strongest and (crowded or not most or closed < gates.whole):
+        faint = item.strength < gates.relative * strongest
+        if faint and (crowded or not (apart or (most and closed >= gates.whole))):
             return False
         return float(item.closed.max()) >= needed
+
+
+def _own(item: Scored) -> bool:
+    """Whether an effect acts on the torque of its own joint alone."""
+    return not (item.hypothesis.effect.moves or item.hypothesis.effect.timing)

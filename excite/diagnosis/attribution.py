@@ -28,6 +28,7 @@ class Scored:
         count: ``(n_joints, 2)`` effective samples of what it leaves.
         left: joints above twice the floor's power of which it removes hardly anything.
         stands: power at ``place`` before it over the floor's.
+        elsewhere: nats at other joints than ``place``.
     """
 
     hypothesis: Hypothesis
@@ -42,6 +43,7 @@ class Scored:
     count: Array
     left: int
     stands: float
+    elsewhere: float
 
     @property
     def name(self) -> str:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.diagnosis.baseline import Baseline, own_names, sign_of_motion
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.drive_terms import own_names, sign_of_motion
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Array

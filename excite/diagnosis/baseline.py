@@ -6,21 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.diagnosis.drive_terms import SIGNS, best_sign, own_names, own_signals, refined_breakaway
 from excite.diagnosis.equations import Equations, Fit, Solver
-from excite.diagnosis.presliding import bend
 from excite.diagnosis.samples import ArmSamples
 from excite.identification.inertia import central_inertia_matrices
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Array
 
-# Widths of the sign change of Coulomb friction that are tried [rad/s].
-WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
-# Deflections over which dry friction builds up before it slips that are tried [rad]; 0: friction of the velocity.
-BREAKAWAYS = (5e-4, 1.5e-3, 4e-3)
-# Presliding is believed where it lowers the loss to this share.
-_BETTER = 0.95
-# How a joint's friction changes sign is only thought over for a loss below this share.
-_CHANGED = 0.98
 _RELATIVE = 0.5
 
 
@@ -102,12 +94,12 @@ class Baseline:
             return self
         use, rest, own, signs = s.identification, self.fit.before_own, [], []
         for j in range(len(s.joints)):
-            bank = [self.own_rows(names, j, *sign) for sign in _SIGNS]
             now = (float(self.widths[j]), float(self.breakaways[j]))
-            kept = _SIGNS.index(now) if now in _SIGNS else None
-            best = _best_sign(rest[j][use], [b[use] for b in bank], kept)
+            tried = SIGNS if now in SIGNS else (*SIGNS, now)
+            bank = [self.own_rows(names, j, *sign) for sign in tried]
+            best = best_sign(rest[j][use], [b[use] for b in bank], tried.index(now))
             own.append(bank[best])
-            signs.append(_SIGNS[best])
+            signs.append(tried[best])
         widths, breakaways = np.array(signs).T
         if np.array_equal(widths, self.widths) and np.array_equal(breakaways, self.breakaways):
             return self
@@ -120,44 +112,6 @@ class Baseline:
     def n_joints(self) -> int:
         """Number of joints."""
         return len(self.samples.joints)
-
-
-def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
-    """Terms of each joint's own that ``modelled`` asks for, in order."""
-    names: list[str] = [n for n in ("viscous_friction", "coulomb_friction", "armature") if n in modelled]
-    if "torque_bias" in modelled or "coulomb_asymmetry" in modelled:
-        names.append("torque_bias")
-    return tuple(names)
-
-
-def sign_of_motion(samples: ArmSamples, joint: int, width: float, breakaway: float = 0.0) -> Array:
-    """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
-    v = samples.of_motor("v", joint)
-    if breakaway <= 0.0:
-        return np.tanh(v / width)
-    starts = np.zeros(len(v), dtype=np.bool_)
-    starts[np.concatenate([[0], np.cumsum([len(t.time) for t in samples.trials])[:-1]])] = True
-    return bend(np.ascontiguousarray(v), starts, 1.0 / samples.rate_hz, breakaway)
-
-
-def own_signals(
-    samples: ArmSamples, names: tuple[str, ...], joint: int, width: float, breakaway: float = 0.0
-) -> Array:
-    """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``.
-
-    Of its motor first; then the friction and rotor inertia of other motors that turn with it.
-    """
-    columns = []
-    for motor in samples.motors(joint):
-        made = {
-            "viscous_friction": lambda m=motor: samples.of_motor("v", m),
-            "coulomb_friction": lambda m=motor: sign_of_motion(samples, m, width, breakaway),
-            "armature": lambda m=motor: samples.of_motor("a", m),
-            "torque_bias": lambda m=motor: np.ones(len(samples.of_motor("v", m))),
-        }
-        # Constants of two motors on one joint are one constant.
-        columns += [made[n]() for n in names if motor == joint or n != "torque_bias"]
-    return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
 
 
 def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
@@ -183,7 +137,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
     shared = shared * root[:, :, None]
     names = own_names(modelled)
-    tried = _SIGNS if "coulomb_friction" in names else _SIGNS[2:3]
+    tried = SIGNS if "coulomb_friction" in names else SIGNS[2:3]
     bank = [
         [samples.rows(samples.split(own_signals(samples, names, j, *s))) * root[j][:, None] for s in tried]
         for j in range(len(index))
@@ -195,10 +149,17 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
         solver = Solver(Equations(shared, own, y, use, samples.trial_of_row, floor))
         fit = solver.fit()
         rigid = y - shared @ fit.shared
-        chosen = [_best_sign(rigid[j][use], [b[use] for b in bank[j]]) for j in range(len(index))]
+        chosen = [best_sign(rigid[j][use], [b[use] for b in bank[j]]) for j in range(len(index))]
     widths, breakaways = np.array([tried[k] for k in chosen]).T
-    own = tuple(b[k] for b, k in zip(bank, chosen, strict=True))
-    solver = Solver(Equations(shared, own, y, use, samples.trial_of_row, floor))
+    terms = [b[k] for b, k in zip(bank, chosen, strict=True)]
+    for j in np.flatnonzero(breakaways):
+
+        def rows_at(breakaway: float, j: int = int(j)) -> Array:
+            columns = own_signals(samples, names, j, widths[j], breakaway)
+            return samples.rows(samples.split(columns)) * root[j][:, None]
+
+        breakaways[j], terms[j] = refined_breakaway(rigid[j], rows_at, float(breakaways[j]), terms[j], use)
+    solver = Solver(Equations(shared, tuple(terms), y, use, samples.trial_of_row, floor))
     fit = solver.fit()
     basis = np.zeros((len(phi), 0)) if basis is None else basis
     phi_hat = phi + basis @ fit.shared
@@ -242,21 +203,6 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
     still = samples.rows(samples.split(samples.standstill**2 / (v**2 + samples.standstill**2))).T
     root = np.clip(1.0 - slope * still, least, 1.0)
     return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
-
-
-_SIGNS = (*((w, 0.0) for w in WIDTHS), *((6e-3, b) for b in BREAKAWAYS))
-
-
-def _best_sign(target: Array, columns: list[Array], kept: int | None = None) -> int:
-    """Index of the best of ``_SIGNS``: presliding only where it is clearly better, and no change without a gain."""
-    losses = []
-    for c in columns:
-        x = np.linalg.lstsq(c, target, rcond=None)[0]
-        losses.append(float(((target - c @ x) ** 2).sum()))
-    plain = int(np.argmin(losses[: len(WIDTHS)]))
-    best = int(np.argmin(losses))
-    found = best if losses[best] < _BETTER * losses[plain] else plain
-    return found if kept is None or losses[found] < _CHANGED * losses[kept] else kept
 
 
 def model_phi(samples: ArmSamples) -> Array:

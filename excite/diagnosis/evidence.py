@@ -53,7 +53,7 @@ class Judge:
         logs = np.column_stack(
             [
                 np.log(np.maximum(p.identification, least) / np.maximum(r.identification, least)),
-                np.log(np.maximum(p.validation, least) / np.maximum(r.validation, least)),
+                np.log(p.validation / r.validation),
             ]
         )
         return 0.5 * self.count * logs

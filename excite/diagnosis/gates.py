@@ -25,8 +25,15 @@ class Gates:
         most_of_rest: share of all normalised power above the floor from which it is not.
         most: effects at most.
         stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
+        evidence_faint: nats of an effect that stands less than that.
+        validation_faint: nats of such an effect on validation trials alone.
+        evidence_faint_again: nats of such a further effect.
+        validation_faint_again: nats of such a further effect on validation trials alone.
         clear: the same for a richer form of an effect that does not pass in its textbook's form.
         closed_richer: share that such a form removes at its place.
+        elsewhere: nats at other joints by which a moving link is known.
+        clear_coupled: what stands clear where a richer form is known so.
+        closed_coupled: share that it removes at its place there.
         whole: share removed at its place from which an effect leaves no gap there; a short record of few joints
             has fewer nats to give, and these are enough then.
         evidence_whole: nats of such an effect.
@@ -47,8 +54,15 @@ class Gates:
     most_of_rest: float = 0.5
     most: int = 3
     stands: float = 1.5
+    evidence_faint: float = 50.0
+    validation_faint: float = 10.0
+    evidence_faint_again: float = 80.0
+    validation_faint_again: float = 20.0
     clear: float = 20.0
     closed_richer: float = 0.98
+    elsewhere: float = 200.0
+    clear_coupled: float = 4.0
+    closed_coupled: float = 0.6
     whole: float = 0.9
     evidence_whole: float = 12.0
     evidence_whole_again: float = 25.0
@@ -61,3 +75,9 @@ class Gates:
                 return self.evidence_whole_again, self.validation_whole_again
             return self.evidence_whole, self.validation
         return (self.evidence_again, self.validation_again) if again else (self.evidence, self.validation)
+
+    def nats_faint(self, *, again: bool) -> tuple[float, float]:
+        """The same for what hardly stands above the floor, whatever it closes."""
+        if again:
+            return self.evidence_faint_again, self.validation_faint_again
+        return self.evidence_faint, self.validation_faint

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.diagnosis.baseline import Baseline, own_names
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.diagnosis.baseline import BREAKAWAYS, WIDTHS, Baseline, own_names
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.drive_terms import WIDTHS, own_names
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, Search
@@ -14,6 +15,8 @@ from excite.robot.robot import Array
 
 # A richer form of an effect has to lower the loss by so much.
 _RICHER = 0.01
+# Breakaways that are tried with friction, in multiples of the baseline's.
+_FACTORS = (0.25, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.5, 4.0)
 
 
 def price(item: Hypothesis) -> float:
@@ -33,8 +36,8 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     plain = tuple((width, 0.0) for width in WIDTHS)
     if base.breakaways[j] <= 0.0:
         return _along(search, best, j, plain, WIDTHS.index(base.widths[j]))
-    bent = tuple((float(base.widths[j]), deflection) for deflection in BREAKAWAYS)
-    best = _along(search, best, j, bent, BREAKAWAYS.index(base.breakaways[j]))
+    width, breakaway = float(base.widths[j]), float(base.breakaways[j])
+    best = _along(search, best, j, tuple((width, f * breakaway) for f in _FACTORS), len(_FACTORS) // 2)
     # Bristles that the baseline believed in may have stood in for what it lacked.
     middle = len(WIDTHS) // 2
     other = _along(search, _with_sign(search, best, j, plain[middle]), j, plain, middle)

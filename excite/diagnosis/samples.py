@@ -23,6 +23,9 @@ from excite.robot.robot import Array, Robot
 
 _ORDER = 4
 
+# Bent gears and bristles remember what they did before the first sample for so long, or this share of a trial [s].
+_REMEMBERED_S, _REMEMBERED = 0.5, 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class ArmSamples:
@@ -196,6 +199,7 @@ def _arm_trial(
     edge = max(3, settling_samples(rate, bands.rows_hz))
     step = max(1, round(rate / bands.rate_hz))
     first, last = moving_span(v, 4 * edge)
+    first = max(first, round(min(_REMEMBERED_S * rate, _REMEMBERED * n)))
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",

@@ -18,6 +18,10 @@ _TIE_NATS, _TIE_SHARE = 10.0, 0.015
 _SAME = 0.6
 # An effect that leaves half of the amplitude at its own place, well above the noise, is not what is there.
 _EXPLAINED = 0.75
+# What a moving link does to other joints, with so many nats there, tells it from what is not in the library.
+_ELSEWHERE, _EXPLAINED_COUPLED = 200.0, 0.5
+# Nor is one that removes so little of the whole gap where the rest is structured.
+_TRIFLE = 0.1
 _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
 # Share of a torque's deviation, or power in multiples of the floor's, from which a structured rest is a gap.
 _MATTERS, _FAR = 0.02, 8.0
@@ -66,9 +70,12 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
         return Judgement("unknown" if structured else "none", (), (), (), structured)
     place = attribution.final.samples.joints[accepted[0].place]
     explained = float(explained_shares(attribution, spectral)[accepted[0].place])
-    if place in structured and explained < _EXPLAINED:
+    coupled = accepted[0].hypothesis.effect.moves and accepted[0].elsewhere > _ELSEWHERE
+    if place in structured and explained < (_EXPLAINED_COUPLED if coupled else _EXPLAINED):
         others = tuple(name for name in structured if name != place)
         return Judgement("unknown", (), (), (), (place, *others), explained)
+    if structured and _explained_of_all(attribution, spectral) < _TRIFLE:
+        return Judgement("unknown", (), (), (), structured, explained)
     explained = max(explained - _unsure(accepted[0]), 0.0)
     rivals = _rivals(accepted[0], steps[0].ranking)
     ambiguous = bool(rivals) or renamed[0] is not None
@@ -88,12 +95,24 @@ def withdrawn(attribution: Attribution, baseline: Baseline) -> Attribution:
 
 def explained_shares(attribution: Attribution, spectral: Array) -> Array:
     """Share of each joint's power above the floor that the accepted effects remove, ``(n_joints,)``, 0…1."""
+    old, new = _above(attribution, spectral)
+    return np.clip(1.0 - new / np.maximum(old, 1e-300), 0.0, 1.0)
+
+
+def _explained_of_all(attribution: Attribution, spectral: Array) -> float:
+    """Share of the whole normalised power above the floor that the accepted effects remove."""
+    old, new = (float((power / attribution.scale**2).sum()) for power in _above(attribution, spectral))
+    return 1.0 - new / max(old, 1e-300)
+
+
+def _above(attribution: Attribution, spectral: Array) -> tuple[Array, Array]:
+    """Power above the floor without and with the accepted effects, ``(n_joints,)`` each [(N·m)²]."""
     final, floor = attribution.final, np.maximum(attribution.floor, spectral) ** 2
     old, new = (
         np.maximum((final.judged(fit.residual) ** 2).mean(axis=1) - floor, 0.0)
         for fit in (attribution.before, attribution.after)
     )
-    return np.clip(1.0 - new / np.maximum(old, 1e-300), 0.0, 1.0)
+    return old, new
 
 
 def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:

@@ -152,7 +152,7 @@ def test_a_probability_is_no_larger_than_the_share_explained() -> None:
         hypothesis = SimpleNamespace(effect=SimpleNamespace(name="torque_bias"), location=place)
         numbers = {"evidence": 500.0, "validation": 100.0, "strength": 1.0, "of_rest": 1.0, "price": 10.0}
         arrays = {"closed": np.ones(1), "power": np.full((1, 2), power), "count": np.full((1, 2), 200.0)}
-        return Scored(hypothesis=hypothesis, place=0, left=0, stands=50.0, **numbers, **arrays)
+        return Scored(hypothesis=hypothesis, place=0, left=0, stands=50.0, elsewhere=0.0, **numbers, **arrays)
 
     best, near, far = scored("a", 1.0), scored("b", 1.02), scored("c", 4.0)
     chance = probabilities(best, (best, near, far), 0.8)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.diagnosis.baseline import Baseline, own_names
+from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.command_only.servo import Servo, Signals
+from excite.diagnosis.drive_terms import own_names
 from excite.robot.robot import Array
 
 # Less than this is not worth a sentence [rad]: a step of a 12-bit encoder.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.diagnosis.baseline import WIDTHS
+from excite.diagnosis.drive_terms import WIDTHS
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.presliding import hysteretic_sign
 from excite.robot.robot import Array

@@ -9,8 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.diagnosis.baseline import Baseline, sign_of_motion
+from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.drive_terms import sign_of_motion
 from excite.diagnosis.equations import Fit
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array

@@ -13,7 +13,7 @@ class JointElasticity(Effect):
 
     name = "joint_elasticity"
     searched: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("stiffness", "N·m/rad", 5.0, 1e5),
+        Parameter("stiffness", "N·m/rad", 0.01, 1e6),
         Parameter("damping_ratio", "1", 0.01, 2.0),
     )
     confusable_with = ("armature", "backlash", "time_delay")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.baseline import sign_of_motion
+from excite.diagnosis.drive_terms import sign_of_motion
 from excite.diagnosis.effects.effect import Context
 from excite.robot.robot import Array
 

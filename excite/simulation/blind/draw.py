@@ -10,6 +10,8 @@ from excite.simulation.blind.faults import FAULTS
 from excite.simulation.blind.forms import FORMS, NEEDS_GIVEN_INERTIA, OWN_TERMS
 
 ROBOTS = ("panda", "ur10", "iiwa14", "jaco2")
+# Joints of theirs are nearly all rotor: without one a step would turn them round, and their friction with them.
+_ROTORS = ("ur10", "jaco2")
 # Pairs that one set of trials tells apart when their sizes are alike: not two of timing, nor two in a joint.
 _DOUBLES = ("stribeck", "backlash", "torque_gain", "torque_bias", "joint_spring", "torque_ripple")
 _WEAK = tuple(
@@ -72,8 +74,7 @@ def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOT
         effects = [str(name) for name in rng.choice(_DOUBLES, 2, replace=False)]
     elif kind == "unknown":
         effects = ["unknown"]
-    if "armature" in effects and robot == "ur10":
-        # Its wrist is nearly all rotor: without one its friction would be unlike any real one.
+    if "armature" in effects and robot in _ROTORS:
         robot = "iiwa14"
     given = bool({*effects} & NEEDS_GIVEN_INERTIA)
     fixed = given or (kind == "single" and rng.random() < 0.25)
@@ -89,5 +90,5 @@ def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOT
         absent = str(rng.choice(("viscous_friction", "armature")))
         # A wrist that is nearly all rotor needs one; what is hidden, or changes what is hidden, stays.
         taken = {*effects} & {absent, "friction_drift", "joint_elasticity", "backlash"}
-        absent = "" if taken or robot == "ur10" else absent
+        absent = "" if taken or robot in _ROTORS else absent
     return Draft(robot, kind, forms, fixed, noise, faults, bristles, absent)
