@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from rich.console import Console
-from rich.table import Table
-
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import print_document
@@ -27,6 +24,9 @@ def command(
     if as_json:
         print_document(document)
         return
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table("robot", "title", "base", "DoF", "mass [kg]", "sensors", box=None, pad_edge=False)
     for summary in summaries:
         table.add_row(

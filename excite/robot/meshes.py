@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from excite.errors import RobotError
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -90,8 +93,10 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
     Raises:
         ValueError: the points lie in a plane.
     """
+    from scipy.spatial import QhullError
+
     try:
-        exact = ConvexHull(points)
+        exact = _exact_hull(points)
     except QhullError as error:
         raise ValueError("the points lie in a plane and have no convex hull") from error
     corners = points[exact.vertices]
@@ -145,12 +150,19 @@ def _extremes(corners: Array) -> Faces:
     return np.union1d(index, [heights.argmin(), heights.argmax()])
 
 
+def _exact_hull(points: Array) -> ConvexHull:
+    # Loaded where a hull is made: most commands that read a robot make none.
+    from scipy.spatial import ConvexHull
+
+    return ConvexHull(points)
+
+
 def _planes(corners: Array) -> Array:
-    return ConvexHull(corners).equations
+    return _exact_hull(corners).equations
 
 
 def _polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:
-    hull = ConvexHull(corners * stretch @ axes + centre)
+    hull = _exact_hull(corners * stretch @ axes + centre)
     used = np.sort(hull.vertices)
     faces = np.searchsorted(used, hull.simplices).astype(np.int64)
     vertices = hull.points[used]
