@@ -10,11 +10,12 @@ from scipy.linalg import solve_triangular
 
 from excite.identification.equation_noise import EquationNoise, equation_noise
 from excite.identification.essential import EssentialParameters, essential_parameters
-from excite.identification.noise import trial_grids, triangle
+from excite.identification.noise import triangle
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, least_squares, regression
 from excite.identification.settings import ProblemSettings
 from excite.identification.statistics import parameter_labels, relative_percent
+from excite.identification.trial_grid import trial_grids
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.motion.motion import Motion, interpolate
 from excite.regressor.base_parameters import BaseParameters, base_parameters

@@ -14,9 +14,10 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import InputError
-from excite.identification.noise import TrialGrid, fft_length
+from excite.identification.noise import fft_length
 from excite.identification.problem import IdentificationProblem
 from excite.identification.settings import Filters
+from excite.identification.trial_grid import TrialGrid
 from excite.motion.motion import Motion, interpolate
 from excite.regressor.wrench import base_wrench
 from excite.robot.joint_values import per_joint

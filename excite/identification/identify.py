@@ -27,10 +27,10 @@ from excite.identification.suspicions import suspicions
 from excite.identification.uncertainty import parameter_uncertainty
 from excite.identification.validation import channel_fits
 from excite.identification.warnings import find_warnings
+from excite.logs.bare_urdf import nominal_faults
 from excite.logs.finding import Finding
 from excite.logs.log import Log
 from excite.logs.plausibility import implausible
-from excite.logs.robot import nominal_faults
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
 from excite.robot.com_box import com_boxes

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.identification.colour import frequency_bins
-from excite.identification.noise import NoiseModel, TrialGrid, fft_length
+from excite.identification.noise import NoiseModel, fft_length
 from excite.identification.noise_spectra import (
     TransformedTrial,
     band_edges,
@@ -23,6 +23,7 @@ from excite.identification.noise_spectra import (
     transformed_trial,
 )
 from excite.identification.problem import IdentificationProblem
+from excite.identification.trial_grid import TrialGrid
 from excite.robot.robot import Array
 
 _ROUNDS = 3

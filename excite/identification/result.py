@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from excite.identification.changes import ChangedSegment, Changes
+from excite.identification.changes import Changes
 from excite.identification.consistency import Consistency
 from excite.identification.inertia import FILE_ORDER
 from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.known_bounds import BoundsReport
+from excite.identification.result_text import fit_table, mass_change
 from excite.identification.uncertainty import ParameterUncertainty
 from excite.identification.validation import ChannelFit
 from excite.logs.finding import Finding
@@ -201,7 +202,7 @@ class Identification:
         lines += self._promises()
         for title, fits in (("identification trials", self.fit), ("validation trials", self.validation)):
             if fits:
-                lines += ["", *_fit_table(title, fits)]
+                lines += ["", *fit_table(title, fits)]
         lines += ["", *self._change_lines()]
         lines += [f"note: {text}" for text in self.warnings]
         return "\n".join(lines)
@@ -215,17 +216,10 @@ class Identification:
         if not self.changes.segments:
             return ["changed segments: none found"]
         return ["changed segments:"] + [
-            f"  {item.segment}: {_mass_change(item)}"
+            f"  {item.segment}: {mass_change(item)}"
             + (f" (or {', '.join(item.tied_with)})" if item.tied_with else "")
             for item in self.changes.segments
         ]
-
-
-def _mass_change(item: ChangedSegment) -> str:
-    """The change of mass, or that the rows say nothing of it: an arm's masses show only in combinations."""
-    if item.std_kg > max(abs(item.mass_change_kg), 1.0):
-        return "first moments or inertia; its mass alone is not determined"
-    return f"{item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
 
 
 def _parameter_block(row: Array) -> dict[str, Any]:
@@ -234,20 +228,6 @@ def _parameter_block(row: Array) -> dict[str, Any]:
         "first_moment": row[1:4].tolist(),
         "inertia": row[4:][list(FILE_ORDER)].tolist(),
     }
-
-
-def _fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:
-    width = max(len(name) for name in [*fits, "channel"])
-    lines = [f"{title}, RMSE (correlation):", f"  {'channel':{width}}  {'identified':>20}  {'nominal':>20}"]
-    for name, fit in fits.items():
-        identified = f"{fit.rmse:.3f} {fit.unit} ({_cc(fit.cc)})"
-        nominal = f"{fit.reference_rmse:.3f} {fit.unit} ({_cc(fit.reference_cc)})"
-        lines.append(f"  {name:{width}}  {identified:>20}  {nominal:>20}")
-    return lines
-
-
-def _cc(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
 
 
 def _finite(value: Any) -> Any:

@@ -9,15 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import InputError
-from excite.robot.collision import Shape, collision_model, collision_shapes
 from excite.robot.robot import Array, Foot, Robot
 from excite.simulation.drives import Drives
 from excite.simulation.inertial import principal_inertia
+from excite.simulation.mjcf_shapes import GROUND, add_shapes, wxyz
 
 if TYPE_CHECKING:
     import mujoco
 
-GROUND = "ground"
 SOLE_RADIUS = 0.005
 
 
@@ -94,7 +93,7 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
     for foot in robot.feet:
         _add_sole(bodies[foot.joint], foot, world)
     if world.watch_touches:
-        _add_shapes(spec, bodies, robot)
+        add_shapes(spec, bodies, robot)
     return spec
 
 
@@ -112,11 +111,11 @@ def _add_body(robot: Robot, bodies: list, joint: int, phi: Array) -> mujoco.MjsB
     body = bodies[model.parents[joint]].add_body(
         name=robot.segments[joint - 1].link,
         pos=placement.translation,
-        quat=_wxyz(placement.rotation),
+        quat=wxyz(placement.rotation),
         explicitinertial=True,
         mass=inertia.mass,
         ipos=inertia.com,
-        iquat=_wxyz(inertia.rotation),
+        iquat=wxyz(inertia.rotation),
         inertia=inertia.moments,
     )
     if joint == 1 and robot.floating:
@@ -199,57 +198,3 @@ def _add_sole(body: mujoco.MjsBody, foot: Foot, world: World) -> None:
             solref=list(world.solref),
             solimp=[*world.solimp, 0.5, 2.0],
         )
-
-
-def _add_shapes(spec: mujoco.MjSpec, bodies: list, robot: Robot) -> None:
-    """Collision shapes, and the pairs of them that must not meet."""
-    shapes = collision_shapes(robot)
-    for shape in shapes:
-        _add_shape(spec, bodies[shape.joint], shape)
-    for pair in collision_model(robot).collisionPairs:
-        _watch(spec, shapes[pair.first].name, shapes[pair.second].name)
-    soles = {foot.joint for foot in robot.feet}
-    for shape in shapes if robot.feet else ():
-        if shape.joint not in soles:
-            _watch(spec, GROUND, shape.name)
-
-
-def _watch(spec: mujoco.MjSpec, first: str, second: str) -> None:
-    """Find contacts of two shapes as soon as they overlap, with no force down to a metre's depth."""
-    spec.add_pair(geomname1=first, geomname2=second, margin=-1.0, gap=1.0)
-
-
-def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
-    import mujoco
-
-    kinds = {
-        "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-        "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
-        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-        "box": mujoco.mjtGeom.mjGEOM_BOX,
-        "convex": mujoco.mjtGeom.mjGEOM_MESH,
-    }
-    geom = body.add_geom(
-        name=shape.name,
-        type=kinds[shape.kind],
-        pos=shape.placement.translation,
-        quat=_wxyz(shape.placement.rotation),
-        contype=0,
-        conaffinity=0,
-    )
-    if shape.vertices is not None and shape.faces is not None:
-        mesh = spec.add_mesh(name=shape.name)
-        mesh.uservert = np.ravel(shape.vertices)
-        mesh.userface = np.ravel(shape.faces)
-        geom.meshname = shape.name
-    elif shape.kind == "box":
-        geom.size = [0.5 * length for length in shape.size]
-    elif shape.kind == "sphere":
-        geom.size = [shape.size[0], 0.0, 0.0]
-    else:
-        geom.size = [shape.size[0], 0.5 * shape.size[1], 0.0]
-
-
-def _wxyz(rotation: Array) -> Array:
-    x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
-    return np.array([w, x, y, z])

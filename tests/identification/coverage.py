@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from excite.identification.noise import trial_grids
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
 from excite.identification.settings import Filters
 from excite.identification.statistics import BaseStatistics, base_statistics
+from excite.identification.trial_grid import trial_grids
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from excite.errors import RobotError
+from excite.logs.bare_urdf import nominal_faults
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.logs.robot import nominal_faults, nominal_robot, robot_for_log
+from excite.logs.robot import nominal_robot, robot_for_log
 from tests.logs.conftest import ARM
 
 FORE = '<inertia ixx="0.01" iyy="0.01" izz="0.004" ixy="0" ixz="0" iyz="0"/>'

@@ -1,0 +1,28 @@
+"""Lines of an identification's summary."""
+
+from __future__ import annotations
+
+from excite.identification.changes import ChangedSegment
+from excite.identification.validation import ChannelFit
+
+
+def mass_change(item: ChangedSegment) -> str:
+    """The change of mass, or that the rows say nothing of it: an arm's masses show only in combinations."""
+    if item.std_kg > max(abs(item.mass_change_kg), 1.0):
+        return "first moments or inertia; its mass alone is not determined"
+    return f"{item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
+
+
+def fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:
+    """Lines with how well each channel is explained, by the identified model and by the nominal one."""
+    width = max(len(name) for name in [*fits, "channel"])
+    lines = [f"{title}, RMSE (correlation):", f"  {'channel':{width}}  {'identified':>20}  {'nominal':>20}"]
+    for name, fit in fits.items():
+        identified = f"{fit.rmse:.3f} {fit.unit} ({_cc(fit.cc)})"
+        nominal = f"{fit.reference_rmse:.3f} {fit.unit} ({_cc(fit.reference_cc)})"
+        lines.append(f"  {name:{width}}  {identified:>20}  {nominal:>20}")
+    return lines
+
+
+def _cc(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"

@@ -1,0 +1,71 @@
+"""Collision shapes of a robot in a MuJoCo model: seen when they meet, without force."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from excite.robot.collision import Shape, collision_model, collision_shapes
+from excite.robot.robot import Array, Robot
+
+if TYPE_CHECKING:
+    import mujoco
+
+GROUND = "ground"
+
+
+def add_shapes(spec: mujoco.MjSpec, bodies: list, robot: Robot) -> None:
+    """Collision shapes, and the pairs of them that must not meet."""
+    shapes = collision_shapes(robot)
+    for shape in shapes:
+        _add_shape(spec, bodies[shape.joint], shape)
+    for pair in collision_model(robot).collisionPairs:
+        _watch(spec, shapes[pair.first].name, shapes[pair.second].name)
+    soles = {foot.joint for foot in robot.feet}
+    for shape in shapes if robot.feet else ():
+        if shape.joint not in soles:
+            _watch(spec, GROUND, shape.name)
+
+
+def _watch(spec: mujoco.MjSpec, first: str, second: str) -> None:
+    """Find contacts of two shapes as soon as they overlap, with no force down to a metre's depth."""
+    spec.add_pair(geomname1=first, geomname2=second, margin=-1.0, gap=1.0)
+
+
+def _add_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape) -> None:
+    import mujoco
+
+    kinds = {
+        "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+        "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+        "box": mujoco.mjtGeom.mjGEOM_BOX,
+        "convex": mujoco.mjtGeom.mjGEOM_MESH,
+    }
+    geom = body.add_geom(
+        name=shape.name,
+        type=kinds[shape.kind],
+        pos=shape.placement.translation,
+        quat=wxyz(shape.placement.rotation),
+        contype=0,
+        conaffinity=0,
+    )
+    if shape.vertices is not None and shape.faces is not None:
+        mesh = spec.add_mesh(name=shape.name)
+        mesh.uservert = np.ravel(shape.vertices)
+        mesh.userface = np.ravel(shape.faces)
+        geom.meshname = shape.name
+    elif shape.kind == "box":
+        geom.size = [0.5 * length for length in shape.size]
+    elif shape.kind == "sphere":
+        geom.size = [shape.size[0], 0.0, 0.0]
+    else:
+        geom.size = [shape.size[0], 0.5 * shape.size[1], 0.0]
+
+
+def wxyz(rotation: Array) -> Array:
+    """Quaternion of a rotation ``(3, 3)`` in MuJoCo's order, ``(4,)``."""
+    x, y, z, w = pin.Quaternion(rotation).normalized().coeffs()
+    return np.array([w, x, y, z])
