@@ -105,17 +105,15 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
         model=None,
         driven_by=plan.driven_by,
         warnings=warnings,
-        floor=_floor(before.xml, baseline, plan),
+        floor=_floor(before.xml, baseline, plan, plain),
     )
     return Comparison(rollout, after.xml, len(kept))
 
 
-def _floor(xml: str, baseline: Baseline, plan: Plan) -> dict[str, float]:
+def _floor(xml: str, baseline: Baseline, plan: Plan, plain: Array) -> dict[str, float]:
     """RMS by which replicas of the nominal simulator differ from it, by joint [rad]."""
-    samples, few = baseline.samples, replace(plan, total_s=min(plan.total_s, _CHECKED_S))
-    again = replicated(samples, few, np.random.default_rng(0))
-    apart = errors(xml, again[0], baseline.rigid, again[1]) - errors(xml, samples, baseline.rigid, few)
-    return _rms(apart, samples.joints)
+    samples, noisy = replicated(baseline.samples, plan, np.random.default_rng(0))
+    return _rms(errors(xml, samples, baseline.rigid, noisy) - plain, samples.joints)
 
 
 def _helpful(
@@ -125,20 +123,37 @@ def _helpful(
     effects: tuple[Found, ...],
     plan: Plan,
 ) -> tuple[AugmentedModel, Baseline, tuple[Found, ...]]:
-    """The model with as many effects as bring roll-outs of the identification trials nearer to the record."""
+    """The model with as many effects as bring roll-outs of the identification trials nearer to the record.
+
+    The last of them has to do so as well.
+    """
     if not effects:
         return before, baseline, ()
     samples, check = baseline.samples, replace(plan, fitted=True, total_s=min(plan.total_s, _CHECKED_S))
-    plain = errors(before.xml, samples, baseline.rigid, check)
-    for count in range(len(effects), 0, -1):
+
+    def left(model: AugmentedModel, rigid: Array) -> Array:
+        return np.asarray((errors(model.xml, samples, rigid, check) ** 2).mean(axis=(0, 1)))
+
+    made = [(before, baseline, left(before, baseline.rigid))]
+    for count in range(1, len(effects) + 1):
         final = attribution.final if count == len(effects) else attribution.stages[count].context.baseline
         model = augmented_model(final, effects[:count])
-        with_them = errors(model.xml, samples, final.rigid, check)
-        # In all, and relative to each joint's own error: a joint that moves little counts as well.
-        squares = [(e**2).mean(axis=(0, 1)) for e in (with_them, plain)]
-        if squares[0].sum() < squares[1].sum() and float(np.mean(squares[0] / squares[1])) < 1.0:
+        made.append((model, final, left(model, final.rigid)))
+    for count in range(len(effects), 0, -1):
+        model, final, most = made[count]
+        if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], plan.least_gain):
             return model, final, effects[:count]
     return before, baseline, ()
+
+
+def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:
+    """Whether squared errors ``(n_joints,)`` are smaller, on some joint by a share ``gain`` of them.
+
+    In all, and relative to each joint's own error: a joint that moves little counts as well.
+    """
+    ratio = after / before
+    less = after.sum() < before.sum() and float(ratio.mean()) < 1.0
+    return bool(less and ratio.min() <= 1.0 - gain)
 
 
 def errors(xml: str, samples: ArmSamples, rigid: Array, plan: Plan) -> Array:

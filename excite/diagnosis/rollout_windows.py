@@ -35,6 +35,7 @@ class Plan:
         growth: by joint, how far friction that drifts has come, one ``(n,)`` a trial.
         fitted: simulate the identification trials, not the validation trials.
         torques: what drives them where that is the log's torques.
+        least_gain: share of some joint's squared error that the last effect has to take away.
     """
 
     horizon_s: float
@@ -44,6 +45,7 @@ class Plan:
     growth: Mapping[str, list[Array]] = field(default_factory=dict)
     fitted: bool = False
     torques: DrivingTorques | None = None
+    least_gain: float = 0.0
 
 
 def torque_plan(samples: ArmSamples) -> Plan:

@@ -21,6 +21,8 @@ from excite.errors import InputError
 from excite.robot.robot import Array
 
 _HORIZON_S = 2.0
+# What each further effect has to take of some joint's squared error, as the first one has to.
+_GAIN = 0.1
 
 
 @dataclass(eq=False)
@@ -58,7 +60,7 @@ class ClosedLoop:
         self.floor = _position_floor(baseline)
         drives: dict[str, Drive] = {t.name: self._drive(samples.joints, t.name) for t in samples.trials}
         shortest = min(float(t.time[-1]) for t in samples.trials)
-        plan = Plan(min(_HORIZON_S, 0.4 * shortest), drives, "q_cmd")
+        plan = Plan(min(_HORIZON_S, 0.4 * shortest), drives, "q_cmd", least_gain=_GAIN)
         try:
             comparison = compared(attribution, baseline, plan)
         except InputError as error:
