@@ -18,6 +18,8 @@ UNITS = ("N",) * 3 + ("N·m",) * 3
 _BLOCK_S, _DRAWS = 1.0, 500
 # Noise has few independent numbers in a band of a few hertz, and trials as short as these.
 _LEAST_SPREAD, _LARGEST_SPREAD = 0.05, 0.3
+# Of the logarithm of how much of the parameters' errors shows: other motions ask other things of them.
+_UNCERTAIN_SPREAD = 0.7
 
 
 def in_band(record: FloatingRecord, values: Array) -> Array:
@@ -67,6 +69,20 @@ def _spread(problem: Problem, powers: list[float]) -> float:
     return float(np.clip(share, _LEAST_SPREAD, _LARGEST_SPREAD))
 
 
+def _repeated(record: FloatingRecord, residual: Array) -> Array:
+    """``(6,)`` standard deviation of the noise from pairs of repeated trials; infinity where there are none.
+
+    What a wrong form leaves is the same in both: of all levels this is the one that holds nothing of it.
+    """
+    powers = []
+    for first, second in record.repeats:
+        one, two = record.spans[first], record.spans[second]
+        n = min(one.stop - one.start, two.stop - two.start)
+        change = residual[one.start : one.start + n] - residual[two.start : two.start + n]
+        powers.append(0.5 * (change**2).mean(axis=0))
+    return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(6, np.inf)
+
+
 def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator) -> Gap:
     """Gap of the baseline and of the accepted effects, both fitted to the identification trials.
 
@@ -97,18 +113,24 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     first, last = (total(power.mean(axis=0)) for power in powers)
     # Noise happens to be a little less than it is on average.
     floor = level * min(1.0, last / total(level**2))
+    share = share_closed(first, last, total(floor**2))
     interval = None
     if after.placed:
+        quietest = np.minimum(np.minimum(level, learnt), _repeated(record, fitted)) ** 2
+        freedom = sum(map(len, after.theta)) + float((problem.basis**2).sum())
+        known = int((~problem.validation).sum() or len(problem.validation))
         draws = []
         for _ in range(_DRAWS):
             pick = rng.integers(0, len(blocks), len(blocks))
             was, now = (total(power[pick].mean(axis=0)) for power in powers)
-            low = np.minimum(level, learnt) ** 2
-            power = low + rng.uniform() * (level**2 - low)
-            quiet = total(power * max(0.0, 1.0 + spread * rng.standard_normal()))
-            draws.append(share_closed(was, now, min(quiet, now)))
-        interval = (float(np.quantile(draws, 0.05)), float(np.quantile(draws, 0.95)))
-    lowest = total(floor**2)
+            power = quietest + rng.uniform() * (level**2 - quietest)
+            quiet = min(total(power * max(0.0, 1.0 + spread * rng.standard_normal())), now)
+            # What noise in the trials that were fitted did to the parameters is left in others, noise or not.
+            uncertain = total(level**2) ** 2 * rng.gamma(0.5 * freedom, 2.0 / known)
+            uncertain *= np.exp(_UNCERTAIN_SPREAD * rng.standard_normal())
+            draws.append(share_closed(was, float(np.sqrt(now**2 + uncertain)), quiet))
+        low, high = (float(np.quantile(draws, p)) for p in (0.05, 0.95))
+        interval = (min(low, share), max(high, share))
     channels = {
         axis: ChannelGap(
             float(np.sqrt((old[:, i] ** 2).mean())),
@@ -118,4 +140,4 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
         )
         for i, axis in enumerate(WRENCH_AXES)
     }
-    return Gap(first, last, lowest, share_closed(first, last, lowest), channels, interval)
+    return Gap(first, last, total(floor**2), share, channels, interval)

@@ -11,7 +11,14 @@ from excite.diagnosis.floating.effects.effect import FloatingEffect, links
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.refinement import Fitted, Placed, judged_by, linearised, refine
+from excite.diagnosis.floating.refinement import (
+    Fitted,
+    Placed,
+    explained_state,
+    judged_by,
+    linearised,
+    refine,
+)
 from excite.diagnosis.floating.screening import Screened, absent, effect_columns, screen
 from excite.diagnosis.floating.surfaces import find_surfaces, pressed
 
@@ -63,10 +70,10 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     top = min(rough, key=lambda f: f.power, default=None)
     if top is not None:
         rough += [_refined(coarse, current, item) for item in _neighbours(screened, rough, top)]
-    fits = _in_full(problem, current, rough)
-    open_after = (min(f.power for f in fits) if fits else current.power) / n
+    open_after = (min(f.power for f in rough) if rough else current.power) / n
     if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
-        fits += _contacts(problem, current, places)
+        rough += _contacts(problem, coarse, current, places)
+    fits = _in_full(problem, rough)
     fits = [f for f in fits if current.power - f.power > f.placed[-1].effect.least_shrink * n]
     if not fits:
         return ()
@@ -76,7 +83,7 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
 
 def by_evidence(fits: list[tuple[Fitted, float]], current: Fitted, problem: Problem) -> tuple[Ranked, ...]:
     """Fits, each with what the number of its places costs, ranked by evidence over ``current``, best first."""
-    over = max(1.0, min(fit.power for fit, _ in fits) / len(problem.nominal_rows))
+    over = _overdispersion(problem, min((fit for fit, _ in fits), key=lambda fit: fit.power))
     ranked = []
     for fit, choice in fits:
         gain = 0.5 * (current.power - fit.power) / over
@@ -84,7 +91,21 @@ def by_evidence(fits: list[tuple[Fitted, float]], current: Fitted, problem: Prob
     return tuple(sorted(ranked, key=lambda item: -item.evidence))
 
 
-def _in_full(problem: Problem, current: Fitted, rough: list[Fitted]) -> list[Fitted]:
+def _overdispersion(problem: Problem, fitted: Fitted) -> float:
+    """Variance of what a fit leaves over that of noise, times that by which it is fewer numbers than noise is.
+
+    What a wrong form leaves sits in a few frequencies: as many numbers as make its kurtosis that of a Gaussian
+    speak for or against a hypothesis, and not all of them.
+    """
+    n = len(problem.nominal_rows)
+    if fitted.power < NOISE_SLACK * n:
+        return max(1.0, fitted.power / n)
+    squares = problem.rows(explained_state(problem, fitted)) ** 2
+    effective = 3.0 * squares.sum() ** 2 / (squares**2).sum()
+    return float(fitted.power / min(n, effective))
+
+
+def _in_full(problem: Problem, rough: list[Fitted]) -> list[Fitted]:
     """Fits to every other sample, those that may lead repeated on all of them."""
     if not rough:
         return []
@@ -124,34 +145,35 @@ def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:
     return refine(problem, (*current.placed, placed), (*current.theta, start), current, _ROUGH_STEPS)
 
 
-def _contacts(problem: Problem, current: Fitted, places: dict[str, int]) -> list[Fitted]:
+def _contacts(problem: Problem, coarse: Problem, current: Fitted, places: dict[str, int]) -> list[Fitted]:
     """Links with an unlogged contact: its times or a surface paid for, whichever explains more."""
     places[UnloggedContact.name] = len(links(problem.nominal))
-    timed = _timed_contacts(problem, current)
-    soft = [fit for fit in (pressed(problem, contact) for contact in timed) if fit is not None]
+    timed = _timed_contacts(problem, coarse, current)
+    soft = [fit for fit in (pressed(coarse, contact) for contact in timed) if fit is not None]
     if min((f.power for f in timed + soft), default=np.inf) > NOISE_SLACK * len(problem.nominal_rows):
-        soft += find_surfaces(problem, current)
+        soft += find_surfaces(coarse, current)
     return max(timed, soft, key=lambda fits: max((f.evidence for f in fits), default=-np.inf))
 
 
-def _timed_contacts(problem: Problem, current: Fitted) -> list[Fitted]:
+def _timed_contacts(problem: Problem, coarse: Problem, current: Fitted) -> list[Fitted]:
     """The best contact by its times, and its neighbours."""
     found = find_contact(problem, current)
     if found is None:
         return []
     effect: FloatingEffect = found.placed[-1].effect
-    beside, state, rows = linearised(problem, current)
+    beside, state, rows = linearised(coarse, current)
     linear = {
-        link: beside.fit(rows, effect_columns(problem, state, effect, link, absent(effect, state, link)))
+        link: beside.fit(rows, effect_columns(coarse, state, effect, link, absent(effect, state, link)))
         for link in effect.locations(problem.nominal)
     }
     nearest = sorted(linear, key=lambda link: -linear[link].evidence)[: _NEIGHBOURS // 2]
     return [
         refine(
-            problem,
+            coarse,
             (*current.placed, Placed(effect, link)),
             (*current.theta, linear[link].theta * effect.scales(problem.nominal, link)),
             current,
+            _ROUGH_STEPS,
         )
         for link in nearest
     ]

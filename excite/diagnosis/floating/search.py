@@ -17,7 +17,9 @@ SIGNIFICANT = 8.0
 _FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
 _MOST_EFFECTS = 3
 # Effects from which a search for several begins, and what each must close at least of what the best closes.
-_BEGINNINGS, _CLOSES = 3, 0.5
+_BEGINNINGS, _CLOSES = 2, 0.5
+# Share of the open power below which what was found is not worth a second look.
+_HOPEFUL = 0.7
 
 
 def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, ...]:
@@ -43,7 +45,7 @@ def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, .
     n = len(problem.nominal_rows)
     over = max(1.0, min(chain[-1][0].fitted.power for chain in chains) / n)
     chain = max(chains, key=lambda chain: _evidence(chain, baseline, over))
-    while len(chain) > 1:
+    while len(chain) > 1 and chain[-1][0].fitted.power - n < (1.0 - _HOPEFUL) * (baseline.power - n):
         chain = _settled(problem, coarse, chain, baseline)
         if len(chain) == _MOST_EFFECTS or _enough(problem, chain[-1][0].fitted):
             break
