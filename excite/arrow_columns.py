@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,19 @@ def read_parquet(path: Path) -> pa.Table:
     """
     with pa.parquet.ParquetFile(path) as file:
         return file.read()
+
+
+def arrow_table(columns: Mapping[str, NDArray[Any]]) -> pa.Table:
+    """A table of columns by name; numbers by their bytes, as Arrow's own conversion would load pandas for them too."""
+    return pa.Table.from_arrays([_arrow(column) for column in columns.values()], names=list(columns))
+
+
+def _arrow(column: NDArray[Any]) -> pa.Array:
+    column = np.asarray(column)
+    if column.ndim != 1 or column.dtype.kind not in "fiu" or not column.dtype.isnative:
+        return pa.array(column)
+    kind, data = pa.from_numpy_dtype(column.dtype), pa.py_buffer(np.ascontiguousarray(column))
+    return pa.Array.from_buffers(kind, len(column), [None, data])
 
 
 def numpy_columns(table: pa.Table) -> dict[str, NDArray[Any]]:

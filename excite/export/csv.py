@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.csv
 
+from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.export.exporter import Exporter
 from excite.motion.files import motion_columns
@@ -26,4 +27,4 @@ class CsvExporter(Exporter):
         """See :class:`Exporter`; numbers are written with all their digits."""
         options = pa.csv.WriteOptions(quoting_style="none")
         with atomic_path(path) as temporary:
-            pa.csv.write_csv(pa.table(motion_columns(motion)), temporary, options)
+            pa.csv.write_csv(arrow_table(motion_columns(motion)), temporary, options)

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from excite.arrow_columns import numpy_columns, read_parquet
+from excite.arrow_columns import arrow_table, numpy_columns, read_parquet
 from excite.atomic import atomic_path
 from excite.errors import MotionError
 from excite.motion.motion import Motion, MotionMetadata
@@ -75,7 +75,7 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
         elif path.suffix == ".csv":
             with temporary.open("wb") as stream:
                 stream.write((_CSV_COMMENT + json.dumps(metadata) + "\n").encode())
-                pa.csv.write_csv(pa.table(columns), stream)
+                pa.csv.write_csv(arrow_table(columns), stream)
         else:
             write_parquet(columns, json.dumps(metadata), temporary, single=single)
     return path

@@ -10,6 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet
 from numpy.typing import NDArray
 
+from excite.arrow_columns import arrow_table
+
 _POSITIONS = ("q.", "base.p", "base.q")
 
 
@@ -24,11 +26,11 @@ def write_parquet(columns: dict[str, NDArray[Any]], metadata: str, path: Path, *
             they are.
     """
     if not single:
-        table = pa.table(columns).replace_schema_metadata({"excite": metadata})
+        table = arrow_table(columns).replace_schema_metadata({"excite": metadata})
         pa.parquet.write_table(table, path, compression="zstd")
         return
     columns = {name: _narrow(name, column) for name, column in columns.items()}
-    table = pa.table(columns)
+    table = arrow_table(columns)
     # Bytes of equal weight side by side compress where the numbers themselves do not; a hundred short columns
     # would spend as much on statistics as on data.
     split = [name for name, column in columns.items() if column.dtype == np.float32]

@@ -9,7 +9,7 @@ from typing import ClassVar
 import pyarrow as pa
 import pyarrow.csv
 
-from excite.arrow_columns import numpy_columns
+from excite.arrow_columns import arrow_table, numpy_columns
 from excite.logs.readers.reader import TrialReader, unreadable
 from excite.robot.robot import Array
 
@@ -35,6 +35,4 @@ class CsvReader(TrialReader):
 
     def write(self, columns: Mapping[str, Array], path: Path) -> None:
         """See :meth:`TrialReader.write`."""
-        pa.csv.write_csv(
-            pa.table(dict(columns)), path, write_options=pa.csv.WriteOptions(quoting_style="none")
-        )
+        pa.csv.write_csv(arrow_table(columns), path, write_options=pa.csv.WriteOptions(quoting_style="none"))

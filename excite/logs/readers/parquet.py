@@ -9,7 +9,7 @@ from typing import ClassVar
 import pyarrow as pa
 import pyarrow.parquet
 
-from excite.arrow_columns import numpy_columns, read_parquet
+from excite.arrow_columns import arrow_table, numpy_columns, read_parquet
 from excite.logs.readers.reader import TrialReader, unreadable
 from excite.robot.robot import Array
 
@@ -29,4 +29,4 @@ class ParquetReader(TrialReader):
 
     def write(self, columns: Mapping[str, Array], path: Path) -> None:
         """See :meth:`TrialReader.write`."""
-        pa.parquet.write_table(pa.table(dict(columns)), path, compression="zstd")
+        pa.parquet.write_table(arrow_table(columns), path, compression="zstd")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BPoly, PPoly
 
 from excite.motion.generators.curves import Curve
 from excite.robot.robot import Array
@@ -35,6 +34,8 @@ class PolynomialCurve(Curve):
 
     def evaluate(self, s: Array, order: int = 0) -> Array:
         """Values or derivatives at ``s``, ``(n, dimension)``."""
+        from scipy.interpolate import PPoly
+
         inside = np.clip(np.asarray(s, dtype=float), 0.0, self.breaks[-1])
         return np.asarray(PPoly(self.coefficients, self.breaks)(inside, nu=order))
 
@@ -56,6 +57,8 @@ def hermite(
         first: first derivatives at the knots, ``(m, dimension)``; zero if left out.
         second: second derivatives, likewise.
     """
+    from scipy.interpolate import BPoly, PPoly
+
     nothing = np.zeros_like(values)
     data = np.stack(
         [values, nothing if first is None else first, nothing if second is None else second], axis=1
