@@ -45,14 +45,17 @@ def advice(
     said = []
     if others:
         proposal = file = None
+        untold = ""
         if out is not None:
             # Generators, checks and repairs are loaded where a motion is made.
             from excite.diagnosis.next_experiment import propose, written
+            from excite.diagnosis.next_experiment_candidates import touching
 
             floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
             proposal = propose(baseline, [best, *others], floor, seed=0)
             file = None if proposal is None else written(proposal, out)
-        said.append(_of_motion(best, others, proposal, file, planned=out is not None))
+            untold = _no_motion(touching(baseline.samples)) if proposal is None else ""
+        said.append(_of_motion(best, others, proposal, file, untold))
     else:
         file = None
     if second is not None:
@@ -71,15 +74,27 @@ def _others(attribution: Attribution, judgement: Judgement) -> list[Scored]:
     return [*judgement.rivals, *places][:_MOST]
 
 
+def _no_motion(touching: tuple[str, ...]) -> str:
+    """Why no motion is proposed."""
+    if not touching:
+        return "no safe motion of those tried does"
+    pairs = ", ".join(touching[:_MOST]) + (", …" if len(touching) > _MOST else "")
+    return (
+        f"no motion can be judged safe, for the model's shapes of {pairs} touch where this record has been: name "
+        "pairs that cannot touch in collision.ignored_pairs of its robot.yaml, as `excite init-robot` does, and "
+        "diagnose again"
+    )
+
+
 def _of_motion(
-    best: Scored, others: list[Scored], proposal: Proposal | None, file: str | None, *, planned: bool
+    best: Scored, others: list[Scored], proposal: Proposal | None, file: str | None, untold: str
 ) -> str:
     names = [_place(best), *(_place(item) for item in others)]
     alike = f"{', '.join(names[:-1])} and {names[-1]} look alike in this record"
     hints = dict.fromkeys(EFFECTS[item.name].separating_motion for item in (best, *others))
     told = f"what tells them apart: {'; '.join(hint for hint in hints if hint)}"
     if proposal is None:
-        return f"{alike}; no safe motion of those tried does; {told}" if planned else f"{alike}; {told}"
+        return f"{alike}; {untold}; {told}" if untold else f"{alike}; {told}"
     apart = [_place(item) for item, yes in zip(others, proposal.told_apart, strict=True) if yes]
     text = f"{alike}; {file} is expected to tell {_place(best)} from {', '.join(apart)}"
     text += " when it is run twice, as an identification and as a validation trial"

@@ -71,6 +71,20 @@ def has_shapes(robot: Robot) -> bool:
     return True
 
 
+def touching(samples: ArmSamples) -> tuple[str, ...]:
+    """Pairs of links, ``A and B``, whose shapes are closer than allowed in postures that the record has been through.
+
+    Such shapes are too large, or the pair cannot touch: no motion of this robot would be judged safe.
+    """
+    robot = samples.robot
+    if not has_shapes(robot):
+        return ()
+    link = {shape.name: shape.link for shape in collision_shapes(robot)}
+    judged = SelfCollisionCheck().judge(Sweep(robot, retraced(samples, _PATHS)[0], None))
+    pairs = [v.where.split(" - ") for v in judged.violations if v.kind == SelfCollisionCheck.name]
+    return tuple(dict.fromkeys(" and ".join(link.get(name, name) for name in pair) for pair in pairs))
+
+
 def near(samples: ArmSamples, targets: Sequence[str], seed: int) -> list[Offer]:
     """Motions within what the record has shown; without shapes, along its own paths alone.
 

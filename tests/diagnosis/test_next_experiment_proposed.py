@@ -177,6 +177,22 @@ def test_what_no_motion_tells_apart_gets_no_motion_but_a_reading(robot: Robot, t
     assert not (tmp_path / FILE).exists()
 
 
+def test_shapes_that_touch_in_the_record_are_named_with_what_to_do(robot: Robot, tmp_path: Path):
+    """Solids of neighbours overlap in a model of which nobody has said so, and no motion can be judged safe."""
+    open_pairs = robot.description.collision.model_copy(update={"ignored_pairs": ()})
+    bare = replace(
+        robot,
+        hash="pairs not reviewed",
+        description=robot.description.model_copy(update={"collision": open_pairs}),
+    )
+    advice = diagnose(record(robot, stiffness=3.0), bare, out=tmp_path).next_experiment
+    assert advice is not None
+    assert advice.motion is None
+    assert "collision.ignored_pairs" in advice.why
+    assert "base and link2" in advice.why
+    assert not (tmp_path / FILE).exists()
+
+
 @pytest.mark.slow
 def test_the_motion_proposed_settles_the_doubt_when_the_robot_runs_it(tmp_path: Path):
     done = outcome(RECIPES[0], np.random.default_rng(3), tmp_path)
