@@ -131,7 +131,7 @@ class Attributor:
         gates, closed = self.gates, float(item.closed[item.place])
         coupled = item.hypothesis.effect.moves and item.elsewhere >= gates.elsewhere
         if coupled:
-            return item.stands >= gates.clear_coupled and closed >= gates.closed_coupled
+            return item.stands >= gates.clear_coupled
         return item.stands >= gates.clear and closed >= gates.closed_richer
 
     def _removed(self, before: Fit, item: Hypothesis, scale: Array) -> float:

@@ -6,7 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.diagnosis.drive_terms import SIGNS, best_sign, own_names, own_signals, refined_breakaway
+from excite.diagnosis.drive_terms import (
+    BREAKAWAY_BOUNDS,
+    SIGNS,
+    WIDTH_BOUNDS,
+    best_sign,
+    own_names,
+    own_signals,
+    refined,
+)
 from excite.diagnosis.equations import Equations, Fit, Solver
 from excite.diagnosis.samples import ArmSamples
 from excite.identification.inertia import central_inertia_matrices
@@ -152,13 +160,16 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
         chosen = [best_sign(rigid[j][use], [b[use] for b in bank[j]]) for j in range(len(index))]
     widths, breakaways = np.array([tried[k] for k in chosen]).T
     terms = [b[k] for b, k in zip(bank, chosen, strict=True)]
-    for j in np.flatnonzero(breakaways):
+    for j in range(len(index) if "coulomb_friction" in names else 0):
+        bent = breakaways[j] > 0.0
 
-        def rows_at(breakaway: float, j: int = int(j)) -> Array:
-            columns = own_signals(samples, names, j, widths[j], breakaway)
-            return samples.rows(samples.split(columns)) * root[j][:, None]
+        def rows_at(value: float, j: int = j, bent: bool = bent) -> Array:
+            sign = (widths[j], value) if bent else (value, 0.0)
+            return samples.rows(samples.split(own_signals(samples, names, j, *sign))) * root[j][:, None]
 
-        breakaways[j], terms[j] = refined_breakaway(rigid[j], rows_at, float(breakaways[j]), terms[j], use)
+        found = breakaways if bent else widths
+        bounds = BREAKAWAY_BOUNDS if bent else WIDTH_BOUNDS
+        found[j], terms[j] = refined(rigid[j], rows_at, float(found[j]), terms[j], use, bounds)
     solver = Solver(Equations(shared, tuple(terms), y, use, samples.trial_of_row, floor))
     fit = solver.fit()
     basis = np.zeros((len(phi), 0)) if basis is None else basis

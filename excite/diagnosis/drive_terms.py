@@ -19,9 +19,11 @@ BREAKAWAYS = (5e-4, 1.5e-3, 4e-3)
 _BETTER = 0.95
 # How a joint's friction changes sign is only thought over for a loss below this share.
 _CHANGED = 0.98
-# Factors between neighbouring breakaways of the search, first and last.
+# Factors between neighbouring widths or breakaways of the search, first and last.
 _FIRST_STEP, _LAST_STEP = 1.5, 1.06
 
+# What the search may reach: no velocity of a log tells less apart, nor deflections.
+WIDTH_BOUNDS, BREAKAWAY_BOUNDS = (1e-3, 0.06), (1e-4, 2e-2)
 SIGNS = (*((w, 0.0) for w in WIDTHS), *((6e-3, b) for b in BREAKAWAYS))
 
 
@@ -78,36 +80,41 @@ def best_sign(target: Array, columns: list[Array], kept: int | None = None) -> i
     return found if kept is None or losses[found] < _CHANGED * losses[kept] else kept
 
 
-def refined_breakaway(
+def refined(
     target: Array,
     rows_at: Callable[[float], Array],
-    breakaway: float,
+    value: float,
     columns: Array,
     use: NDArray[np.bool_],
+    bounds: tuple[float, float],
 ) -> tuple[float, Array]:
-    """The breakaway searched between those of the grid: bisection of steps on a logarithmic scale.
+    """A width or breakaway searched between those of the grid: bisection of steps on a logarithmic scale.
 
     Args:
         target: ``(n_rows,)`` what a joint's own terms have to explain.
-        rows_at: own terms ``(n_rows, n_own)`` at a breakaway [rad].
-        breakaway: where to begin [rad].
+        rows_at: own terms ``(n_rows, n_own)`` at a width [rad/s] or breakaway [rad].
+        value: where to begin.
         columns: the own terms there.
         use: ``(n_rows,)`` rows that are fitted.
+        bounds: of the width or breakaway.
 
     Returns:
-        The breakaway [rad] and its own terms.
+        The width or breakaway and its own terms.
     """
+    low, high = bounds
     best, step = _loss(target[use], columns[use]), _FIRST_STEP
     while step > _LAST_STEP:
         moved = False
         for way in (step, 1.0 / step):
-            new = rows_at(breakaway * way)
+            if not low <= value * way <= high:
+                continue
+            new = rows_at(value * way)
             loss = _loss(target[use], new[use])
             if loss < best:
-                breakaway, columns, best, moved = breakaway * way, new, loss, True
+                value, columns, best, moved = value * way, new, loss, True
                 break
         step = step if moved else step**0.5
-    return breakaway, columns
+    return value, columns
 
 
 def _loss(target: Array, columns: Array) -> float:

@@ -33,7 +33,6 @@ class Gates:
         closed_richer: share that such a form removes at its place.
         elsewhere: nats at other joints by which a moving link is known.
         clear_coupled: what stands clear where a richer form is known so.
-        closed_coupled: share that it removes at its place there.
         whole: share removed at its place from which an effect leaves no gap there; a short record of few joints
             has fewer nats to give, and these are enough then.
         evidence_whole: nats of such an effect.
@@ -62,7 +61,6 @@ class Gates:
     closed_richer: float = 0.98
     elsewhere: float = 200.0
     clear_coupled: float = 4.0
-    closed_coupled: float = 0.6
     whole: float = 0.9
     evidence_whole: float = 12.0
     evidence_whole_again: float = 25.0

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.drive_terms import WIDTHS, own_names
+from excite.diagnosis.drive_terms import WIDTH_BOUNDS, WIDTHS, own_names
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, Search
@@ -15,7 +15,7 @@ from excite.robot.robot import Array
 
 # A richer form of an effect has to lower the loss by so much.
 _RICHER = 0.01
-# Breakaways that are tried with friction, in multiples of the baseline's.
+# Widths and breakaways that are tried with friction, in multiples of the baseline's.
 _FACTORS = (0.25, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.5, 4.0)
 
 
@@ -33,13 +33,14 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     if not best.effect.friction or "coulomb_friction" not in base.modelled:
         return best
     j = search.context.row(best.location)
-    plain = tuple((width, 0.0) for width in WIDTHS)
     if base.breakaways[j] <= 0.0:
-        return _along(search, best, j, plain, WIDTHS.index(base.widths[j]))
+        widths = tuple(float(np.clip(f * base.widths[j], *WIDTH_BOUNDS)) for f in _FACTORS)
+        return _along(search, best, j, tuple((width, 0.0) for width in widths), len(_FACTORS) // 2)
     width, breakaway = float(base.widths[j]), float(base.breakaways[j])
     best = _along(search, best, j, tuple((width, f * breakaway) for f in _FACTORS), len(_FACTORS) // 2)
     # Bristles that the baseline believed in may have stood in for what it lacked.
     middle = len(WIDTHS) // 2
+    plain = tuple((width, 0.0) for width in WIDTHS)
     other = _along(search, _with_sign(search, best, j, plain[middle]), j, plain, middle)
     return other if other.loss < best.loss - 1e-3 else best
 

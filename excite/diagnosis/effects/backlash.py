@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from excite.diagnosis.effects.deflection import link_inertia, response
@@ -12,17 +14,43 @@ class Backlash(Effect):
     """The link flies freely through a dead band between two contacts (Nordin, Gutman 2002, section 2)."""
 
     name = "backlash"
-    searched = (Parameter("width", "rad", 2e-4, 0.08), Parameter("contact_hz", "Hz", 4.0, 150.0))
+    searched: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("width", "rad", 2e-4, 0.08),
+        Parameter("contact_hz", "Hz", 4.0, 150.0),
+    )
     confusable_with = ("torque_bias", "stribeck", "joint_elasticity")
     separating_motion = "torque crossing zero at constant speed"
     mujoco = "a second joint with limited range behind the motor's"
     moves = True
 
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (DampedBacklash(),)
+
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        inertia = float(link_inertia(context, j).mean())
-        stiffness = inertia * (2.0 * np.pi * theta[1]) ** 2
-        return Shape(offset=response(context, j, stiffness, 1.0, 0.5 * theta[0]))
+        return _between_contacts(context, location, theta[0], theta[1], 1.0)
+
+
+class DampedBacklash(Backlash):
+    """The same with contacts that bounce, or that are slow to let go."""
+
+    searched = (*Backlash.searched, Parameter("damping_ratio", "1", 0.1, 4.0))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(theta[0], theta[1], 1.0), (theta[0], 2.0 * theta[1], 2.0), (theta[0], theta[1], 0.5)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        return _between_contacts(context, location, *theta)
+
+
+def _between_contacts(context: Context, location: str, width: float, hertz: float, ratio: float) -> Shape:
+    j = context.row(location)
+    inertia = float(link_inertia(context, j).mean())
+    return Shape(offset=response(context, j, inertia * (2.0 * np.pi * hertz) ** 2, ratio, 0.5 * width))

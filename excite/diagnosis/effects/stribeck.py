@@ -62,7 +62,7 @@ class StribeckExponent(Stribeck):
 class StribeckBristles(Stribeck):
     """Stribeck friction that builds up over a deflection, as Coulomb friction then does as well."""
 
-    linear = (*Stribeck.linear, Parameter("presliding", "N·m"))
+    linear = (*Stribeck.linear, Parameter("presliding", "N·m", 0.0))
     searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
 
     @property
