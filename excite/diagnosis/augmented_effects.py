@@ -195,7 +195,8 @@ def _loose(draft: Draft, item: Found) -> None:
     half = 0.5 * item.value("width")
     joint.limited = True
     joint.range = [-half, half]
-    joint.solref_limit = [1.0 / (2.0 * np.pi * item.value("contact_hz", 20.0)), 1.0]
+    ratio = item.value("damping_ratio", 1.0)
+    joint.solref_limit = [1.0 / (2.0 * np.pi * item.value("contact_hz", 20.0) * ratio), ratio]
     joint.solimp_limit = [0.99, 0.99, 0.001, 0.5, 2.0]
     draft.note(item, "width")
 
