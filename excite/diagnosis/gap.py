@@ -33,7 +33,8 @@ class Gap:
         noise_floor: what no model can go below.
         share_closed: ``1 − (after² − floor²)/(before² − floor²)``; 0 where there was nothing to close.
         per_channel: by channel, in its own unit.
-        interval: 90 % interval of ``share_closed``, None where it was not computed.
+        interval: 90 % interval of what the effects, sized as they are, close on motions like the record's, their
+            noise known; None where it was not computed or the record does not tell.
     """
 
     before: float

@@ -109,9 +109,31 @@ def test_the_stated_interval_holds_the_share_closed_as_often_as_it_says(clean: L
         floor = np.sqrt(0.5 * ((first - again) ** 2).mean(axis=1))
         gap = gap_of(samples, noise + rest + removed, noise + rest, floor, np.ones(n), rng)
         assert gap.interval is not None
-        assert gap.interval[0] <= gap.share_closed <= gap.interval[1]
+        assert gap.interval[0] <= gap.share_closed <= gap.interval[1] <= 1.0
         held.append(gap.interval[0] <= 0.95 <= gap.interval[1])
     assert 0.8 <= np.mean(held) <= 0.99
+
+
+def test_two_trials_state_an_interval_by_their_parts_and_no_gap_states_none(clean: Log) -> None:
+    trials = tuple(
+        replace(t, role=r, repeats=None)
+        for t, r in zip(clean.trials[1:], ("identification", "validation"), strict=True)
+    )
+    samples = arm_samples(load_robot("iiwa14"), clean, trials)
+    rng, n = np.random.default_rng(4), 7
+    floor, scale = np.full(n, 0.1), np.ones(n)
+    noise = 0.1 * _noise(samples, rng, n)
+    steady, burst = np.ones(samples.trial_of_row.shape), (np.arange(len(samples.trial_of_row)) % 300) < 40
+    widths = []
+    for when in (steady, np.sqrt(len(burst) / burst.sum()) * burst):
+        rest = 0.3 * when * _noise(samples, rng, n)
+        gap = gap_of(samples, noise + rest + _noise(samples, rng, n), noise + rest, floor, scale, rng)
+        assert gap.interval is not None
+        assert gap.interval[0] < gap.share_closed < gap.interval[1] <= 1.0
+        widths.append(gap.interval[1] - gap.interval[0])
+    # What is left in bursts is less surely known.
+    assert widths[1] > 1.5 * widths[0]
+    assert gap_of(samples, 0.5 * noise, 0.4 * noise, floor, scale, rng).interval is None
 
 
 def test_jumps_of_friction_do_not_pass_for_noise(clean: Log) -> None:
