@@ -1,0 +1,80 @@
+"""What an effect must reach to be named, beside those that are named already."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.attribute import Attributor
+from excite.diagnosis.attribution import Scored
+
+JOINTS = ("a", "b", "c")
+
+
+def scored(name: str, joint: str, *, moves: bool = False, timing: bool = False, **numbers: float) -> Scored:
+    """A hypothesis with plain merits, those in ``numbers`` instead where given."""
+    effect = SimpleNamespace(name=name, moves=moves, timing=timing)
+    place = JOINTS.index(joint)
+    closed = np.full(3, 0.05)
+    closed[place] = numbers.pop("closed", 0.8)
+    merits = {
+        "evidence": 500.0,
+        "validation": 120.0,
+        "strength": 0.1,
+        "of_rest": 0.3,
+        "price": 10.0,
+        "stands": 9.0,
+        "elsewhere": 0.0,
+        "left": 0,
+    }
+    return Scored(
+        hypothesis=SimpleNamespace(effect=effect, location=joint),
+        place=place,
+        closed=closed,
+        power=np.ones((3, 2)),
+        count=np.full((3, 2), 200.0),
+        **(merits | numbers),
+    )
+
+
+@pytest.fixture
+def attributor() -> Attributor:
+    return Attributor(SimpleNamespace(samples=SimpleNamespace(joints=JOINTS)), np.ones(3))
+
+
+def test_a_small_effect_beside_a_strong_one_on_another_joint_is_named(attributor: Attributor):
+    """A spring on one joint leaves nothing at another that could pass for Stribeck friction."""
+    spring = scored("joint_spring", "a", strength=0.3)
+    assert attributor._passes(scored("stribeck", "b", strength=0.014), [spring])
+
+
+@pytest.mark.parametrize("rest", [{"moves": True}, {"timing": True}])
+def test_what_a_strong_effect_of_all_joints_may_leave_is_not_named(attributor: Attributor, rest: dict):
+    strong = scored("link_length_error", "a", strength=0.3, **rest)
+    assert not attributor._passes(scored("stribeck", "b", strength=0.014), [strong])
+
+
+def test_a_faint_effect_needs_more_evidence(attributor: Attributor):
+    """What hardly raises the power above the floor is named for its evidence, on trials left out as well."""
+    faint = scored("torque_bias", "b", stands=1.15, evidence=115.0, validation=25.0)
+    assert attributor._passes(faint, [])
+    assert not attributor._passes(replace(faint, evidence=40.0), [])
+    assert not attributor._passes(replace(faint, validation=5.0), [])
+
+
+def test_a_faint_further_effect_is_not_named_after_one_of_all_joints(attributor: Attributor):
+    faint = scored("friction_drift", "c", stands=1.3, evidence=120.0, validation=30.0)
+    assert attributor._passes(faint, [scored("torque_bias", "a", strength=0.1)])
+    assert not attributor._passes(faint, [scored("time_delay", "a", timing=True, strength=0.1)])
+
+
+def test_a_richer_form_is_whole_where_other_joints_feel_the_link(attributor: Attributor):
+    """Enough parameters fit half of anything on one joint; what a link does to the others they do not make up."""
+    form = scored("joint_elasticity", "b", moves=True, closed=0.6, evidence=3000.0)
+    assert not attributor._whole(form)
+    assert attributor._whole(replace(form, elsewhere=1500.0))
+    spring = scored("joint_spring", "b", closed=0.6, stands=50.0, elsewhere=1500.0)
+    assert not attributor._whole(spring)
