@@ -21,11 +21,12 @@ from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import arm_samples
 from excite.errors import LogError
 from excite.logs.files import load_log
-from excite.logs.log import Log
+from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import inverse_dynamics
+from excite.robot.loading import load_robot
 from excite.robot.robot import Array, Robot
 
 
@@ -92,6 +93,50 @@ def test_gains_of_a_plain_servo_are_estimated(gap_dir: Path):
     assert servo.feedforward == "none"
     # Joints that carry weight; the others' scale is that of a friction nobody measured.
     assert servo.kp[[1, 3]] == pytest.approx(kp[[1, 3]], rel=0.15)
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_damping_is_found_under_the_encoders_noise(follows: bool):
+    """An arm that follows slow sines, its torques from the nominal model: what the servo needed is known."""
+    robot = load_robot("iiwa14")
+    rng, rate = np.random.default_rng(3), 200.0
+    kp = np.array([2000.0, 2000.0, 2000.0, 2000.0, 500.0, 500.0, 300.0])
+    kd = 0.045 * kp
+    joints = robot.joint_names
+    header = LogHeader.model_validate(
+        {
+            "schema": "excite.log/1",
+            "robot": "robot.urdf",
+            "base": "fixed",
+            "rate_hz": rate,
+            "joints": list(joints),
+            "torque": "none",
+            "controller": {"mode": "position"},
+            "modelled": ["rigid_body"],
+            "trials": [{"file": "t.csv", "role": "identification"}],
+        }
+    )
+    time = np.arange(3000) / rate
+    frequency, phase = rng.uniform(0.6, 3.0, (3, 7)), rng.uniform(0.0, 6.0, (3, 7))
+    q = 0.25 * np.sin(time[:, None, None] * frequency + phase).sum(axis=1)
+    d = central_differences(q, rate)
+    friction = 0.05 * kp / 500.0 * np.tanh(d.first / 0.01)
+    tau = (
+        inverse_dynamics(robot.model, d.value, d.first, d.second)
+        + friction
+        + (0.0 if follows else kd * d.first)
+    )
+    command = np.array(q)
+    for k in range(1, len(q)):
+        lead = kd * rate * (command[k - 1] - q[k - 1]) if follows else 0.0
+        command[k] = q[k] + (tau[k] + lead) / (kp + (kd * rate if follows else 0.0))
+    noisy = q + 2e-5 * rng.standard_normal(q.shape)
+    trial = Trial("t", "identification", time, noisy, q_cmd=command)
+    log = Log(header=header, trials=(trial,), robot_text=robot.urdf)
+    servo = known_servo(robot, log, {"t": read_signals(robot, log, trial)})
+    assert (servo.feedforward, servo.follows_velocity) == ("none", follows)
+    assert servo.kp == pytest.approx(kp, rel=0.1)
+    assert servo.kd == pytest.approx(kd, rel=0.15)
 
 
 def test_a_log_without_commands_says_what_is_missing(gap_dir: Path):

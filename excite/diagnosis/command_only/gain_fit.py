@@ -105,7 +105,7 @@ def fitted_servo(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> 
     rest, sound = before, np.zeros(len(kp), dtype=np.bool_)
     for _ in range(_ROUNDS):
         need = before + rows.bodies @ delta
-        found = _gains(x, need, rate, kp, kd)
+        found = _gains(x, need, rate, kp, kd, follows)
         sound = found[0] > 0.0
         if not sound.any():
             break
@@ -122,11 +122,18 @@ def _beside(x: dict[str, Array], j: int) -> Array:
     return np.column_stack([x["sign"][:, j], x["v"][:, j], x["a"][:, j], ones])
 
 
-def _gains(x: dict[str, Array], need: Array, rate: Array, kp: Array, kd: Array) -> tuple[Array, Array]:
-    """Gains given the torque that the bodies need: ``e = (need − kd·rate + friction)/kp``."""
+def _gains(
+    x: dict[str, Array], need: Array, rate: Array, kp: Array, kd: Array, follows: bool
+) -> tuple[Array, Array]:
+    """Gains given the torque that the bodies need: ``e = (need − kd·rate + friction)/kp``.
+
+    Damping of the velocity itself and viscous friction are one; it is a servo's that has no other damping.
+    """
     kp, kd = kp.copy(), kd.copy()
     for j in range(len(kp)):
         e, beside = x["e"][:, j], _beside(x, j)
+        if not follows and np.isnan(kd[j]):
+            beside = beside[:, [0, 2, 3]]
         if not np.isnan(kp[j]):
             if np.isnan(kd[j]):
                 columns = np.column_stack([rate[:, j], beside])

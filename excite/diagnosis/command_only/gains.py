@@ -17,6 +17,8 @@ from excite.robot.robot import Array, Robot
 _FIT_HZ = 10.0
 # Without a feedforward of the motion the errors are as slow as the motion, and the noise of their rates is not.
 _SLOW_HZ = 4.0
+# Differences of mean logarithms that decide nothing: for damping of the velocity itself, for none; kd/kp of none [s].
+_DOUBT, _UNDAMPED, _DAMPED_S = 0.02, 0.1, 1e-3
 
 
 def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
@@ -113,8 +115,14 @@ def _best(tried: list[Tried]) -> Tried:
         if not both.any():
             best = other if other.sound.sum() > best.sound.sum() else best
             continue
-        # Damping of the velocity itself has to explain clearly more to be believed.
-        more = 0.02 * (best.servo.follows_velocity - other.servo.follows_velocity)
-        if (other.loss[both] - best.loss[both]).mean() + more < 0.0:
+        if (other.loss[both] - best.loss[both]).mean() + _doubt(other) - _doubt(best) < 0.0:
             best = other
     return best
+
+
+def _doubt(tried: Tried) -> float:
+    """What a form has to leave less to be believed: damping of the velocity itself, and a servo without damping."""
+    if not tried.servo.follows_velocity:
+        return _DOUBT
+    damped = tried.servo.kd > _DAMPED_S * tried.servo.kp
+    return 0.0 if damped[tried.sound].mean() > 0.5 else _UNDAMPED
