@@ -130,7 +130,7 @@ def test_damping_is_found_under_the_encoders_noise(follows: bool):
     for k in range(1, len(q)):
         lead = kd * rate * (command[k - 1] - q[k - 1]) if follows else 0.0
         command[k] = q[k] + (tau[k] + lead) / (kp + (kd * rate if follows else 0.0))
-    noisy = q + 2e-5 * rng.standard_normal(q.shape)
+    noisy = q + 6e-5 * rng.standard_normal(q.shape)
     trial = Trial("t", "identification", time, noisy, q_cmd=command)
     log = Log(header=header, trials=(trial,), robot_text=robot.urdf)
     servo = known_servo(robot, log, {"t": read_signals(robot, log, trial)})
