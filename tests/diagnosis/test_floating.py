@@ -12,6 +12,8 @@ import pytest
 from excite.diagnosis.floating.attribution import attribute
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.gap import gap_of
+from excite.diagnosis.floating.held_out import refit
 from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.ranking import Ranked
 from excite.diagnosis.floating.record import FloatingRecord, prepare_record
@@ -186,3 +188,21 @@ def test_of_two_effects_both_are_named_and_placed(record: FloatingRecord) -> Non
     # Each has its rivals given the other, so that no first step is judged by what it left.
     assert all(step[0].evidence > 1000.0 for step in found.steps)
     assert found.overdispersion < 1.2
+
+
+def test_the_interval_of_the_share_closed_is_one(record: FloatingRecord) -> None:
+    gained = with_readings(record.thinned(), "left_plate", lambda x: x * np.array([1, 1, 1.1, 1, 1, 1]))
+    problem = build_problem(gained)
+    gain = Placed(FLOATING_EFFECTS["sensor_gain"], "left_plate.fz")
+    full = refine(problem, (gain,), (np.array([0.1]),), nominal_fit(problem))
+    gap = gap_of(problem, *refit(problem, full), np.random.default_rng(0))
+    assert gap.interval is not None
+    low, high = gap.interval
+    assert 0.9 < low <= gap.share_closed <= high <= 1.0
+    assert high - low > 1e-5
+    # Half of the effect closes three quarters of its power, and the interval says so.
+    half = replace(full, theta=(0.5 * full.theta[0],))
+    part = gap_of(problem, nominal_fit(problem), half, np.random.default_rng(0)).interval
+    assert part is not None
+    assert part[0] < 0.75 < part[1]
+    assert part[1] - part[0] < 0.1

@@ -17,9 +17,11 @@ from excite.robot.robot import Array
 UNITS = ("N",) * 3 + ("N·m",) * 3
 _BLOCK_S, _DRAWS = 1.0, 500
 # Noise has few independent numbers in a band of a few hertz, and trials as short as these.
-_LEAST_SPREAD, _LARGEST_SPREAD = 0.05, 0.3
+_LEAST_SPREAD, _LARGEST_SPREAD = 0.08, 0.3
+_MOTION_HZ, _UPPER_END_HZ = 1.2, 2.4
+_LOUDER_STD, _LOUDER_RANGE = 0.06, (0.7, 1.5)
 # Of the logarithm of how much of the parameters' errors shows: other motions ask other things of them.
-_UNCERTAIN_SPREAD = 0.7
+_UNCERTAIN_SPREAD = 1.0
 
 
 def in_band(record: FloatingRecord, values: Array) -> Array:
@@ -42,15 +44,21 @@ def residual_of(problem: Problem, fitted: Fitted) -> Array:
     return in_band(problem.record, explained_state(problem, fitted).residual)
 
 
-def noise_floor(problem: Problem) -> Array:
-    """``(6,)`` standard deviation of the noise in band, from the noise model [N, N·m]."""
+def noise_floor(problem: Problem, below_hz: float = BAND_HZ) -> Array:
+    """``(6,)`` standard deviation of the noise in band, from the noise model [N, N·m].
+
+    Args:
+        problem: the problem.
+        below_hz: where it is asked for; the result is that of a band full of such noise.
+    """
     total = np.zeros(6)
     for factor, span in zip(problem.whitening.factors, problem.record.spans, strict=True):
         covariance = np.linalg.inv(np.einsum("kji,kjl->kil", factor, factor))
         power = np.diagonal(covariance, axis1=1, axis2=2).copy()
         # All bins but the first stand for a real and an imaginary part, and for their mirror images.
         power[1:] *= 4.0
-        total += power.sum(axis=0) / (span.stop - span.start)
+        low = np.fft.rfftfreq(span.stop - span.start, 1.0 / problem.record.rate_hz)[: len(power)] <= below_hz
+        total += power[low].mean(axis=0) * len(power) / (span.stop - span.start)
     return np.sqrt(total / len(problem.record.spans))
 
 
@@ -67,6 +75,30 @@ def _spread(problem: Problem, powers: list[float]) -> float:
         return _LARGEST_SPREAD
     share = float(fitted.std(ddof=1) / fitted.mean()) / np.sqrt(max(1, held_out.sum()))
     return float(np.clip(share, _LEAST_SPREAD, _LARGEST_SPREAD))
+
+
+def _louder(record: FloatingRecord, residual: Array) -> float:
+    """Amplitude of the noise in the validation trials over that in the others, from the band's upper end.
+
+    Motion is slower than that, so that what a fit leaves there is noise; other motions carry more or less of the
+    kinematics' noise into the equations. 1 where there are no validation trials, or no others.
+
+    Args:
+        record: the record.
+        residual: ``(n, 6)`` in band, channels of like size.
+    """
+    powers: tuple[list[float], list[float]] = ([], [])
+    for span, held_out in zip(record.spans, record.validation, strict=True):
+        n = span.stop - span.start
+        upper = np.fft.rfftfreq(n, 1.0 / record.rate_hz) >= _UPPER_END_HZ
+        powers[held_out].append(float((np.abs(np.fft.rfft(residual[span], axis=0)[upper]) ** 2).sum() / n**2))
+    others, validation = powers
+    if not others or not validation or min(others) <= 0.0:
+        return 1.0
+    more = float(np.sqrt(np.mean(validation) / np.mean(others))) - 1.0
+    # What so few numbers say by chance is taken back (James and Stein 1961).
+    more *= max(0.0, 1.0 - (_LOUDER_STD / max(abs(more), 1e-9)) ** 2)
+    return float(np.clip(1.0 + more, *_LOUDER_RANGE))
 
 
 def _repeated(record: FloatingRecord, residual: Array) -> Array:
@@ -102,7 +134,8 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     new, learnt = fitted[rows], noise_floor(problem)
     # What is left in the trials that were fitted says how loud the noise is, as far as noise can be that loud.
     seen = np.sqrt((fitted[~rows if (~rows).any() else rows] ** 2).mean(axis=0))
-    level = np.minimum(seen, np.sqrt(NOISE_SLACK) * learnt)
+    louder = _louder(record, fitted / scale)
+    level = louder * np.minimum(seen, np.sqrt(NOISE_SLACK) * learnt)
     blocks = np.array_split(np.arange(len(old)), max(2, round(len(old) / (_BLOCK_S * record.rate_hz))))
     powers = [np.array([(x[b] ** 2).mean(axis=0) for b in blocks]) for x in (old, new)]
 
@@ -116,9 +149,11 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     share = share_closed(first, last, total(floor**2))
     interval = None
     if after.placed:
-        quietest = np.minimum(np.minimum(level, learnt), _repeated(record, fitted)) ** 2
+        quietest = np.minimum(level, louder * np.minimum(learnt, _repeated(record, fitted))) ** 2
         freedom = sum(map(len, after.theta)) + float((problem.basis**2).sum())
         known = int((~problem.validation).sum() or len(problem.validation))
+        # What parameters explain is as slow as motion, and there noise is less.
+        slow = total(noise_floor(problem, _MOTION_HZ) ** 2) ** 2
         draws = []
         for _ in range(_DRAWS):
             pick = rng.integers(0, len(blocks), len(blocks))
@@ -126,7 +161,7 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
             power = quietest + rng.uniform() * (level**2 - quietest)
             quiet = min(total(power * max(0.0, 1.0 + spread * rng.standard_normal())), now)
             # What noise in the trials that were fitted did to the parameters is left in others, noise or not.
-            uncertain = total(level**2) ** 2 * rng.gamma(0.5 * freedom, 2.0 / known)
+            uncertain = slow * rng.gamma(0.5 * freedom, 2.0 / known)
             uncertain *= np.exp(_UNCERTAIN_SPREAD * rng.standard_normal())
             draws.append(share_closed(was, float(np.sqrt(now**2 + uncertain)), quiet))
         low, high = (float(np.quantile(draws, p)) for p in (0.05, 0.95))

@@ -12,6 +12,8 @@ from excite.diagnosis.floating.refinement import Fitted, refine
 
 # Evidence, after the number of places is paid for, that an effect must have to be there at all.
 SIGNIFICANT = 8.0
+# The same for an effect within what the noise may be, after another that explains all above it.
+_WITHIN_NOISE = 25.0
 # A further effect must close this share of the power above the noise that is still open, and of all of it;
 # more where one of its kind is accepted already, since that is what an approximate form leaves behind.
 _FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
@@ -26,7 +28,8 @@ def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, .
     """Effects that explain a record, each with its rivals, the accepted one first.
 
     Of two effects the first to be found may be one that imitates both a little. So where one effect leaves more
-    than noise, each of the leading names is tried as the first, and the pair decides.
+    than noise, each of the leading names is tried as the first, and the pair decides; then each meets its rivals
+    again. Where it leaves no more than noise may be, a further one must be all the clearer.
 
     Args:
         problem: the problem.
@@ -36,10 +39,8 @@ def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, .
     first = _step(problem, coarse, baseline, baseline)
     if first is None:
         return ()
-    if _enough(problem, first[0].fitted):
-        return (first,)
     chains: list[tuple[Step, ...]] = []
-    for start in _beginnings(first, baseline):
+    for start in [first] if _enough(problem, first[0].fitted) else _beginnings(first, baseline):
         second = _step(problem, coarse, start[0].fitted, baseline)
         chains.append((start,) if second is None else (start, second))
     n = len(problem.nominal_rows)
@@ -80,14 +81,18 @@ def _enough(problem: Problem, fitted: Fitted) -> bool:
 
 
 def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool:
-    if best.evidence < SIGNIFICANT:
-        return False
     if not current.placed:
-        return True
+        return best.evidence >= SIGNIFICANT
     closed = current.power - best.fitted.power
-    known = {item.effect.name for item in current.placed}
-    of_all = _SAME_OF_ALL if best.last.effect.name in known else _FURTHER_OF_ALL
-    return closed > _FURTHER_SHARE * (current.power - n) and closed > of_all * (baseline.power - n)
+    known = best.last.effect.name in {item.effect.name for item in current.placed}
+    if current.power < NOISE_SLACK * n:
+        return best.evidence >= _WITHIN_NOISE and not known
+    of_all = _SAME_OF_ALL if known else _FURTHER_OF_ALL
+    return (
+        best.evidence >= SIGNIFICANT
+        and closed > _FURTHER_SHARE * (current.power - n)
+        and closed > of_all * (baseline.power - n)
+    )
 
 
 def _beginnings(step: Step, baseline: Fitted) -> list[Step]:
@@ -118,7 +123,9 @@ def needed(problem: Problem, chain: tuple[Step, ...], baseline: Fitted) -> tuple
         without = refine(problem, placed, theta, full)
         lost = 0.5 * (without.power - full.power) / max(1.0, full.power / n)
         lost -= full.price - without.price + chain[k][0].choice
-        if lost < SIGNIFICANT or without.power - full.power < _FURTHER_OF_ALL * (baseline.power - n):
+        within = without.power < NOISE_SLACK * n
+        little = without.power - full.power < _FURTHER_OF_ALL * (baseline.power - n) and not within
+        if lost < (_WITHIN_NOISE if within else SIGNIFICANT) or little:
             last = (replace(chain[-1][0], fitted=without), *chain[-1][1:])
             chain = (*chain[:k], *chain[k + 1 : -1], last)
             k = 0
