@@ -35,8 +35,9 @@ class Tried:
     """One form of the servo, fitted.
 
     Attributes:
-        servo: the servo.
-        loss: ``(n_joints,)`` logarithm of what is left of each joint's position error; infinite where no gain is had.
+        servo: the servo; a gain that is not to be had is not positive.
+        loss: ``(n_joints,)`` logarithm of what is left of each joint's position error; where no gain is had, of what
+            friction, rotor inertia and a constant of any size leave.
     """
 
     servo: Servo
@@ -45,7 +46,7 @@ class Tried:
     @property
     def sound(self) -> NDArray[np.bool_]:
         """Joints with a gain."""
-        return np.isfinite(self.loss)
+        return np.asarray((self.servo.kp > 0.0) & np.isfinite(self.servo.kp))
 
 
 def gain_rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]], cut_hz: float) -> Rows:
@@ -111,8 +112,9 @@ def fitted_servo(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> 
             break
         asked = found[0] * x["e"] + found[1] * rate - before
         delta, rest = _bodies(rows, x, asked, sound)
-    left = np.log(np.maximum(rest.std(axis=0), 1e-12) / np.where(sound, found[0], 1.0))
-    loss = np.where(sound, left, np.inf)
+    bare = [e - b @ _least_squares(b, e) for e, b in ((x["e"][:, j], _beside(x, j)) for j in range(len(kp)))]
+    left = np.where(sound, rest.std(axis=0) / found[0], np.std(bare, axis=1))
+    loss = np.log(np.maximum(left, 1e-15))
     return Tried(Servo(*found, kind, follows), loss)
 
 

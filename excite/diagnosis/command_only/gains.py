@@ -108,16 +108,8 @@ def torque_constants(
 
 
 def _best(tried: list[Tried]) -> Tried:
-    """The form that leaves least, each compared with the best so far on joints that have gains in both."""
-    best = tried[0]
-    for other in tried[1:]:
-        both = best.sound & other.sound
-        if not both.any():
-            best = other if other.sound.sum() > best.sound.sum() else best
-            continue
-        if (other.loss[both] - best.loss[both]).mean() + _doubt(other) - _doubt(best) < 0.0:
-            best = other
-    return best
+    """The form that leaves least."""
+    return min(tried, key=lambda t: float(t.loss.mean()) + _doubt(t))
 
 
 def _doubt(tried: Tried) -> float:
@@ -125,4 +117,4 @@ def _doubt(tried: Tried) -> float:
     if not tried.servo.follows_velocity:
         return _DOUBT
     damped = tried.servo.kd > _DAMPED_S * tried.servo.kp
-    return 0.0 if damped[tried.sound].mean() > 0.5 else _UNDAMPED
+    return 0.0 if damped[tried.sound].sum() > 0.5 * tried.sound.sum() else _UNDAMPED
