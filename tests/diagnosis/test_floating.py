@@ -200,9 +200,10 @@ def test_the_interval_of_the_share_closed_is_one(record: FloatingRecord) -> None
     low, high = gap.interval
     assert 0.9 < low <= gap.share_closed <= high <= 1.0
     assert high - low > 1e-5
-    # Half of the effect closes three quarters of its power, and the interval says so.
-    half = replace(full, theta=(0.5 * full.theta[0],))
+    # A half of the effect leaves 1.1/1.05 − 1 of a tenth, and the interval says so.
+    closed = 1.0 - (1.1 / 1.05 - 1.0) ** 2 / 0.1**2
+    half = replace(full, theta=(np.array([0.05]),))
     part = gap_of(problem, nominal_fit(problem), half, np.random.default_rng(0)).interval
     assert part is not None
-    assert part[0] < 0.75 < part[1]
+    assert part[0] < closed < part[1]
     assert part[1] - part[0] < 0.1

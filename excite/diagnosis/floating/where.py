@@ -7,7 +7,9 @@ import numpy as np
 from excite.diagnosis.floating.effects.effect import links, segment_of
 from excite.diagnosis.floating.gap import in_band, noise_floor
 from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.ranking import DECISIVE
 from excite.diagnosis.floating.refinement import Fitted, explained_state
+from excite.diagnosis.floating.spectrum import BAND_HZ
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.gap import Where
 from excite.logs.columns import WRENCH_AXES
@@ -15,6 +17,10 @@ from excite.logs.signals.spectrum import welch
 from excite.robot.robot import Array
 
 _LEAST = 0.02
+# How far from its joint a link is expected to be touched, where all moment about the joint were noise.
+_REACH_M = 0.02
+# Links that leave this share more than the best are told from it by nothing but the noise model's faults.
+_LEAST_MARGIN = 0.02
 
 
 def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
@@ -42,25 +48,52 @@ def locate(problem: Problem, fitted: Fitted) -> tuple[Where, ...]:
     return tuple(sorted(lines, key=lambda line: -line.share))
 
 
-def free_force_links(problem: Problem, fitted: Fitted, margin: float = 0.02) -> tuple[str, ...]:
-    """Links at whose origin one force, free at each instant, explains most of what a fit leaves, best first.
+def free_force_links(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
+    """Links on which one force, free at each instant, explains most of what a fit leaves, best first.
 
-    Six numbers an instant against three: the moment must be that of the force about the link.
-    Links that leave at most a share ``margin`` more than the best are listed too.
+    Six numbers an instant against three: the moment must be that of the force about a point of the link, which
+    is near its joint, or the joint itself: links are listed that either leaves untold from the best.
     """
-    record = problem.record
-    state = explained_state(problem, fitted)
+    residual = in_band(problem.record, explained_state(problem, fitted).residual)
+    near = _untold(problem, fitted, residual, levers=True)
+    return tuple(dict.fromkeys(near + _untold(problem, fitted, residual, levers=False)))
+
+
+def _untold(problem: Problem, fitted: Fitted, residual: Array, levers: bool) -> tuple[str, ...]:
+    """Links whose best force leaves hardly more of ``residual (n, 6)`` than the best link's, best first."""
+    record, state = problem.record, explained_state(problem, fitted)
     factor = np.linalg.inv(np.linalg.cholesky(record.sensor_noise))
-    white = in_band(record, state.residual) @ factor.T
-    left = {}
+    white, left, fourth = residual @ factor.T, {}, {}
     for link in links(state):
-        point = state.poses.translation[:, segment_of(state, link) + 1]
+        lever = _lever(state, link, residual) if levers else np.zeros(3)
+        point = state.poses.point(segment_of(state, link) + 1, lever)
         arms = np.stack([state.at_base(np.tile(e, (len(point), 1)), point) for e in np.eye(3)], axis=2)
         q, _ = np.linalg.qr(factor @ arms)
         rest = white - np.einsum("nij,nj->ni", q, np.einsum("nji,nj->ni", q, white))
-        left[link] = float((rest**2).sum())
-    limit = (1.0 + margin) * min(left.values())
+        left[link], fourth[link] = float((rest**2).sum()), float((rest**4).sum())
+    best = min(left, key=lambda name: left[name])
+    # As many numbers as make the kurtosis Gaussian, of those that fit in the band.
+    effective = 3.0 * left[best] ** 2 / fourth[best] * min(1.0, 2.0 * BAND_HZ / record.rate_hz)
+    limit = left[best] * (1.0 + max(_LEAST_MARGIN, 2.0 * DECISIVE / effective))
     return tuple(link for link in sorted(left, key=lambda name: left[name]) if left[link] <= limit)
+
+
+def _lever(state: State, link: str, residual: Array) -> Array:
+    """``(3,)`` point of a link, in its joint's frame, about which residual wrenches ``(n, 6)`` turn least [m].
+
+    What is left beside a force r × f is taken for noise, and a point is looked for near the joint.
+    """
+    joint = segment_of(state, link) + 1
+    base, own = state.poses.rotation[:, 1], state.poses.rotation[:, joint]
+    to_link = np.einsum("nji,njk->nik", own, base)
+    origin = np.einsum("nji,nj->ni", base, state.poses.translation[:, joint] - state.poses.translation[:, 1])
+    moment = residual[:, 3:] - np.cross(origin, residual[:, :3])
+    force, moment = (np.einsum("nij,nj->ni", to_link, x) for x in (residual[:, :3], moment))
+    # Σ |m − r × f|² has the normal equations Σ (f·f − f fᵀ) r = Σ f × m.
+    gram = (force**2).sum() * np.eye(3) - force.T @ force
+    right = np.cross(force, moment).sum(axis=0)
+    noise = float((moment**2).sum()) / (3.0 * len(moment))
+    return np.linalg.solve(gram + noise / _REACH_M**2 * np.eye(3), right)
 
 
 def _features(problem: Problem, state: State) -> dict[str, Array]:
