@@ -27,6 +27,8 @@ _ALIKE = 0.7
 _HARDLY = 0.3
 # Joints at which richer forms are tried where no textbook's form explains what is left.
 _SEARCHED = 2
+# Hypotheses that are made finer where none passes as it is.
+_POLISHED = 2
 
 
 @dataclass(eq=False)
@@ -61,11 +63,17 @@ class Attributor:
             ranking = self._rank(context, scale)
             best = next((s for s in ranking if self._passes(s, accepted)), None)
             if best is None:
+                near = self._polished(context, ranking, scale)
+                best = next((s for s in near if self._passes(s, accepted)), None)
+                ranking = (best, *ranking) if best is not None else ranking
+            if best is None:
                 so_far = Attribution(
                     tuple(stages), before, current.fit, current, self._floor(current.fit), scale
                 )
                 forms = self._richer(context, structured_joints(so_far, self.spectral), scale)
-                best = next((s for s in forms if self._whole(s) and self._passes(s, accepted)), None)
+                best = next(
+                    (s for s in forms if self.gates.explained_by(s) and self._passes(s, accepted)), None
+                )
                 ranking = (best, *ranking) if best is not None else ranking
             stages.append(Stage(context, ranking, best))
             if best is None:
@@ -106,6 +114,16 @@ class Attributor:
         floor = self._floor(refined[0].fit)
         return tuple(self._score(before, item, floor, scale) for item in refined)
 
+    def _polished(self, context: Context, ranking: tuple[Scored, ...], scale: Array) -> tuple[Scored, ...]:
+        """The likeliest again with finer parameters and richer forms: what a plain one explains in part only."""
+        likely = sorted((s for s in ranking if s.evidence >= self.gates.evidence), key=lambda s: -s.evidence)
+        found = [polished(s.hypothesis) for s in likely[:_POLISHED]]
+        if not found:
+            return ()
+        before = context.baseline.fit
+        floor = self._floor(found[0].fit)
+        return tuple(self._score(before, item, floor, scale) for item in found)
+
     def _richer(self, context: Context, joints: tuple[str, ...], scale: Array) -> tuple[Scored, ...]:
         """Richer forms at the joints that have most left to explain, ranked."""
         search = Search(context, context.baseline.solver, self._kept)
@@ -122,17 +140,6 @@ class Attributor:
         found = self._ordered(before, found, scale)
         floor = self._floor(found[0].fit)
         return tuple(self._score(before, item, floor, scale) for item in found)
-
-    def _whole(self, item: Scored) -> bool:
-        """Whether a richer form leaves next to nothing of a clear gap: with enough parameters half of one fits.
-
-        What a moving link does to other joints no parameters make up.
-        """
-        gates, closed = self.gates, float(item.closed[item.place])
-        coupled = item.hypothesis.effect.moves and item.elsewhere >= gates.elsewhere
-        if coupled:
-            return item.stands >= gates.clear_coupled
-        return item.stands >= gates.clear and closed >= gates.closed_richer
 
     def _removed(self, before: Fit, item: Hypothesis, scale: Array) -> float:
         """Normalised power above the floor that a hypothesis removes from the identification trials."""
@@ -201,39 +208,4 @@ class Attributor:
         )
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
-        gates, closed = self.gates, float(item.closed[item.place])
-        evidence, validation = gates.nats(closed, again=bool(accepted))
-        # An effect on its own joint alone leaves nothing at others, however strong.
-        place = self.baseline.samples.joints[item.place]
-        apart = all(_own(a) and a.location not in {place, item.location} for a in accepted)
-        if item.stands < gates.stands:
-            if not apart:
-                return False
-            evidence, validation = gates.nats_faint(again=bool(accepted))
-        if item.evidence < evidence or item.validation < validation:
-            return False
-        if not accepted:
-            return closed >= gates.closed
-        timing = item.hypothesis.effect.timing
-        if timing and any(a.hypothesis.effect.timing for a in accepted):
-            return False
-        if (item.name, item.location) in {(a.name, a.location) for a in accepted}:
-            return False
-        strongest = max(a.strength for a in accepted)
-        # Bodies and geometry act on all joints alike: what one of them leaves another can take up.
-        bodies = item.hypothesis.effect.moves and any(a.hypothesis.effect.moves for a in accepted)
-        crowded = timing or bodies or item.location in {a.location for a in accepted}
-        needed = gates.same_joint if crowded else gates.closed_again
-        # What is most of the rest, and closes it, is no trace of an effect before it.
-        most = item.of_rest >= gates.most_of_rest
-        if item.of_rest < gates.of_rest or (item.left > gates.left and not most):
-            return False
-        faint = item.strength < gates.relative * strongest
-        if faint and (crowded or not (apart or (most and closed >= gates.whole))):
-            return False
-        return float(item.closed.max()) >= needed
-
-
-def _own(item: Scored) -> bool:
-    """Whether an effect acts on the torque of its own joint alone."""
-    return not (item.hypothesis.effect.moves or item.hypothesis.effect.timing)
+        return self.gates.passed_by(item, accepted, self.baseline.samples.joints)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from excite.diagnosis.attribution import Scored
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,11 @@ class Gates:
         validation_faint: nats of such an effect on validation trials alone.
         evidence_faint_again: nats of such a further effect.
         validation_faint_again: nats of such a further effect on validation trials alone.
-        clear: the same for a richer form of an effect that does not pass in its textbook's form.
+        stands_alone: power over the floor's at the place of a further effect that needs no comparison with the rest.
+        closed_alone: share that such an effect removes there.
+        evidence_alone: nats of such an effect.
+        validation_alone: nats of such an effect on validation trials alone.
+        clear: power over the floor's at its place that a richer form needs where no textbook's form passes.
         closed_richer: share that such a form removes at its place.
         elsewhere: nats at other joints by which a moving link is known.
         clear_coupled: what stands clear where a richer form is known so.
@@ -53,10 +60,14 @@ class Gates:
     most_of_rest: float = 0.5
     most: int = 3
     stands: float = 1.5
-    evidence_faint: float = 50.0
-    validation_faint: float = 10.0
+    evidence_faint: float = 30.0
+    validation_faint: float = 8.0
     evidence_faint_again: float = 80.0
     validation_faint_again: float = 20.0
+    stands_alone: float = 4.0
+    closed_alone: float = 0.8
+    evidence_alone: float = 400.0
+    validation_alone: float = 100.0
     clear: float = 20.0
     closed_richer: float = 0.98
     elsewhere: float = 200.0
@@ -66,7 +77,62 @@ class Gates:
     evidence_whole_again: float = 25.0
     validation_whole_again: float = 4.0
 
-    def nats(self, closed: float, *, again: bool) -> tuple[float, float]:
+    def passed_by(self, item: Scored, accepted: Sequence[Scored], joints: tuple[str, ...]) -> bool:
+        """Whether an effect is named.
+
+        Args:
+            item: the effect.
+            accepted: those that are named already.
+            joints: names of the joints with rows.
+        """
+        closed = float(item.closed[item.place])
+        # An effect on its own joint alone leaves nothing at others, however strong.
+        places = {joints[item.place], item.location}
+        apart = all(_own(a) and a.location not in places for a in accepted)
+        evidence, validation = self._nats(closed, again=bool(accepted))
+        if item.stands < self.stands:
+            if not apart:
+                return False
+            evidence, validation = self._nats_faint(again=bool(accepted))
+        if item.evidence < evidence or item.validation < validation:
+            return False
+        return self._further(item, accepted, apart=apart) if accepted else closed >= self.closed
+
+    def explained_by(self, item: Scored) -> bool:
+        """Whether a richer form leaves next to nothing of a clear gap: with enough parameters half of one fits.
+
+        What a moving link does to other joints no parameters make up.
+        """
+        if item.hypothesis.effect.moves and item.elsewhere >= self.elsewhere:
+            return item.stands >= self.clear_coupled
+        return item.stands >= self.clear and float(item.closed[item.place]) >= self.closed_richer
+
+    def _further(self, item: Scored, accepted: Sequence[Scored], *, apart: bool) -> bool:
+        effect, closed = item.hypothesis.effect, float(item.closed[item.place])
+        if effect.timing and any(a.hypothesis.effect.timing for a in accepted):
+            return False
+        if (item.name, item.location) in {(a.name, a.location) for a in accepted}:
+            return False
+        # Bodies and geometry act on all joints alike: what one of them leaves another can take up.
+        bodies = effect.moves and any(a.hypothesis.effect.moves for a in accepted)
+        crowded = effect.timing or bodies or item.location in {a.location for a in accepted}
+        if not crowded and self._alone(item):
+            return True
+        # What is most of the rest, and closes it, is no trace of an effect before it.
+        most = item.of_rest >= self.most_of_rest
+        if item.of_rest < self.of_rest or (item.left > self.left and not most):
+            return False
+        faint = item.strength < self.relative * max(a.strength for a in accepted)
+        if faint and (crowded or not (apart or (most and closed >= self.whole))):
+            return False
+        return float(item.closed.max()) >= (self.same_joint if crowded else self.closed_again)
+
+    def _alone(self, item: Scored) -> bool:
+        """Whether an effect is beyond doubt, whatever else is left and however small it is beside others."""
+        clear = item.stands >= self.stands_alone and float(item.closed[item.place]) >= self.closed_alone
+        return clear and item.evidence >= self.evidence_alone and item.validation >= self.validation_alone
+
+    def _nats(self, closed: float, *, again: bool) -> tuple[float, float]:
         """Nats that an effect needs in all and on validation trials, by the share that it closes at its place."""
         if closed >= self.whole:
             if again:
@@ -74,8 +140,13 @@ class Gates:
             return self.evidence_whole, self.validation
         return (self.evidence_again, self.validation_again) if again else (self.evidence, self.validation)
 
-    def nats_faint(self, *, again: bool) -> tuple[float, float]:
+    def _nats_faint(self, *, again: bool) -> tuple[float, float]:
         """The same for what hardly stands above the floor, whatever it closes."""
         if again:
             return self.evidence_faint_again, self.validation_faint_again
         return self.evidence_faint, self.validation_faint
+
+
+def _own(item: Scored) -> bool:
+    """Whether an effect acts on the torque of its own joint alone."""
+    return not (item.hypothesis.effect.moves or item.hypothesis.effect.timing)

@@ -67,9 +67,7 @@ def _with_sign(search: Search, item: Hypothesis, j: int, sign: _Sign) -> Hypothe
     widths[j], breakaways[j] = sign
     own = base.own_rows(own_names(base.modelled), j, *sign)
     moved = replace(base, widths=widths, breakaways=breakaways, solver=search.solver.with_own(j, own))
-    return Search(replace(search.context, baseline=moved), moved.solver).refine(
-        item, evaluations=6, step=0.15
-    )
+    return Search(search.context.with_signs_of(moved), moved.solver).refine(item, evaluations=6, step=0.15)
 
 
 def polished(item: Hypothesis) -> Hypothesis:

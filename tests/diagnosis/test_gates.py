@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Scored
+from excite.diagnosis.gates import Gates
 
 JOINTS = ("a", "b", "c")
 
@@ -40,41 +40,49 @@ def scored(name: str, joint: str, *, moves: bool = False, timing: bool = False, 
     )
 
 
-@pytest.fixture
-def attributor() -> Attributor:
-    return Attributor(SimpleNamespace(samples=SimpleNamespace(joints=JOINTS)), np.ones(3))
+def named(item: Scored, *accepted: Scored) -> bool:
+    return Gates().passed_by(item, accepted, JOINTS)
 
 
-def test_a_small_effect_beside_a_strong_one_on_another_joint_is_named(attributor: Attributor):
+def test_a_small_effect_beside_a_strong_one_on_another_joint_is_named():
     """A spring on one joint leaves nothing at another that could pass for Stribeck friction."""
     spring = scored("joint_spring", "a", strength=0.3)
-    assert attributor._passes(scored("stribeck", "b", strength=0.014), [spring])
+    assert named(scored("stribeck", "b", strength=0.014), spring)
 
 
 @pytest.mark.parametrize("rest", [{"moves": True}, {"timing": True}])
-def test_what_a_strong_effect_of_all_joints_may_leave_is_not_named(attributor: Attributor, rest: dict):
+def test_what_a_strong_effect_of_all_joints_may_leave_is_not_named(rest: dict):
     strong = scored("link_length_error", "a", strength=0.3, **rest)
-    assert not attributor._passes(scored("stribeck", "b", strength=0.014), [strong])
+    assert not named(scored("stribeck", "b", strength=0.014, stands=2.5), strong)
 
 
-def test_a_faint_effect_needs_more_evidence(attributor: Attributor):
+def test_a_faint_effect_needs_more_evidence():
     """What hardly raises the power above the floor is named for its evidence, on trials left out as well."""
     faint = scored("torque_bias", "b", stands=1.15, evidence=115.0, validation=25.0)
-    assert attributor._passes(faint, [])
-    assert not attributor._passes(replace(faint, evidence=40.0), [])
-    assert not attributor._passes(replace(faint, validation=5.0), [])
+    assert named(faint)
+    assert not named(replace(faint, evidence=20.0))
+    assert not named(replace(faint, validation=5.0))
 
 
-def test_a_faint_further_effect_is_not_named_after_one_of_all_joints(attributor: Attributor):
+def test_a_faint_further_effect_is_not_named_after_one_of_all_joints():
     faint = scored("friction_drift", "c", stands=1.3, evidence=120.0, validation=30.0)
-    assert attributor._passes(faint, [scored("torque_bias", "a", strength=0.1)])
-    assert not attributor._passes(faint, [scored("time_delay", "a", timing=True, strength=0.1)])
+    assert named(faint, scored("torque_bias", "a", strength=0.1))
+    assert not named(faint, scored("time_delay", "a", timing=True, strength=0.1))
 
 
-def test_a_richer_form_is_whole_where_other_joints_feel_the_link(attributor: Attributor):
+def test_a_richer_form_is_whole_where_other_joints_feel_the_link():
     """Enough parameters fit half of anything on one joint; what a link does to the others they do not make up."""
     form = scored("joint_elasticity", "b", moves=True, closed=0.6, evidence=3000.0)
-    assert not attributor._whole(form)
-    assert attributor._whole(replace(form, elsewhere=1500.0))
+    assert not Gates().explained_by(form)
+    assert Gates().explained_by(replace(form, elsewhere=1500.0))
     spring = scored("joint_spring", "b", closed=0.6, stands=50.0, elsewhere=1500.0)
-    assert not attributor._whole(spring)
+    assert not Gates().explained_by(spring)
+
+
+def test_an_effect_beyond_doubt_needs_no_comparison_with_the_rest():
+    """What an approximate first effect leaves on many joints does not hide a clear second one."""
+    backlash = scored("backlash", "a", moves=True, strength=0.3)
+    bias = scored("torque_bias", "b", strength=0.01, of_rest=0.05, left=4, closed=0.85, evidence=1600.0)
+    assert named(replace(bias, validation=280.0), backlash)
+    assert not named(replace(bias, validation=280.0, stands=2.0), backlash)
+    assert not named(replace(bias, validation=50.0), backlash)

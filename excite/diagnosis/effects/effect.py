@@ -100,6 +100,11 @@ class Context:
             self._cache[key] = sign_of_motion(base.samples, j, base.widths[j], base.breakaways[j])
         return self._cache[key]
 
+    def with_signs_of(self, baseline: Baseline) -> Context:
+        """The context of a baseline that differs in how friction changes sign, and in nothing else."""
+        kept = {key: value for key, value in self._cache.items() if key[1] != "sign"}
+        return Context(baseline, kept)
+
     def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
         """Torques of the rigid bodies at the fitted parameters, ``(n_samples, n_joints)`` [N·m]."""
         model = self.baseline.samples.robot.model if model is None else model

@@ -6,8 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.presliding import hysteretic_sign
+from excite.diagnosis.equations import Fit
 from excite.robot.robot import Array
 
 # A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
@@ -27,7 +29,7 @@ class Stribeck(Effect):
 
     @property
     def richer(self) -> tuple[Effect, ...]:
-        return (StribeckExponent(), StribeckBristles())
+        return (StribeckExponential(), StribeckExponent(), StribeckBristles())
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(v,) for v in (0.015, 0.03, 0.06, 0.12, 0.25)]
@@ -39,6 +41,24 @@ class Stribeck(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         width = float(context.baseline.widths[context.row(location)])
         return theta[0] >= _APART * width and super().admissible(context, location, theta, beta)
+
+
+class StribeckExponential(Stribeck):
+    """``τ = f_s exp(−|v|/v_s) sign(v)`` (Tustin 1947)."""
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [theta, (0.6 * theta[0],)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        return Shape({j: (context.sign(j) * np.exp(-np.abs(context.v[:, j]) / theta[0]))[:, None]})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        return super().estimates(context, location, theta, fit) | {"exponent": Estimate(1.0, None, "1")}
 
 
 class StribeckExponent(Stribeck):
