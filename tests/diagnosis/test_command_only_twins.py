@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from excite.diagnosis.candidate import Candidate
+from excite.diagnosis.command_only.closed_loop import effect_strength
 from excite.diagnosis.command_only.confirmation import confirmed, with_twin
 from excite.diagnosis.gap import ChannelGap, Gap
 from excite.diagnosis.result import Diagnosis
@@ -40,3 +44,20 @@ def test_noise_of_encoders_is_no_error_of_a_simulator() -> None:
     assert confirmed(gap(1.1, 1.04, 1.0))
     assert not confirmed(gap(1.1, 1.09, 0.0))
     assert not confirmed(gap(1.1, 1.2, 1.0))
+
+
+def test_an_effect_below_what_rebuilt_torques_can_tell_is_not_believed():
+    """A roll-out that gains ever so much does not make up for a torque of one part in a hundred."""
+    rng = np.random.default_rng(0)
+    tau = rng.standard_normal((500, 2)) * np.array([1.0, 50.0])
+    samples = SimpleNamespace(trials=[SimpleNamespace(tau=tau)], rows=np.concatenate)
+    extra = np.zeros((2, 500, 1))
+    extra[1, :, 0] = np.sign(tau[:, 1])
+    hypothesis = SimpleNamespace(
+        baseline=SimpleNamespace(samples=samples),
+        columns=SimpleNamespace(extra=extra),
+        fit=SimpleNamespace(extra=np.array([0.5])),
+    )
+    attribution = SimpleNamespace(accepted=[SimpleNamespace(hypothesis=hypothesis)])
+    assert effect_strength(attribution) == pytest.approx(0.01, rel=0.1)
+    assert effect_strength(SimpleNamespace(accepted=[])) == np.inf

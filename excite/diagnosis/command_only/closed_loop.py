@@ -40,6 +40,7 @@ class ClosedLoop:
         cycle_s: how much later than asked for the torque acts [s].
         tracking: steady errors of the servo.
         kept: how many of the accepted effects bring the roll-outs nearer.
+        strength: deviation of the first effect's torque over that of all torque, at the joint where it is most.
     """
 
     servo: Servo
@@ -58,6 +59,7 @@ class ClosedLoop:
         inside = np.concatenate([np.full(len(t.time), t.identification) for t in samples.trials])
         self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
         self.floor = _position_floor(baseline)
+        self.strength = effect_strength(attribution)
         drives: dict[str, Drive] = {t.name: self._drive(samples.joints, t.name) for t in samples.trials}
         shortest = min(float(t.time[-1]) for t in samples.trials)
         plan = Plan(min(_HORIZON_S, 0.4 * shortest), drives, "q_cmd", least_gain=_GAIN)
@@ -94,6 +96,17 @@ class ClosedLoop:
     cycle_s: float = 0.0
     tracking: Tracking | None = None
     kept: int = 0
+    strength: float = np.inf
+
+
+def effect_strength(attribution: Attribution) -> float:
+    """How large the first accepted effect's torque is beside a joint's whole torque, at most; infinite for none."""
+    for item in attribution.accepted[:1]:
+        h, samples = item.hypothesis, item.hypothesis.baseline.samples
+        if h.columns.extra is not None:
+            made = (h.columns.extra @ h.fit.extra).std(axis=1)
+            return float((made / samples.rows([t.tau for t in samples.trials]).std(axis=0)).max())
+    return float(np.inf)
 
 
 def _position_floor(baseline: Baseline) -> Array:

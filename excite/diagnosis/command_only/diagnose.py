@@ -25,6 +25,8 @@ from excite.robot.robot import Array, Robot
 
 # Effects of the torque channel alone: a log without that channel has none of them.
 _CHANNEL = ("time_delay",)
+# How exact torques are that are rebuilt from commands and positions: cycles, held commands, encoders' filters.
+_EXACT = 0.015
 
 
 def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -145,13 +147,23 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         warnings.append(
             "not stated and estimated with the nominal masses for a scale: " + ", ".join(servo.estimated)
         )
+    if not servo.follows_velocity and any(name.startswith("kd of") for name in servo.estimated):
+        warnings.append(
+            "the servo brakes the velocity itself by damping that is not stated: viscous friction is within it"
+        )
     if rollout is None or not rollout.before or closed.deviation is None or closed.floor is None:
         return replace(result, warnings=tuple(warnings))
     gap = position_gap(rollout, closed.deviation, closed.floor)
     result = replace(result, gap=gap)
-    if result.verdict in {"effect", "ambiguous"} and not confirmed(gap):
+    faint = closed.strength < _EXACT
+    if result.verdict in {"effect", "ambiguous"} and (faint or not confirmed(gap)):
         named = " and ".join(f"{e.effect} at {e.location}" for e in result.effects)
-        warnings.append(f"the servo's torques speak for {named}, closed-loop roll-outs do not confirm it")
+        but = (
+            f"torques rebuilt from a servo are no more exact than its {100 * closed.strength:.1f} % of them"
+            if faint
+            else "closed-loop roll-outs do not confirm it"
+        )
+        warnings.append(f"the servo's torques speak for {named}, {but}")
         result = replace(
             result,
             verdict="unknown",
