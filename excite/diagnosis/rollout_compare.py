@@ -141,7 +141,8 @@ def _helpful(
         made.append((model, final, left(model, final.rigid)))
     for count in range(len(effects), 0, -1):
         model, final, most = made[count]
-        if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], plan.least_gain):
+        gain = plan.least_gain if count > 1 else 0.0
+        if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], gain):
             return model, final, effects[:count]
     return before, baseline, ()
 

@@ -35,7 +35,7 @@ class Plan:
         growth: by joint, how far friction that drifts has come, one ``(n,)`` a trial.
         fitted: simulate the identification trials, not the validation trials.
         torques: what drives them where that is the log's torques.
-        least_gain: share of some joint's squared error that the last effect has to take away.
+        least_gain: share of some joint's squared error that each effect after the first has to take away.
     """
 
     horizon_s: float

@@ -21,7 +21,7 @@ from excite.errors import InputError
 from excite.robot.robot import Array
 
 _HORIZON_S = 2.0
-# What each further effect has to take of some joint's squared error, as the first one has to.
+# What each further effect has to take of some joint's squared error.
 _GAIN = 0.1
 
 
