@@ -93,6 +93,7 @@ def diagnose_torques(
     spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
     attribution = Attributor(baseline, spectral, unrepeated(samples, judged)).run()
     judgement = judge(attribution, spectral)
+    impossible = [item for item in attribution.accepted[:1] if not item.hypothesis.physical]
     if judgement.verdict == "unknown" and attribution.accepted:
         attribution = withdrawn(attribution, baseline)
     first = attribution.stages[0]
@@ -123,6 +124,11 @@ def diagnose_torques(
         )
     if effects and judgement.structured:
         warnings.append("a gap above the noise is left at " + ", ".join(judgement.structured))
+    warnings += [
+        f"{item.name.replace('_', ' ')} at {item.location} takes up most of the gap, but would leave that link "
+        "less than no mass: something else looks like it"
+        for item in impossible
+    ]
     location = effects[0].location if effects else None
     if judgement.verdict == "unknown":
         location = judgement.structured[0]
@@ -194,7 +200,15 @@ def _listed(
     if judgement.renamed[0] is not None:
         head[0] = replace(head[0], probability=0.5 * sure)
         head.append(replace(head[0], effect=judgement.renamed[0]))
-    head += [c for c in made if any((c.effect, c.location) == (r.name, r.location) for r in judgement.rivals)]
+    twins = {(r.name, r.location): twin for r, twin in zip(judgement.rivals, judgement.twins, strict=True)}
+    for c in made:
+        if (c.effect, c.location) not in twins:
+            continue
+        twin = twins[c.effect, c.location or ""]
+        # Two names for one thing share its probability.
+        chance_of = c.probability if twin is None or c.probability is None else 0.5 * c.probability
+        head.append(replace(c, probability=chance_of))
+        head += [] if twin is None else [replace(head[-1], effect=twin)]
     known = {(c.effect, c.location) for c in head}
     rest = [c for c in made if (c.effect, c.location) not in known]
     return tuple((head + rest)[:_LISTED]), len(head) if judgement.verdict == "ambiguous" else 0

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from excite.diagnosis.accepted_together import searched_together
 from excite.diagnosis.attribution import Attribution, Scored, Stage
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.effect import Context, Effect
@@ -82,6 +83,9 @@ class Attributor:
             stages[-1] = Stage(context, ranking, best)
             accepted.append(best)
             current = extended(best.hypothesis).reprofiled()
+            if len(accepted) > 1:
+                accepted, current = searched_together(self.baseline, accepted, current)
+                stages = [replace(s, accepted=a) for s, a in zip(stages, accepted, strict=True)]
         return Attribution(tuple(stages), before, current.fit, current, self._floor(current.fit), scale)
 
     def _floor(self, fit: Fit) -> Array:
@@ -115,8 +119,10 @@ class Attributor:
         return tuple(self._score(before, item, floor, scale) for item in refined)
 
     def _polished(self, context: Context, ranking: tuple[Scored, ...], scale: Array) -> tuple[Scored, ...]:
-        """The likeliest again with finer parameters and richer forms: what a plain one explains in part only."""
-        likely = sorted((s for s in ranking if s.evidence >= self.gates.evidence), key=lambda s: -s.evidence)
+        """The likeliest again with finer parameters and richer forms, which may have the evidence that they lack."""
+        gates = self.gates
+        likely = [s for s in ranking if s.evidence >= gates.evidence and s.closed[s.place] >= gates.closed]
+        likely.sort(key=lambda s: -s.evidence)
         found = [polished(s.hypothesis) for s in likely[:_POLISHED]]
         if not found:
             return ()

@@ -161,7 +161,10 @@ def tilted(gravity: Array, item: Found) -> Array:
     down = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
     across = np.cross(down, np.eye(3)[int(np.argmin(np.abs(down)))])
     across /= np.linalg.norm(across)
-    return gravity + item.value("gravity_x") * across + item.value("gravity_y") * np.cross(down, across)
+    aside = item.value("gravity_x") * across + item.value("gravity_y") * np.cross(down, across)
+    # A tilt turns gravity, it does not add to it.
+    left = np.sqrt(max(float(gravity @ gravity) - float(aside @ aside), 0.0))
+    return left * down + aside
 
 
 def _tilt(draft: Draft, item: Found) -> None:
@@ -190,7 +193,7 @@ def _soft(draft: Draft, item: Found) -> None:
 
 
 def _loose(draft: Draft, item: Found) -> None:
-    """A second joint with a range as wide as the play; its stops have the contact's frequency, critically damped."""
+    """A second joint with a range as wide as the play; its stops have the contact's frequency and damping."""
     joint = _behind(draft, item)
     half = 0.5 * item.value("width")
     joint.limited = True

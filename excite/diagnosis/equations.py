@@ -131,13 +131,20 @@ class Solver:
         new._prepare(joint)
         return new
 
-    def fit(self, extra: Array | None = None, offset: Array | None = None, iterations: int = 6) -> Fit:
+    def fit(
+        self,
+        extra: Array | None = None,
+        offset: Array | None = None,
+        iterations: int = 6,
+        widths: Array | None = None,
+    ) -> Fit:
         """Fit by iterated weights, one a joint.
 
         Args:
             extra: ``(n_joints, n_rows, n_extra)`` further columns.
             offset: ``(n_joints, n_rows)`` torque that is known: taken off ``y``.
             iterations: of the weights.
+            widths: ``(n_extra,)`` a priori standard deviations of the coefficients, infinite without.
 
         Returns:
             The fit.
@@ -171,6 +178,9 @@ class Solver:
         count = int(e.use.sum())
         sigma = np.sqrt(np.maximum(yy / count, e.floor**2))
         prior = np.concatenate([np.ones(n), np.full(m, 1e-9)])
+        if widths is not None:
+            # Along what the motion hardly shows there is no more than a body of this world can have.
+            prior[n:] += 1.0 / (widths * scale) ** 2
         x = np.zeros(n + m)
         normal = np.eye(n + m)
         for _ in range(iterations):

@@ -33,6 +33,7 @@ class Gates:
         evidence_faint_again: nats of such a further effect.
         validation_faint_again: nats of such a further effect on validation trials alone.
         stands_alone: power over the floor's at the place of a further effect that needs no comparison with the rest.
+        stands_apart: the same where all effects act on joints of their own.
         closed_alone: share that such an effect removes there.
         evidence_alone: nats of such an effect.
         validation_alone: nats of such an effect on validation trials alone.
@@ -65,6 +66,7 @@ class Gates:
     evidence_faint_again: float = 80.0
     validation_faint_again: float = 20.0
     stands_alone: float = 4.0
+    stands_apart: float = 2.0
     closed_alone: float = 0.8
     evidence_alone: float = 400.0
     validation_alone: float = 100.0
@@ -109,6 +111,8 @@ class Gates:
 
     def _further(self, item: Scored, accepted: Sequence[Scored], *, apart: bool) -> bool:
         effect, closed = item.hypothesis.effect, float(item.closed[item.place])
+        if not item.hypothesis.physical:
+            return False
         if effect.timing and any(a.hypothesis.effect.timing for a in accepted):
             return False
         if (item.name, item.location) in {(a.name, a.location) for a in accepted}:
@@ -116,7 +120,7 @@ class Gates:
         # Bodies and geometry act on all joints alike: what one of them leaves another can take up.
         bodies = effect.moves and any(a.hypothesis.effect.moves for a in accepted)
         crowded = effect.timing or bodies or item.location in {a.location for a in accepted}
-        if not crowded and self._alone(item):
+        if not crowded and (self._alone(item, apart=apart) or (apart and self._alike(item, accepted))):
             return True
         # What is most of the rest, and closes it, is no trace of an effect before it.
         most = item.of_rest >= self.most_of_rest
@@ -127,10 +131,16 @@ class Gates:
             return False
         return float(item.closed.max()) >= (self.same_joint if crowded else self.closed_again)
 
-    def _alone(self, item: Scored) -> bool:
+    def _alone(self, item: Scored, *, apart: bool) -> bool:
         """Whether an effect is beyond doubt, whatever else is left and however small it is beside others."""
-        clear = item.stands >= self.stands_alone and float(item.closed[item.place]) >= self.closed_alone
+        stands = self.stands_apart if apart and _own(item) else self.stands_alone
+        clear = item.stands >= stands and float(item.closed[item.place]) >= self.closed_alone
         return clear and item.evidence >= self.evidence_alone and item.validation >= self.validation_alone
+
+    def _alike(self, item: Scored, accepted: Sequence[Scored]) -> bool:
+        """Whether a joint has what another joint of the same machine has been found to have."""
+        closes = item.stands >= self.stands and float(item.closed[item.place]) >= self.same_joint
+        return closes and _own(item) and item.name in {a.name for a in accepted}
 
     def _nats(self, closed: float, *, again: bool) -> tuple[float, float]:
         """Nats that an effect needs in all and on validation trials, by the share that it closes at its place."""

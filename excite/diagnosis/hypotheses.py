@@ -52,6 +52,11 @@ class Hypothesis:
         return float(np.log(self.fit.sigma).sum())
 
     @property
+    def physical(self) -> bool:
+        """Whether its fit says something that can be."""
+        return self.effect.physical(Context(self.baseline), self.location, self.fit)
+
+    @property
     def n_parameters(self) -> int:
         """Linear and non-linear parameters."""
         return len(self.effect.linear) + len(self.effect.searched)
@@ -106,7 +111,8 @@ class Search:
         for values in (columns.extra, columns.offset):
             if values is not None and not np.isfinite(values).all():
                 return None
-        fit = self.solver.fit(columns.extra, columns.offset, iterations)
+        widths = np.array([p.width for p in effect.linear])
+        fit = self.solver.fit(columns.extra, columns.offset, iterations, widths)
         if not effect.admissible(self.context, location, theta, fit.extra):
             return None
         return Hypothesis(effect, location, theta, columns, fit, self.context.baseline)

@@ -36,6 +36,7 @@ class Judgement:
     Attributes:
         verdict: effect, none, ambiguous or unknown.
         rivals: other effects that explain as much as the first accepted one.
+        twins: by position in ``rivals``, a second name that means the same in the data.
         tied: by position in the accepted effects, places that cannot be told from the effect's.
         renamed: by position, a second name that means the same in the data (bias and asymmetry).
         structured: joints whose residual stands above the noise, most first.
@@ -49,6 +50,7 @@ class Judgement:
     renamed: tuple[str | None, ...]
     structured: tuple[str, ...]
     explained: float = 1.0
+    twins: tuple[str | None, ...] = ()
 
 
 def judge(attribution: Attribution, spectral: Array) -> Judgement:
@@ -71,7 +73,9 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
     place = attribution.final.samples.joints[accepted[0].place]
     explained = float(explained_shares(attribution, spectral)[accepted[0].place])
     coupled = accepted[0].hypothesis.effect.moves and accepted[0].elsewhere > _ELSEWHERE
-    if place in structured and explained < (_EXPLAINED_COUPLED if coupled else _EXPLAINED):
+    least = _EXPLAINED_COUPLED if coupled else _EXPLAINED
+    # A body that would leave a link less than no mass takes up what something else does.
+    if not accepted[0].hypothesis.physical or (place in structured and explained < least):
         others = tuple(name for name in structured if name != place)
         return Judgement("unknown", (), (), (), (place, *others), explained)
     if structured and _explained_of_all(attribution, spectral) < _TRIFLE:
@@ -79,7 +83,9 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
     explained = max(explained - _unsure(accepted[0]), 0.0)
     rivals = _rivals(accepted[0], steps[0].ranking)
     ambiguous = bool(rivals) or renamed[0] is not None
-    return Judgement("ambiguous" if ambiguous else "effect", rivals, tied, renamed, structured, explained)
+    twins = tuple(_second_name(item, attribution.final) for item in rivals)
+    verdict: Verdict = "ambiguous" if ambiguous else "effect"
+    return Judgement(verdict, rivals, tied, renamed, structured, explained, twins)
 
 
 def withdrawn(attribution: Attribution, baseline: Baseline) -> Attribution:
@@ -188,7 +194,7 @@ def _unsure(item: Scored) -> float:
 
 def _tied(best: Scored, ranking: tuple[Scored, ...]) -> tuple[str, ...]:
     same = [s for s in ranking if s.name == best.name and s.location != best.location and _close(best, s)]
-    return (best.location, *(s.location for s in same))
+    return (best.location, *(s.location for s in same if s.hypothesis.physical))
 
 
 def _rivals(best: Scored, ranking: tuple[Scored, ...]) -> tuple[Scored, ...]:
@@ -196,7 +202,7 @@ def _rivals(best: Scored, ranking: tuple[Scored, ...]) -> tuple[Scored, ...]:
     found: dict[str, Scored] = {}
     for item in ranking:
         contains = set(_columns(best)) <= set(_columns(item)) and item.location == best.location
-        if item.name == best.name or contains or not _close(best, item):
+        if item.name == best.name or contains or not _close(best, item) or not item.hypothesis.physical:
             continue
         found.setdefault(item.name, item)
     return tuple(found.values())

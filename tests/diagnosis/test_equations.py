@@ -58,6 +58,18 @@ def test_a_direction_that_nothing_shows_takes_no_coefficient():
     assert fit.extra[1] == pytest.approx(0.7, abs=5 * fit.extra_std[1])
 
 
+def test_a_direction_that_is_hardly_shown_takes_no_more_than_it_can_have():
+    """Noise alone would be fitted with a coefficient of any size; what is shown well is not held back."""
+    equations, extra, _ = _equations(np.random.default_rng(6))
+    hardly = 1e-5 * np.random.default_rng(7).normal(size=extra.shape)
+    columns, widths = np.concatenate([hardly, extra], axis=2), np.array([1.0, 1.0])
+    free, held = (Solver(equations).fit(columns, widths=w) for w in (None, widths))
+    assert free.extra_std[0] > 10.0
+    assert held.extra_std[0] < 1.01
+    assert abs(held.extra[0]) < 0.1 * abs(free.extra[0])
+    assert held.extra[1] == pytest.approx(free.extra[1], abs=0.1 * free.extra_std[1])
+
+
 def test_effective_samples_of_an_autoregressive_residual():
     rng, n, rho = np.random.default_rng(3), 20000, 0.8
     noise = rng.normal(size=n)

@@ -31,7 +31,7 @@ def scored(name: str, joint: str, *, moves: bool = False, timing: bool = False, 
         "left": 0,
     }
     return Scored(
-        hypothesis=SimpleNamespace(effect=effect, location=joint),
+        hypothesis=SimpleNamespace(effect=effect, location=joint, physical=True),
         place=place,
         closed=closed,
         power=np.ones((3, 2)),
@@ -86,3 +86,14 @@ def test_an_effect_beyond_doubt_needs_no_comparison_with_the_rest():
     assert named(replace(bias, validation=280.0), backlash)
     assert not named(replace(bias, validation=280.0, stands=2.0), backlash)
     assert not named(replace(bias, validation=50.0), backlash)
+
+
+def test_what_one_joint_has_another_may_have_as_well():
+    """Load-dependent friction of an elbow beside that of a shoulder, on a machine whose other joints have rests."""
+    shoulder = scored("load_dependent_friction", "a", strength=0.02)
+    elbow = scored(
+        "load_dependent_friction", "b", strength=0.01, of_rest=0.1, left=3, closed=0.65, stands=3.0
+    )
+    assert named(elbow, shoulder)
+    assert not named(elbow, scored("stribeck", "a", strength=0.02))
+    assert not named(replace(elbow, closed=np.full(3, 0.3)), shoulder)

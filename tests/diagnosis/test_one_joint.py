@@ -26,11 +26,16 @@ RATE_HZ = 500
 MASS, VISCOUS, COULOMB, OFFSET, NOISE = 95.0, 200.0, 20.0, -3.2, 1.0
 
 
-def pushed(name: str, role: str, seconds: float, phase: float, rng: np.random.Generator) -> Trial:
+def pushed(
+    name: str, role: str, seconds: float, phase: float, rng: np.random.Generator, size: float = 1.0
+) -> Trial:
     """A trial whose force is that of mass, friction and a constant push, with white noise."""
     t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     sizes, turns = (0.1, 0.04, 0.01), (0.4, 1.1, 2.7)
-    waves = [(a, 2.0 * np.pi * f, phase * (k + 1)) for k, (a, f) in enumerate(zip(sizes, turns, strict=True))]
+    waves = [
+        (size * a, 2.0 * np.pi * f, phase * (k + 1))
+        for k, (a, f) in enumerate(zip(sizes, turns, strict=True))
+    ]
     q = sum(a * np.sin(w * t + p) for a, w, p in waves)
     v = sum(a * w * np.cos(w * t + p) for a, w, p in waves)
     acceleration = sum(-a * w**2 * np.sin(w * t + p) for a, w, p in waves)
@@ -40,8 +45,8 @@ def pushed(name: str, role: str, seconds: float, phase: float, rng: np.random.Ge
     return Trial(name=name, role=role, time=t, q=q[:, None], tau=force[:, None])
 
 
-def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_path: Path) -> None:
-    """On one axis a constant push, and friction that differs by direction, are the same force."""
+def axis_log(folder: Path, *modelled: str, size: float = 1.0) -> Path:
+    """A log of a long trial and a short one, saved; ``size`` is that of the motion."""
     header = LogHeader.model_validate(
         {
             "schema": "excite.log/1",
@@ -50,7 +55,7 @@ def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_pat
             "rate_hz": RATE_HZ,
             "joints": ["slide"],
             "torque": "motor_side",
-            "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"],
+            "modelled": list(modelled),
             "trials": [
                 {"file": "long.parquet", "role": "identification"},
                 {"file": "short.parquet", "role": "validation"},
@@ -58,8 +63,24 @@ def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_pat
         }
     )
     rng = np.random.default_rng(5)
-    trials = (pushed("long", "identification", 20.0, 0.3, rng), pushed("short", "validation", 4.0, 1.1, rng))
-    result = diagnose(save_log(Log(header, trials, robot_text=URDF), tmp_path / "axis"))
+    trials = (
+        pushed("long", "identification", 20.0, 0.3, rng, size),
+        pushed("short", "validation", 4.0, 1.1, rng, size),
+    )
+    return save_log(Log(header, trials, robot_text=URDF), folder / "axis")
+
+
+def test_what_was_searched_without_a_later_effect_is_searched_again_with_it(tmp_path: Path) -> None:
+    """A wide change of sign stands in for viscous friction, and keeps a part of it unless it is searched again."""
+    result = diagnose(axis_log(tmp_path, "rigid_body", "torque_bias", size=0.2))
+    found = {item.effect: item.parameters for item in result.effects}
+    assert found["viscous_friction"]["coefficient"].value == pytest.approx(VISCOUS, rel=0.03)
+    assert found["coulomb_friction"]["level"].value == pytest.approx(COULOMB, rel=0.03)
+
+
+def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_path: Path) -> None:
+    """On one axis a constant push, and friction that differs by direction, are the same force."""
+    result = diagnose(axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction"))
     assert result.verdict == "ambiguous"
     assert {"torque_bias", "coulomb_asymmetry"} <= {item.effect for item in result.ambiguous_with}
     assert result.location == "slide"

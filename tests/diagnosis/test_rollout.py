@@ -136,11 +136,13 @@ def test_stiff_servo_damping_is_stable_and_right():
     assert path[:, 0] == pytest.approx(1.0 - np.exp(-np.arange(len(path)) * 0.1), abs=2e-3)
 
 
-def test_a_tilt_turns_gravity_by_its_angle():
-    level = np.array([0.0, 0.0, -9.81])
-    turned = tilted(level, Found("base_tilt", "base", {"gravity_x": 0.3, "gravity_y": -0.4}))
-    assert turned[2] == level[2]
-    assert np.hypot(*turned[:2]) == pytest.approx(0.5)
+@pytest.mark.parametrize("angle", [0.0, 0.05, 0.4])
+def test_a_tilt_turns_gravity_by_its_angle(angle: float):
+    """It keeps its size, however steep the tilt."""
+    level, aside = np.array([0.0, 0.0, -9.81]), 9.81 * np.sin(angle)
+    turned = tilted(level, Found("base_tilt", "base", {"gravity_x": 0.6 * aside, "gravity_y": -0.8 * aside}))
+    assert np.linalg.norm(turned) == pytest.approx(9.81)
+    assert np.hypot(*turned[:2]) == pytest.approx(aside)
 
 
 def test_every_effect_of_the_library_has_a_form():

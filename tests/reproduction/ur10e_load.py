@@ -16,7 +16,7 @@ from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
-from excite.robot.robot import Robot
+from excite.robot.robot import Array, Robot
 from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS, ur10e_log
 
 MASS = 2.805
@@ -94,8 +94,12 @@ def bare_arm(data_dir: Path, folder: Path, gains: Mapping[str, float] = UR10E_GA
     log = ur10e_log(data_dir, folder)
     robot = nominal_robot(log)
     settings = replace(SETTINGS, drive_gains=dict(gains))
-    found = identify(robot, log, "lmi", problem_settings=settings)
+    return with_inertials(robot, identify(robot, log, "lmi", problem_settings=settings).parameters)
+
+
+def with_inertials(robot: Robot, parameters: Array) -> Robot:
+    """The robot with other inertial parameters ``(10·n_segments,)``."""
     model = robot.model.copy()
-    for joint, ten in enumerate(found.parameters.reshape(-1, 10), start=1):
+    for joint, ten in enumerate(parameters.reshape(-1, 10), start=1):
         model.inertias[joint] = pin.Inertia.FromDynamicParameters(ten)
     return replace(robot, model=model)

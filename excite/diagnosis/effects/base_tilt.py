@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from excite.diagnosis.candidate import Estimate
@@ -19,7 +21,7 @@ class BaseTilt(Effect):
     """
 
     name = "base_tilt"
-    linear = (
+    linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gravity_x", "m/s²", -5.0, 5.0),
         Parameter("gravity_y", "m/s²", -5.0, 5.0),
         Parameter("first_row_cosine", "N·m"),
@@ -29,6 +31,10 @@ class BaseTilt(Effect):
     separating_motion = "a wide range of joint 1; the arm on a base that is turned"
     mujoco = "option gravity"
     moves = True
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (SteepTilt(),)
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return self.name not in modelled
@@ -41,14 +47,16 @@ class BaseTilt(Effect):
         model = samples.robot.model.copy()
         q = samples.stacked("q")
         still = np.zeros((len(q), model.nv))
-        columns = np.zeros((len(q), len(context.joints), 4))
+        columns = np.zeros((len(q), len(context.joints), len(self.linear)))
         gravity = model.gravity.linear.copy()
-        up = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
-        across = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+        down = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
+        across = np.cross(down, np.eye(3)[int(np.argmin(np.abs(down)))])
         across /= np.linalg.norm(across)
-        for k, axis in enumerate((across, np.cross(up, across))):
-            model.gravity.linear = axis
-            columns[:, :, k] = context.torques(q, still, still, model)
+        axes = {0: across, 1: np.cross(down, across), 4: down}
+        for k, axis in axes.items():
+            if k < len(self.linear):
+                model.gravity.linear = axis
+                columns[:, :, k] = context.torques(q, still, still, model)
         first = context.q[:, 0]
         columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
         return Shape({j: columns[:, j] for j in range(len(context.joints))})
@@ -57,9 +65,19 @@ class BaseTilt(Effect):
         x, y = fit.extra[:2]
         std = float(np.hypot(*fit.extra_std[:2]) / np.sqrt(2.0) / _G)
         return {
-            "angle": Estimate(float(np.hypot(x, y) / _G), std, "rad"),
+            "angle": Estimate(float(np.arcsin(min(np.hypot(x, y) / _G, 1.0))), std, "rad"),
             **{
                 p.name: Estimate(float(b), float(s), p.unit)
                 for p, b, s in zip(self.linear[:2], fit.extra, fit.extra_std, strict=False)
             },
         }
+
+
+class SteepTilt(BaseTilt):
+    """The same where the tilt is large enough for less of gravity to be left along the nominal vertical."""
+
+    linear = (*BaseTilt.linear, Parameter("gravity_down", "m/s²", -5.0, 0.0))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()

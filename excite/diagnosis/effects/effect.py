@@ -30,12 +30,14 @@ class Parameter:
         unit: SI unit.
         low: least value that is physical.
         high: greatest value that is physical.
+        width: standard deviation that it has a priori.
     """
 
     name: str
     unit: str
     low: float = -np.inf
     high: float = np.inf
+    width: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +185,10 @@ class Effect(ABC):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether the parameters are physical, and far enough from what another effect's name says better."""
         return all(p.low <= b <= p.high for p, b in zip(self.linear, beta, strict=True))
+
+    def physical(self, context: Context, location: str, fit: Fit) -> bool:
+        """Whether a fit says something that can be, within what the record tells of it."""
+        return True
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """Its parameters, for people."""

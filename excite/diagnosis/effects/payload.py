@@ -11,6 +11,9 @@ from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.links import carried_link
 from excite.robot.robot import Array
 
+# Standard deviations, told for white residuals, by which a mass is below zero that cannot be.
+_SURELY = 6.0
+
 
 def link_columns(context: Context, joint: int) -> Array:
     """Torques per unit of the ten inertial parameters of the body after a joint, ``(n, n_joints, 10)``."""
@@ -27,10 +30,12 @@ class Payload(Effect):
 
     name = "payload"
     linear = tuple(
-        Parameter(n, u)
-        for n, u in zip(
+        Parameter(n, u, width=w)
+        for n, u, w in zip(
             ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"),
             ("kg", *["kg·m"] * 3, *["kg·m²"] * 6),
+            # A heavy body within half a metre: says nothing but where the motion does not show it.
+            (20.0, *[10.0] * 3, *[5.0] * 6),
             strict=True,
         )
     )
@@ -53,6 +58,12 @@ class Payload(Effect):
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return True
+
+    def physical(self, context: Context, location: str, fit: Fit) -> bool:
+        """Whether link and body together may have their mass: less than none is another effect's doing."""
+        joint = self.locations(context).index(location) + 1
+        mass = float(context.baseline.phi[10 * (joint - 1)]) + float(fit.extra[0])
+        return mass > -_SURELY * float(fit.extra_std[0])
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         """What the joints feel of the body; where they do not feel its mass, its first moment comes first."""

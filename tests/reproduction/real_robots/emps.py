@@ -10,7 +10,6 @@ from tests.reproduction.emps import PUBLISHED, emps_log
 from tests.reproduction.real_robots.entry import FRICTION, RIGID, Bar, Entry, names, with_modelled
 
 SOURCE = "Janot, Gautier, Brunot: Data set and reference models of EMPS, Eindhoven 2019."
-_WIDE = "how sharply dry friction changes sign was searched before viscous friction was in the model"
 _TRIALS = "The first two thirds of the 16 s were fitted, the last third judges."
 _VALUE = {item.name.split("(")[0]: item for item in PUBLISHED}
 
@@ -31,7 +30,7 @@ def _without_friction(log: Log) -> Entry:
         value = found[name].parameters[keys[name]].value if name in found else float("nan")
         close = abs(value / item.value - 1.0) < 0.1
         off = f"{value:.1f}, {100 * (value / item.value - 1):+.0f} %"
-        bars.append(Bar(f"{item.what}: {item.value:.1f} within 10 %", off, close, "" if close else _WIDE))
+        bars.append(Bar(f"{item.what}: {item.value:.1f} within 10 %", off, close))
     return Entry(
         title="EMPS, friction left out",
         source=SOURCE,

@@ -1,0 +1,84 @@
+"""Non-linear parameters of effects that were accepted one after the other, searched again beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from excite.diagnosis.attribution import Scored
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.drive_terms import own_names
+from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.hypotheses import Hypothesis, Search
+from excite.diagnosis.refinement import extended, price
+from excite.robot.robot import Array
+
+# A search with the other effects in the model has to lower the loss by so much.
+_BETTER = 2e-3
+
+
+def searched_together(
+    first: Baseline, accepted: Sequence[Scored], current: Baseline
+) -> tuple[list[Scored], Baseline]:
+    """What was searched while a later effect was missing has stood in for it; with that one there it need not.
+
+    Args:
+        first: the baseline without any of them.
+        accepted: the effects, in order.
+        current: the baseline with all of them.
+
+    Returns:
+        The effects and the baseline with all of them; those given where no search lowers the loss.
+    """
+    start = _with_signs(first, current.widths, current.breakaways)
+    items = [scored.hypothesis for scored in accepted]
+    moved = False
+    for k, item in enumerate(items[:-1]):
+        better = _searched_beside(start, item, (*items[:k], *items[k + 1 :]))
+        if better is not None:
+            items[k], moved = better, True
+    if not moved:
+        return list(accepted), current
+    base, made = start, []
+    for scored, item in zip(accepted, items, strict=True):
+        found = Search(Context(base), base.solver).try_at(item.effect, item.location, item.theta)
+        if found is None:
+            return list(accepted), current
+        made.append(replace(scored, hypothesis=found))
+        base = extended(found)
+    base = base.reprofiled()
+    if float(np.log(base.fit.sigma).sum()) >= float(np.log(current.fit.sigma).sum()):
+        return list(accepted), current
+    return made, base
+
+
+def _searched_beside(base: Baseline, item: Hypothesis, others: Sequence[Hypothesis]) -> Hypothesis | None:
+    """The effect with its non-linear parameters searched beside others; None where that gains nothing."""
+    if not item.effect.searched:
+        return None
+    for other in others:
+        found = Search(Context(base), base.solver).try_at(other.effect, other.location, other.theta)
+        if found is None:
+            return None
+        base = extended(found)
+    search = Search(Context(base), base.solver)
+    now = search.try_at(item.effect, item.location, item.theta)
+    if now is None:
+        return None
+    # It may have gone far, either way, to stand in for what was missing.
+    best = min((search.refine(now, step=step) for step in (-1.0, 1.0)), key=price)
+    return best if price(best) < price(now) - _BETTER else None
+
+
+def _with_signs(base: Baseline, widths: Array, breakaways: Array) -> Baseline:
+    """The baseline with other widths and breakaways of the joints' sign changes, fitted again."""
+    solver, names = base.solver, own_names(base.modelled)
+    for j, (width, breakaway) in enumerate(zip(widths, breakaways, strict=True)):
+        if (width, breakaway) != (base.widths[j], base.breakaways[j]):
+            solver = solver.with_own(j, base.own_rows(names, j, float(width), float(breakaway)))
+    if solver is base.solver:
+        return base
+    moved = replace(base, widths=widths, breakaways=breakaways, solver=solver)
+    return moved.updated(solver.fit())

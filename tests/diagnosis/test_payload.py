@@ -1,0 +1,28 @@
+"""Which bodies a payload may be."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.effects.payload import Payload
+from excite.robot.loading import load_robot
+
+
+@pytest.mark.parametrize(
+    ("share", "std", "may"), [(0.5, 0.01, True), (-0.8, 0.01, True), (-1.5, 0.01, False)]
+)
+def test_a_body_that_leaves_its_link_less_than_no_mass_cannot_be(share: float, std: float, may: bool) -> None:
+    robot = load_robot("panda")
+    phi = np.concatenate([inertia.toDynamicParameters() for inertia in list(robot.model.inertias)[1:]])
+    context = SimpleNamespace(baseline=SimpleNamespace(phi=phi, samples=SimpleNamespace(robot=robot)))
+    link = Payload().locations(context)[4]
+    mass = robot.model.inertias[5].mass
+    extra = share * mass * np.eye(10)[0]
+    fit = SimpleNamespace(extra=extra, extra_std=np.full(10, std * mass))
+    assert Payload().physical(context, link, fit) is may
+    # Where the record hardly tells the mass, it may be anything.
+    unsure = SimpleNamespace(extra=extra, extra_std=np.full(10, mass))
+    assert Payload().physical(context, link, unsure)
