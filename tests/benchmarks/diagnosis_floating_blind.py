@@ -15,6 +15,7 @@ from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
 from excite.diagnosis.floating.gap import in_band, residual_of
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.state import State
+from excite.errors import NoSolutionError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.simulation.blind.floating.case import build_floating_case
@@ -30,6 +31,8 @@ SEED, CASES = 20261, 20
 def scored(seed: int = SEED, cases: int = CASES, first: int = 0) -> tuple[BlindScore, list[bool]]:
     """Make the cases, diagnose all of them, and only then look at the answers.
 
+    Cases for which no safe motions are found are left out.
+
     Returns:
         The score; and for each diagnosis that states an interval of the share closed, whether the share of the
         noiseless gap that it really closes lies in it.
@@ -40,7 +43,11 @@ def scored(seed: int = SEED, cases: int = CASES, first: int = 0) -> tuple[BlindS
     with tempfile.TemporaryDirectory() as place:
         for number in range(first, first + cases):
             name, rng = f"case_{number:03d}", np.random.default_rng(children[number])
-            case = build_floating_case(floating_draft(number, rng), rng)
+            try:
+                case = build_floating_case(floating_draft(number, rng), rng)
+            except NoSolutionError as error:
+                sys.stderr.write(f"{name} left out: {error}\n")
+                continue
             save_log(case.log, Path(place) / name)
             answers[name] = case.answer
             started = time.process_time()
