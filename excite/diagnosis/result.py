@@ -22,7 +22,8 @@ class Rollout:
         after: by channel, RMS error of the augmented simulator, same unit.
         horizon_s: length of a roll-out [s].
         model: file name of the augmented simulator, None where none was written.
-        driven_by: what drives the roll-outs: ``logged torque`` (no feedback) or ``q_cmd`` (the servo).
+        driven_by: what drives the roll-outs, in words: the logged torque (no feedback), the same less the noise that
+            commands can tell, or ``q_cmd`` (the servo).
         warnings: effects that the simulator cannot express or ignores.
         floor: by channel, RMS by which replicas of the nominal simulator differ that start, and are driven, with
             as much noise as the record has; what no model can go below, same unit.
