@@ -17,7 +17,7 @@ from excite.robot.robot import Array
 UNITS = ("N",) * 3 + ("N·m",) * 3
 _BLOCK_S, _DRAWS = 1.0, 500
 # Noise has few independent numbers in a band of a few hertz, and trials as short as these.
-_LEAST_SPREAD, _LARGEST_SPREAD = 0.08, 0.3
+_LEAST_SPREAD, _LARGEST_SPREAD = 0.12, 0.3
 _MOTION_HZ, _UPPER_END_HZ = 1.2, 2.4
 _LOUDER_STD, _LOUDER_RANGE = 0.06, (0.7, 1.5)
 # Of the logarithm of how much of the parameters' errors shows: other motions ask other things of them.

@@ -64,7 +64,8 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
         current: what is accepted already.
     """
     n = len(problem.nominal_rows)
-    screened = screen(*linearised(coarse, current))
+    known = {(item.effect.name, item.location) for item in current.placed}
+    screened = [s for s in screen(*linearised(coarse, current)) if (s.effect.name, s.location) not in known]
     places = {name: max(1, sum(s.effect.name == name for s in screened)) for name in FLOATING_EFFECTS}
     rough = [_refined(coarse, current, item) for item in _shortlist(screened)]
     top = min(rough, key=lambda f: f.power, default=None)
