@@ -70,7 +70,8 @@ class Candidate:
 def measured(item: Estimate) -> str:
     """Value and deviation as they are written in a sentence."""
     spread = "" if item.std is None else f" ± {item.std:.1g}"
-    return f"{item.value:.4g}{spread} {item.unit}".strip()
+    unit = "" if item.unit == "1" else item.unit
+    return f"{item.value:.4g}{spread} {unit}".strip()
 
 
 def sized(item: Candidate) -> str:

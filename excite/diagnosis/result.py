@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from excite.diagnosis.candidate import Candidate, in_words, measured, sized
+from excite.diagnosis.candidate import Candidate, in_words, sized
 from excite.diagnosis.gap import Gap, Where
 
 SCHEMA = "excite.diagnosis/1"
@@ -183,39 +183,10 @@ class Diagnosis:
         return f"{self.robot}: the gap is {named}; {closes}."
 
     def summary(self) -> str:
-        """The diagnosis in words and a table, for a terminal; starts with the sentence."""
-        lines = [self.sentence(), ""]
-        if len(self.tied_locations) > 1:
-            lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
-        lines += [*self._gap_lines(), "", *self._candidate_lines()]
-        if self.next_experiment is not None:
-            lines += ["", f"next: {self.next_experiment.why}"]
-        lines += [f"log: {item.what} ({item.cause})" for item in self.faults]
-        lines += [f"note: {text}" for text in self.warnings]
-        return "\n".join(lines)
+        """The diagnosis in words and tables, for a terminal; starts with the sentence."""
+        from excite.diagnosis.summary import summary_of
 
-    def _gap_lines(self) -> list[str]:
-        share = {item.channel: item for item in self.where}
-        width = max([len(name) for name in self.gap.per_channel] + [7])
-        lines = [f"{'channel':{width}}  {'before':>9}  {'after':>9}  {'floor':>9}  share  depends on"]
-        for name, item in self.gap.per_channel.items():
-            place = share.get(name)
-            tail = "" if place is None else f"  {100 * place.share:4.0f}%  {place.depends_on}"
-            lines.append(
-                f"{name:{width}}  {item.before:9.3g}  {item.after:9.3g}  {item.noise_floor:9.3g}{tail} [{item.unit}]"
-            )
-        total = f"{self.gap.before:9.3g}  {self.gap.after:9.3g}  {self.gap.noise_floor:9.3g}"
-        return [*lines, f"{'all':{width}}  {total}  (of the signal)"]
-
-    def _candidate_lines(self) -> list[str]:
-        lines = [f"{'effect':24} {'place':24} {'evidence':>9} {'closed':>7}  parameters"]
-        for item in self.candidates[:6]:
-            values = ", ".join(f"{name} {measured(e)}" for name, e in item.parameters.items())
-            lines.append(
-                f"{item.effect:24} {item.location or '':24} {item.evidence:9.1f} "
-                f"{100 * item.share_closed:6.0f}%  {values}"
-            )
-        return lines if self.candidates else []
+        return summary_of(self)
 
 
 def _finite(value: Any) -> Any:

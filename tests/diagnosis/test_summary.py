@@ -1,0 +1,72 @@
+"""A diagnosis on a terminal: everything accepted is in the table, and what is wrong with all trials is said once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from excite.diagnosis.candidate import Candidate, Estimate
+from excite.diagnosis.gap import ChannelGap, Gap
+from excite.diagnosis.result import Diagnosis, LogFault
+
+
+def candidate(effect: str, place: str, evidence: float) -> Candidate:
+    return Candidate(
+        effect, place, {"periods_per_rev": Estimate(13.0, None, "1")}, evidence, 0.1, 0.9, (place,)
+    )
+
+
+@pytest.fixture
+def two_effects() -> Diagnosis:
+    spring, rival = candidate("joint_spring", "a", 900.0), candidate("torque_ripple", "a", 12.0)
+    faults = tuple(
+        LogFault("jitter", f"trial_{k:02d}", f"trial_{k:02d}: stamps jitter by 1{k} %", "packets", True)
+        for k in range(4)
+    )
+    clipped = LogFault("clipping", "trial_01", "trial_01: a clips", "a limit", False)
+    gap = Gap(0.2, 0.05, 0.04, 0.98, {"a": ChannelGap(2.0, 0.5, 0.4, "N·m")})
+    effects = (spring, candidate("stribeck", "b", 400.0))
+    return Diagnosis(
+        "arm",
+        "effect",
+        "joint_spring",
+        "a",
+        ("a",),
+        (spring, rival),
+        effects,
+        gap,
+        (),
+        faults=(*faults, clipped),
+    )
+
+
+def table(diagnosis: Diagnosis) -> dict[tuple[str, str], str]:
+    """Standing by effect and place, as printed."""
+    names = {(c.effect, c.location or "") for c in (*diagnosis.candidates, *diagnosis.effects)}
+    rows = [line.split() for line in diagnosis.summary().splitlines()]
+    return {(r[0], r[1]): " ".join(r[2:4]) for r in rows if len(r) > 3 and (r[0], r[1]) in names}
+
+
+def test_every_accepted_effect_is_in_the_table(two_effects: Diagnosis):
+    found = table(two_effects)
+    assert found["joint_spring", "a"].startswith("accepted")
+    assert found["stribeck", "b"].startswith("accepted")
+    assert found["torque_ripple", "a"].startswith("tried")
+
+
+def test_what_cannot_be_told_apart_stands_alike(two_effects: Diagnosis):
+    found = table(replace(two_effects, verdict="ambiguous", n_tied=2))
+    assert found["joint_spring", "a"] == found["torque_ripple", "a"] == "as likely"
+
+
+def test_a_fault_of_every_trial_is_said_once(two_effects: Diagnosis):
+    lines = [line for line in two_effects.summary().splitlines() if line.startswith("log:")]
+    assert lines == [
+        "log: trial_00: stamps jitter by 10 %, and 3 more like it (packets)",
+        "log: trial_01: a clips (a limit)",
+    ]
+
+
+def test_a_number_without_a_unit_has_none(two_effects: Diagnosis):
+    assert "periods_per_rev 13\n" in two_effects.summary() + "\n"
