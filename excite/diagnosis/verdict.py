@@ -20,6 +20,8 @@ _SAME = 0.6
 _EXPLAINED = 0.75
 # What a moving link does to other joints, with so many nats there, tells it from what is not in the library.
 _ELSEWHERE, _EXPLAINED_COUPLED = 200.0, 0.5
+# Nor one that leaves so many times the floor's power at its own place, alone or with others there.
+_HALF, _PATCHED, _WHOLE = 200.0, 50.0, 0.98
 # Nor is one that removes so little of the whole gap where the rest is structured.
 _TRIFLE = 0.1
 _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
@@ -78,6 +80,9 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
     if not accepted[0].hypothesis.physical or (place in structured and explained < least):
         others = tuple(name for name in structured if name != place)
         return Judgement("unknown", (), (), (), (place, *others), explained)
+    if place in structured and _patched(attribution, spectral):
+        others = tuple(name for name in structured if name != place)
+        return Judgement("unknown", (), (), (), (place, *others), explained)
     if structured and _explained_of_all(attribution, spectral) < _TRIFLE:
         return Judgement("unknown", (), (), (), structured, explained)
     explained = max(explained - _unsure(accepted[0]), 0.0)
@@ -97,6 +102,17 @@ def withdrawn(attribution: Attribution, baseline: Baseline) -> Attribution:
     """
     first = replace(attribution.stages[0], accepted=None)
     return replace(attribution, stages=(first,), after=attribution.before, final=baseline)
+
+
+def _patched(attribution: Attribution, spectral: Array) -> bool:
+    """Whether a gap at one place has been patched up by several effects there, or by half of one, and still stands."""
+    first = attribution.accepted[0]
+    here = sum(item.place == first.place for item in attribution.accepted)
+    _, left = _above(attribution, spectral)
+    floor = float(np.maximum(attribution.floor, spectral)[first.place]) ** 2
+    stands = float(left[first.place]) / floor
+    explained = float(explained_shares(attribution, spectral)[first.place])
+    return stands > (_PATCHED if here > 1 else _HALF) and explained < _WHOLE
 
 
 def explained_shares(attribution: Attribution, spectral: Array) -> Array:
