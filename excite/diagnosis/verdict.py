@@ -20,8 +20,8 @@ _SAME = 0.6
 _EXPLAINED = 0.75
 # What a moving link does to other joints, with so many nats there, tells it from what is not in the library.
 _ELSEWHERE, _EXPLAINED_COUPLED = 200.0, 0.5
-# Nor one that leaves so many times the floor's power at its own place, alone or with others there.
-_HALF, _PATCHED, _WHOLE = 200.0, 50.0, 0.98
+# Nor those of several at one place that leave so many times the floor's power there.
+_PATCHED, _WHOLE = 50.0, 0.98
 # Nor is one that removes so little of the whole gap where the rest is structured.
 _TRIFLE = 0.1
 _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
@@ -105,14 +105,14 @@ def withdrawn(attribution: Attribution, baseline: Baseline) -> Attribution:
 
 
 def _patched(attribution: Attribution, spectral: Array) -> bool:
-    """Whether a gap at one place has been patched up by several effects there, or by half of one, and still stands."""
+    """Whether a gap at one place has been patched up by several effects there, and still stands."""
     first = attribution.accepted[0]
     here = sum(item.place == first.place for item in attribution.accepted)
     _, left = _above(attribution, spectral)
     floor = float(np.maximum(attribution.floor, spectral)[first.place]) ** 2
     stands = float(left[first.place]) / floor
     explained = float(explained_shares(attribution, spectral)[first.place])
-    return stands > (_PATCHED if here > 1 else _HALF) and explained < _WHOLE
+    return here > 1 and stands > _PATCHED and explained < _WHOLE
 
 
 def explained_shares(attribution: Attribution, spectral: Array) -> Array:
