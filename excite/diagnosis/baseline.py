@@ -85,7 +85,7 @@ class Baseline:
         """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
         s = self.samples
         columns = own_signals(s, names, joint, width, breakaway)
-        return s.rows(s.split(columns)) * self.root_weight[joint][:, None]
+        return s.rows(columns) * self.root_weight[joint][:, None]
 
     def plain(self, residual: Array) -> Array:
         """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]."""
@@ -140,14 +140,14 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     tau = samples.rows([t.tau for t in samples.trials])
     nominal = inverse_dynamics(model, q, v, a)[:, index]
     root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
-    y = (tau - samples.rows(samples.split(nominal))).T * root
+    y = (tau - samples.rows(nominal)).T * root
     phi = model_phi(samples)
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
     shared = shared * root[:, :, None]
     names = own_names(modelled)
     tried = SIGNS if "coulomb_friction" in names else SIGNS[2:3]
     bank = [
-        [samples.rows(samples.split(own_signals(samples, names, j, *s))) * root[j][:, None] for s in tried]
+        [samples.rows(own_signals(samples, names, j, *s)) * root[j][:, None] for s in tried]
         for j in range(len(index))
     ]
     use = samples.identification
@@ -165,7 +165,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
 
         def rows_at(value: float, j: int = j, bent: bool = bent) -> Array:
             sign = (widths[j], value) if bent else (value, 0.0)
-            return samples.rows(samples.split(own_signals(samples, names, j, *sign))) * root[j][:, None]
+            return samples.rows(own_signals(samples, names, j, *sign)) * root[j][:, None]
 
         found = breakaways if bent else widths
         bounds = BREAKAWAY_BOUNDS if bent else WIDTH_BOUNDS
@@ -211,7 +211,7 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
         least: least root of a weight before normalisation.
     """
     v = samples.stacked("v")[:, list(samples.index)]
-    still = samples.rows(samples.split(samples.standstill**2 / (v**2 + samples.standstill**2))).T
+    still = samples.rows(samples.standstill**2 / (v**2 + samples.standstill**2)).T
     root = np.clip(1.0 - slope * still, least, 1.0)
     return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
 
