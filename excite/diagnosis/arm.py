@@ -26,6 +26,7 @@ from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
 from excite.diagnosis.units import at_joint
+from excite.diagnosis.unnamed import in_words
 from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
 from excite.logs.log import Log
 from excite.robot.robot import Array, Robot
@@ -129,6 +130,8 @@ def diagnose_torques(
         "less than no mass: something else looks like it"
         for item in impossible
     ]
+    if attribution.stranger is not None:
+        warnings.append(in_words(attribution.stranger))
     location = effects[0].location if effects else None
     if judgement.verdict == "unknown":
         location = judgement.structured[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from excite.diagnosis.gates import Gates
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.noise_floor import other_postures, repeat_floor
 from excite.diagnosis.refinement import extended, in_richer_forms, polished, price, refine_with_width
+from excite.diagnosis.unnamed import unnamed
 from excite.diagnosis.verdict import structured_joints
 from excite.robot.robot import Array
 
@@ -59,8 +61,11 @@ class Attributor:
         stages: list[Stage] = []
         accepted: list[Scored] = []
         before = current.fit
+        stranger: Scored | None = None
         while len(accepted) < self.gates.most:
             context = Context(current)
+            so_far = Attribution(tuple(stages), before, current.fit, current, self._floor(current.fit), scale)
+            gaps = structured_joints(so_far, self.spectral)
             ranking = self._rank(context, scale)
             best = next((s for s in ranking if self._passes(s, accepted)), None)
             if best is None:
@@ -68,14 +73,13 @@ class Attributor:
                 best = next((s for s in near if self._passes(s, accepted)), None)
                 ranking = (best, *ranking) if best is not None else ranking
             if best is None:
-                so_far = Attribution(
-                    tuple(stages), before, current.fit, current, self._floor(current.fit), scale
-                )
-                forms = self._richer(context, structured_joints(so_far, self.spectral), scale)
+                forms = self._richer(context, gaps, scale)
                 best = next(
                     (s for s in forms if self.gates.explained_by(s) and self._passes(s, accepted)), None
                 )
                 ranking = (best, *ranking) if best is not None else ranking
+            stranger = self._unnamed(context, best, gaps, scale)
+            best = best if stranger is None else None
             stages.append(Stage(context, ranking, best))
             if best is None:
                 break
@@ -86,7 +90,21 @@ class Attributor:
             if len(accepted) > 1:
                 accepted, current = searched_together(self.baseline, accepted, current)
                 stages = [replace(s, accepted=a) for s, a in zip(stages, accepted, strict=True)]
-        return Attribution(tuple(stages), before, current.fit, current, self._floor(current.fit), scale)
+        floor = self._floor(current.fit)
+        return Attribution(tuple(stages), before, current.fit, current, floor, scale, stranger)
+
+    def _unnamed(
+        self, context: Context, best: Scored | None, joints: tuple[str, ...], scale: Array
+    ) -> Scored | None:
+        """What has no name and says more than the best that has one."""
+        before = context.baseline.fit
+
+        def score(found: Sequence[Hypothesis]) -> tuple[Scored, ...]:
+            floor = self._floor(found[0].fit) if found else self.spectral
+            return tuple(self._score(before, item, floor, scale) for item in found)
+
+        search = Search(context, context.baseline.solver, self._kept)
+        return unnamed(search, best, joints, self.gates, score)
 
     def _floor(self, fit: Fit) -> Array:
         """Of repeated trials; of the spectrum where there are none."""

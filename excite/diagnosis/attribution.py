@@ -82,6 +82,7 @@ class Attribution:
         final: the baseline with them.
         floor: ``(n_joints,)`` noise floor after them [N·m].
         scale: ``(n_joints,)`` standard deviation of each torque in the identification trials [N·m].
+        stranger: what explains the rest better than any effect that has a name, and has none itself.
     """
 
     stages: tuple[Stage, ...]
@@ -90,6 +91,7 @@ class Attribution:
     final: Baseline
     floor: Array
     scale: Array
+    stranger: Scored | None = None
 
     @property
     def accepted(self) -> tuple[Scored, ...]:

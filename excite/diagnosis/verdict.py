@@ -70,6 +70,9 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
     tied = tuple(_tied(step.accepted, step.ranking) for step in steps if step.accepted)
     renamed = tuple(_second_name(s, attribution.final) for s in accepted)
     structured = structured_joints(attribution, spectral)
+    if attribution.stranger is not None:
+        place = attribution.stranger.location
+        structured = (place, *(name for name in structured if name != place))
     if not accepted:
         return Judgement("unknown" if structured else "none", (), (), (), structured)
     place = attribution.final.samples.joints[accepted[0].place]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +28,19 @@ RATE_HZ = 500
 MASS, VISCOUS, COULOMB, OFFSET, NOISE = 95.0, 200.0, 20.0, -3.2, 1.0
 
 
+Force = Callable[[np.ndarray], np.ndarray]
+
+
 def pushed(
-    name: str, role: str, seconds: float, phase: float, rng: np.random.Generator, size: float = 1.0
+    name: str,
+    role: str,
+    seconds: float,
+    phase: float,
+    rng: np.random.Generator,
+    size: float = 1.0,
+    more: Force = np.zeros_like,
 ) -> Trial:
-    """A trial whose force is that of mass, friction and a constant push, with white noise."""
+    """A trial whose force is that of mass, friction, a constant push, and more by position, with white noise."""
     t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     sizes, turns = (0.1, 0.04, 0.01), (0.4, 1.1, 2.7)
     waves = [
@@ -39,14 +50,13 @@ def pushed(
     q = sum(a * np.sin(w * t + p) for a, w, p in waves)
     v = sum(a * w * np.cos(w * t + p) for a, w, p in waves)
     acceleration = sum(-a * w**2 * np.sin(w * t + p) for a, w, p in waves)
-    force = (
-        MASS * acceleration + VISCOUS * v + COULOMB * np.sign(v) + OFFSET + NOISE * rng.normal(size=len(t))
-    )
+    friction = VISCOUS * v + COULOMB * np.sign(v)
+    force = MASS * acceleration + friction + OFFSET + more(q) + NOISE * rng.normal(size=len(t))
     return Trial(name=name, role=role, time=t, q=q[:, None], tau=force[:, None])
 
 
-def axis_log(folder: Path, *modelled: str, size: float = 1.0) -> Path:
-    """A log of a long trial and a short one, saved; ``size`` is that of the motion."""
+def axis_log(folder: Path, *modelled: str, size: float = 1.0, more: Force = np.zeros_like) -> Path:
+    """A log of a long trial and a short one, saved; ``size`` is that of the motion, ``more`` a force by position."""
     header = LogHeader.model_validate(
         {
             "schema": "excite.log/1",
@@ -64,8 +74,8 @@ def axis_log(folder: Path, *modelled: str, size: float = 1.0) -> Path:
     )
     rng = np.random.default_rng(5)
     trials = (
-        pushed("long", "identification", 20.0, 0.3, rng, size),
-        pushed("short", "validation", 4.0, 1.1, rng, size),
+        pushed("long", "identification", 20.0, 0.3, rng, size, more),
+        pushed("short", "validation", 4.0, 1.1, rng, size, more),
     )
     return save_log(Log(header, trials, robot_text=URDF), folder / "axis")
 
@@ -88,3 +98,34 @@ def test_a_constant_force_on_a_slide_is_sized_and_said_to_have_two_names(tmp_pat
     assert result.gap.share_closed > 0.95
     assert result.simulation is not None
     assert result.simulation.after["slide"] < 0.5 * result.simulation.before["slide"]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_stop_is_not_taken_for_a_spring(tmp_path: Path, side: float) -> None:
+    """What pushes back beyond an edge alone has no name; where it sets in and how hard it is is said."""
+
+    def stop(q: np.ndarray) -> np.ndarray:
+        return side * 800.0 * np.maximum(side * q - 0.06, 0.0)
+
+    result = diagnose(
+        axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction", "torque_bias", more=stop)
+    )
+    assert (result.verdict, result.location) == ("unknown", "slide")
+    told = next(text for text in result.warnings if "edge" in text)
+    edge, stiffness = (float(re.search(rf"{word} (\S+)", told)[1]) for word in ("edge", "stiffness"))
+    assert edge == pytest.approx(side * 0.06, abs=2e-3)
+    assert stiffness == pytest.approx(800.0, rel=0.03)
+    assert "N/m" in told
+
+
+def test_a_spring_that_hardens_is_not_taken_for_a_stop(tmp_path: Path) -> None:
+    """Its torque grows faster towards an end of the travel, but it never lets go."""
+
+    def spring(q: np.ndarray) -> np.ndarray:
+        x = q + 0.1
+        return 60.0 * x * (1.0 + 40.0 * x**2)
+
+    result = diagnose(
+        axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction", "torque_bias", more=spring)
+    )
+    assert (result.verdict, result.effect, result.location) == ("effect", "joint_spring", "slide")

@@ -9,15 +9,21 @@ import numpy as np
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
+from excite.robot.robot import Array
 
 _G = 9.81
+# Distance of link 1's centre of mass from its axis that nobody knew of, with the whole robot's mass in it [m].
+_LEVER = 0.1
+# A tilt that is not seen for the noise [m/s²].
+_LEAST = 0.02
 
 
 class BaseTilt(Effect):
     """Gravity in the base frame has components that the model does not have.
 
     Two columns are the torques of a horizontal gravity; two more, cos q₁ and sin q₁ on the first row, are
-    the first moments of link 1, invisible while its axis is upright.
+    the first moments of link 1, invisible while its axis is upright. They are no larger than the tilt and the
+    robot's mass make them, or a spring at joint 1 would be a tilt of nothing.
     """
 
     name = "base_tilt"
@@ -60,6 +66,11 @@ class BaseTilt(Effect):
         first = context.q[:, 0]
         columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
         return Shape({j: columns[:, j] for j in range(len(context.joints))})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        mass = sum(inertia.mass for inertia in context.baseline.samples.robot.model.inertias)
+        most = _LEVER * mass * max(float(np.hypot(*beta[:2])), _LEAST)
+        return float(np.hypot(*beta[2:4])) <= most and super().admissible(context, location, theta, beta)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         x, y = fit.extra[:2]

@@ -35,7 +35,7 @@ FORMS: dict[str, tuple[str, ...]] = {
     "link_inertia": ("plain",),
     "link_length_error": ("plain",),
     "base_tilt": ("plain",),
-    "unknown": ("push", "stop"),
+    "unknown": ("push", "stop", "pulses", "hose", "grip"),
 }
 NEEDS_GIVEN_INERTIA = frozenset({"payload", "link_inertia", "link_length_error", "encoder_offset"})
 OWN_TERMS = tuple(DRIVE_FIELDS)

@@ -14,6 +14,7 @@ from excite.simulation.effects.actuator_lag import LagLaw, disconnect
 from excite.simulation.effects.base_tilt import Tilt
 from excite.simulation.effects.bristles import BristleLaw
 from excite.simulation.effects.coulomb_asymmetry import AsymmetryLaw
+from excite.simulation.effects.disturbances import GripLaw, HoseLaw, PulseLaw
 from excite.simulation.effects.external_force import PokeLaw
 from excite.simulation.effects.friction_drift import WarmingLaw
 from excite.simulation.effects.gear import GearLaw, LooseGear
@@ -182,6 +183,18 @@ def _unknown(s: Site) -> Hidden:
     if s.form == "push":
         value = s.size * 0.4 * s.torque
         return s.under(PokeLaw(s.joint, value, int(s.rng.integers(1 << 30))), value)
+    if s.form == "pulses":
+        value, period = s.size * 0.8 * s.torque, s.rng.uniform(0.7, 2.5)
+        return s.under(PulseLaw(s.joint, value, period, s.rng.uniform(0.1, 0.3)), value, period=period)
+    if s.form == "hose":
+        value = s.size * 0.4 * s.torque
+        other = (s.joint + int(s.rng.integers(1, s.virtual.robot.n_joints))) % s.virtual.robot.n_joints
+        hose = HoseLaw(s.joint, other, value, s.rng.uniform(2.0, 4.0), s.rng.uniform(0.0, 6.28))
+        return s.under(hose, value, other=other)
+    if s.form == "grip":
+        value = s.size * 1.2 * s.dry
+        grip = GripLaw(s.joint, value, s.rng.uniform(0.4, 1.5), int(s.rng.integers(1 << 30)))
+        return s.under(grip, value)
     q = np.concatenate([motion.q[:, s.joint] for motion in s.arm.motions])
     edge = float(np.quantile(q, s.rng.uniform(0.75, 0.85)))
     value = s.size * 3.0 * s.torque / max(float(q.max()) - edge, 0.05)
