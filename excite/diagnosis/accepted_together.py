@@ -9,11 +9,10 @@ import numpy as np
 
 from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.refinement import extended, price
-from excite.robot.robot import Array
+from excite.diagnosis.sign_changes import signs_again
 
 # A search with the other effects in the model has to lower the loss by so much.
 _BETTER = 2e-3
@@ -32,7 +31,8 @@ def searched_together(
     Returns:
         The effects and the baseline with all of them; those given where no search lowers the loss.
     """
-    start = _with_signs(first, current.widths, current.breakaways)
+    start = first.with_signs(current.widths, current.breakaways, current.samples.lead)
+    start = start.updated(start.solver.fit()) if start.solver is not first.solver else first
     items = [scored.hypothesis for scored in accepted]
     moved = False
     for k, item in enumerate(items[:-1]):
@@ -48,7 +48,7 @@ def searched_together(
             return list(accepted), current
         made.append(replace(scored, hypothesis=found))
         base = extended(found)
-    base = base.reprofiled()
+    base = signs_again(base)
     if float(np.log(base.fit.sigma).sum()) >= float(np.log(current.fit.sigma).sum()):
         return list(accepted), current
     return made, base
@@ -70,15 +70,3 @@ def _searched_beside(base: Baseline, item: Hypothesis, others: Sequence[Hypothes
     # It may have gone far, either way, to stand in for what was missing.
     best = min((search.refine(now, step=step) for step in (-1.0, 1.0)), key=price)
     return best if price(best) < price(now) - _BETTER else None
-
-
-def _with_signs(base: Baseline, widths: Array, breakaways: Array) -> Baseline:
-    """The baseline with other widths and breakaways of the joints' sign changes, fitted again."""
-    solver, names = base.solver, own_names(base.modelled)
-    for j, (width, breakaway) in enumerate(zip(widths, breakaways, strict=True)):
-        if (width, breakaway) != (base.widths[j], base.breakaways[j]):
-            solver = solver.with_own(j, base.own_rows(names, j, float(width), float(breakaway)))
-    if solver is base.solver:
-        return base
-    moved = replace(base, widths=widths, breakaways=breakaways, solver=solver)
-    return moved.updated(solver.fit())

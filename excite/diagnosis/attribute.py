@@ -18,6 +18,7 @@ from excite.diagnosis.gates import Gates
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.noise_floor import other_postures, repeat_floor
 from excite.diagnosis.refinement import extended, in_richer_forms, polished, price, refine_with_width
+from excite.diagnosis.sign_changes import signs_again
 from excite.diagnosis.unnamed import unnamed
 from excite.diagnosis.verdict import structured_joints
 from excite.robot.robot import Array
@@ -86,7 +87,7 @@ class Attributor:
             best = replace(best, hypothesis=polished(best.hypothesis))
             stages[-1] = Stage(context, ranking, best)
             accepted.append(best)
-            current = extended(best.hypothesis).reprofiled()
+            current = signs_again(extended(best.hypothesis))
             if len(accepted) > 1:
                 accepted, current = searched_together(self.baseline, accepted, current)
                 stages = [replace(s, accepted=a) for s, a in zip(stages, accepted, strict=True)]

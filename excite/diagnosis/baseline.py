@@ -6,17 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.diagnosis.drive_terms import (
-    BREAKAWAY_BOUNDS,
-    SIGNS,
-    WIDTH_BOUNDS,
-    best_sign,
-    own_names,
-    own_signals,
-    refined,
-)
+from excite.diagnosis.drive_terms import WIDTHS, own_names, own_signals
 from excite.diagnosis.equations import Equations, Fit, Solver
 from excite.diagnosis.samples import ArmSamples
+from excite.diagnosis.sign_changes import first_signs
 from excite.identification.inertia import central_inertia_matrices
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Array
@@ -95,26 +88,17 @@ class Baseline:
         """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""
         return residual / self.root_weight * self.strict
 
-    def reprofiled(self) -> Baseline:
-        """The widths of the sign changes searched anew: an effect that was missing may have bent them."""
-        names, s = own_names(self.modelled), self.samples
-        if "coulomb_friction" not in names:
-            return self
-        use, rest, own, signs = s.identification, self.fit.before_own, [], []
-        for j in range(len(s.joints)):
-            now = (float(self.widths[j]), float(self.breakaways[j]))
-            tried = SIGNS if now in SIGNS else (*SIGNS, now)
-            bank = [self.own_rows(names, j, *sign) for sign in tried]
-            best = best_sign(rest[j][use], [b[use] for b in bank], tried.index(now))
-            own.append(bank[best])
-            signs.append(tried[best])
-        widths, breakaways = np.array(signs).T
-        if np.array_equal(widths, self.widths) and np.array_equal(breakaways, self.breakaways):
-            return self
-        solver = Solver(replace(self.solver.equations, own=tuple(own)))
-        fit = solver.fit()
-        moved = replace(self, widths=widths, breakaways=breakaways, solver=solver)
-        return moved.updated(fit)
+    def with_signs(self, widths: Array, breakaways: Array, lead: float) -> Baseline:
+        """The equations with other widths, breakaways and lead of the joints' sign changes, not fitted again."""
+        names, samples = own_names(self.modelled), self.samples
+        if lead != samples.lead:
+            samples = replace(samples, lead=lead)
+        moved = replace(self, samples=samples, widths=widths, breakaways=breakaways)
+        for j, sign in enumerate(zip(widths, breakaways, strict=True)):
+            if samples is not self.samples or sign != (self.widths[j], self.breakaways[j]):
+                own = moved.own_rows(names, j, float(sign[0]), float(sign[1]))
+                moved = replace(moved, solver=moved.solver.with_own(j, own))
+        return moved
 
     @property
     def n_joints(self) -> int:
@@ -122,13 +106,17 @@ class Baseline:
         return len(self.samples.joints)
 
 
-def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
+def fit_baseline(
+    samples: ArmSamples, modelled: tuple[str, ...], floor: Array, *, leads: bool = True
+) -> Baseline:
     """Fit what ``modelled`` names; what the motion does not show of the inertial parameters stays nominal.
 
     Args:
         samples: the samples.
         modelled: words of ``modelled`` in ``log.yaml``.
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
+        leads: whether friction may change sign before the filtered velocity does; not where a lag of the torques is
+            what is asked for.
 
     Returns:
         The baseline.
@@ -145,32 +133,11 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
     shared = shared * root[:, :, None]
     names = own_names(modelled)
-    tried = SIGNS if "coulomb_friction" in names else SIGNS[2:3]
-    bank = [
-        [samples.rows(own_signals(samples, names, j, *s)) * root[j][:, None] for s in tried]
-        for j in range(len(index))
-    ]
-    use = samples.identification
-    chosen = [min(2, len(b) - 1) for b in bank]
-    for _ in range(2):
-        own = tuple(b[k] for b, k in zip(bank, chosen, strict=True))
-        solver = Solver(Equations(shared, own, y, use, samples.trial_of_row, floor))
-        fit = solver.fit()
-        rigid = y - shared @ fit.shared
-        chosen = [best_sign(rigid[j][use], [b[use] for b in bank[j]]) for j in range(len(index))]
-    widths, breakaways = np.array([tried[k] for k in chosen]).T
-    terms = [b[k] for b, k in zip(bank, chosen, strict=True)]
-    for j in range(len(index) if "coulomb_friction" in names else 0):
-        bent = breakaways[j] > 0.0
-
-        def rows_at(value: float, j: int = j, bent: bool = bent) -> Array:
-            sign = (widths[j], value) if bent else (value, 0.0)
-            return samples.rows(own_signals(samples, names, j, *sign)) * root[j][:, None]
-
-        found = breakaways if bent else widths
-        bounds = BREAKAWAY_BOUNDS if bent else WIDTH_BOUNDS
-        found[j], terms[j] = refined(rigid[j], rows_at, float(found[j]), terms[j], use, bounds)
-    solver = Solver(Equations(shared, tuple(terms), y, use, samples.trial_of_row, floor))
+    widths, breakaways = np.full(len(index), WIDTHS[2]), np.zeros(len(index))
+    own = tuple(
+        samples.rows(own_signals(samples, names, j, WIDTHS[2])) * root[j][:, None] for j in range(len(index))
+    )
+    solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
     fit = solver.fit()
     basis = np.zeros((len(phi), 0)) if basis is None else basis
     phi_hat = phi + basis @ fit.shared
@@ -180,7 +147,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
     )
     nothing = np.zeros_like(torque)
     total = torque + friction
-    return Baseline(
+    baseline = Baseline(
         samples,
         modelled,
         free,
@@ -197,6 +164,7 @@ def fit_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -
         nothing,
         nothing,
     )
+    return first_signs(baseline, leads=leads) if "coulomb_friction" in names else baseline
 
 
 def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array:

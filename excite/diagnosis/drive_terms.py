@@ -39,10 +39,10 @@ def sign_of_motion(samples: ArmSamples, joint: int, width: float, breakaway: flo
     """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
     v = samples.of_motor("v", joint)
     if breakaway <= 0.0:
-        return np.tanh(v / width)
+        return samples.led(np.tanh(v / width))
     starts = np.zeros(len(v), dtype=np.bool_)
     starts[np.concatenate([[0], np.cumsum([len(t.time) for t in samples.trials])[:-1]])] = True
-    return bend(np.ascontiguousarray(v), starts, 1.0 / samples.rate_hz, breakaway)
+    return samples.led(bend(np.ascontiguousarray(v), starts, 1.0 / samples.rate_hz, breakaway))
 
 
 def own_signals(
@@ -87,7 +87,7 @@ def refined(
     columns: Array,
     use: NDArray[np.bool_],
     bounds: tuple[float, float],
-) -> tuple[float, Array]:
+) -> float:
     """A width or breakaway searched between those of the grid: bisection of steps on a logarithmic scale.
 
     Args:
@@ -99,7 +99,7 @@ def refined(
         bounds: of the width or breakaway.
 
     Returns:
-        The width or breakaway and its own terms.
+        The width or breakaway.
     """
     low, high = bounds
     best, step = _loss(target[use], columns[use]), _FIRST_STEP
@@ -111,10 +111,10 @@ def refined(
             new = rows_at(value * way)
             loss = _loss(target[use], new[use])
             if loss < best:
-                value, columns, best, moved = value * way, new, loss, True
+                value, best, moved = value * way, loss, True
                 break
         step = step if moved else step**0.5
-    return value, columns
+    return value
 
 
 def _loss(target: Array, columns: Array) -> float:

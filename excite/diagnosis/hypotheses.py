@@ -95,13 +95,13 @@ class Search:
 
     context: Context
     solver: Solver
-    kept: dict[tuple[type[Effect], str, Theta], Columns] = field(default_factory=dict)
+    kept: dict[tuple[type[Effect], str, Theta, float], Columns] = field(default_factory=dict)
 
     def try_at(
         self, effect: Effect, location: str, theta: Theta, iterations: int = 6, *, keep: bool = False
     ) -> Hypothesis | None:
         """One fit; None where its linear parameters are not physical or it is not finite."""
-        key = (type(effect), location, theta)
+        key = (type(effect), location, theta, self.context.baseline.samples.lead)
         if keep and key in self.kept:
             columns = self.kept[key]
         else:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.drive_terms import WIDTH_BOUNDS, WIDTHS, own_names
+from excite.diagnosis.drive_terms import WIDTH_BOUNDS, WIDTHS
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, Search
@@ -65,8 +65,7 @@ def _with_sign(search: Search, item: Hypothesis, j: int, sign: _Sign) -> Hypothe
     base = search.context.baseline
     widths, breakaways = base.widths.copy(), base.breakaways.copy()
     widths[j], breakaways[j] = sign
-    own = base.own_rows(own_names(base.modelled), j, *sign)
-    moved = replace(base, widths=widths, breakaways=breakaways, solver=search.solver.with_own(j, own))
+    moved = replace(base, solver=search.solver).with_signs(widths, breakaways, base.samples.lead)
     return Search(search.context.with_signs_of(moved), moved.solver).refine(item, evaluations=6, step=0.15)
 
 

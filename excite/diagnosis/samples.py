@@ -41,6 +41,8 @@ class ArmSamples:
         trials: the trials.
         rate_hz: full rate.
         bands: frequencies.
+        lead: time by which dry friction changes sign before the filtered velocity does [s]. A joint that sticks for
+            a moment comes to rest steeply and leaves gently: the filter smears the stop into what follows.
     """
 
     robot: Robot
@@ -51,6 +53,7 @@ class ArmSamples:
     bands: Bands
     coupling: Array
     standstill: Array
+    lead: float = 0.0
 
     @property
     def coupled(self) -> bool:
@@ -69,6 +72,13 @@ class ArmSamples:
         if len(turning) == 1 and row[turning[0]] == 1.0:
             return values[:, self.index[turning[0]]]
         return values[:, [self.index[k] for k in turning]] @ row[turning]
+
+    def led(self, values: Array) -> Array:
+        """What follows the sign of a velocity, ``(n_samples,)``, earlier by ``lead``."""
+        if self.lead == 0.0:
+            return values
+        parts = zip(self.split(values), self.trials, strict=True)
+        return np.concatenate([np.interp(t.time + self.lead, t.time, part) for part, t in parts])
 
     def rows(self, signals: Array | Sequence[Array]) -> Array:
         """Signals at full rate, all trials below each other or one a trial, through the filter, ``(n_rows, …)``.

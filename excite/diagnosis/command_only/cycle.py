@@ -31,7 +31,7 @@ def cycle_time(samples: ArmSamples, modelled: tuple[str, ...]) -> float:
     Returns:
         The lag, 0 where it is none or longer than ``LONGEST_SAMPLES``: that is more than a cycle.
     """
-    baseline = fit_baseline(samples, modelled, spectral_floor(samples))
+    baseline = fit_baseline(samples, modelled, spectral_floor(samples), leads=False)
     context = Context(baseline)
     common = ActuatorLag().shape(context, "torque", ()).columns
     n = len(samples.joints)

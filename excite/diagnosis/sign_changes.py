@@ -1,0 +1,118 @@
+"""How the joints' dry friction changes sign: over which width or deflection, and how long before the velocity does."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.diagnosis.drive_terms import (
+    BREAKAWAY_BOUNDS,
+    SIGNS,
+    WIDTH_BOUNDS,
+    best_sign,
+    own_names,
+    refined,
+)
+from excite.robot.robot import Array
+
+if TYPE_CHECKING:
+    from excite.diagnosis.baseline import Baseline
+
+# A stop in passing is over after that, and what the filter makes of it [s].
+_LONGEST = 0.02
+# Lead that is not told from none, step of its derivative, and of the search's end [s].
+_LEAST, _STEP, _NEAR = 1e-3, 1e-3, 3e-4
+_ITERATIONS = 6
+
+
+def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
+    """The sign changes of a baseline that has been fitted with any: grids, then the lead, then between the grid's.
+
+    Args:
+        baseline: fitted.
+        leads: whether there may be a lead.
+
+    Returns:
+        The baseline with its sign changes, fitted.
+    """
+    for _ in range(2):
+        baseline = _chosen(baseline, keep=False)
+    led = _with_lead(baseline) if leads else baseline
+    if led is not baseline:
+        baseline = _chosen(led, keep=False)
+    return _refined(baseline)
+
+
+def signs_again(baseline: Baseline) -> Baseline:
+    """The sign changes searched anew: an effect that was missing may have bent them."""
+    if "coulomb_friction" not in own_names(baseline.modelled):
+        return baseline
+    return _chosen(_with_lead(baseline), keep=True)
+
+
+def _chosen(baseline: Baseline, *, keep: bool) -> Baseline:
+    """The best of the grid at every joint, fitted; those so far where nothing is clearly better and ``keep``."""
+    names, use = own_names(baseline.modelled), baseline.samples.identification
+    rest, signs = baseline.fit.before_own, []
+    for j, now in enumerate(zip(baseline.widths.tolist(), baseline.breakaways.tolist(), strict=True)):
+        tried = SIGNS if now in SIGNS else (*SIGNS, now)
+        bank = [baseline.own_rows(names, j, *sign)[use] for sign in tried]
+        signs.append(tried[best_sign(rest[j][use], bank, tried.index(now) if keep else None)])
+    widths, breakaways = np.array(signs).T
+    if np.array_equal(widths, baseline.widths) and np.array_equal(breakaways, baseline.breakaways):
+        return baseline
+    return _fitted(baseline.with_signs(widths, breakaways, baseline.samples.lead))
+
+
+def _refined(baseline: Baseline) -> Baseline:
+    """Widths and breakaways between those of the grid."""
+    names, use = own_names(baseline.modelled), baseline.samples.identification
+    widths, breakaways = baseline.widths.copy(), baseline.breakaways.copy()
+    for j, rest in enumerate(baseline.fit.before_own):
+        bent = breakaways[j] > 0.0
+
+        def rows_at(value: float, j: int = j, bent: bool = bent) -> Array:
+            sign = (float(widths[j]), value) if bent else (value, 0.0)
+            return baseline.own_rows(names, j, *sign)
+
+        found = breakaways if bent else widths
+        bounds = BREAKAWAY_BOUNDS if bent else WIDTH_BOUNDS
+        found[j] = refined(rest, rows_at, float(found[j]), baseline.solver.equations.own[j], use, bounds)
+    return _fitted(baseline.with_signs(widths, breakaways, baseline.samples.lead))
+
+
+def _with_lead(baseline: Baseline) -> Baseline:
+    """The lead by Gauss and Newton's steps, all joints together: what hides in one joint does not decide it."""
+    start = baseline
+    use = baseline.samples.identification
+    for _ in range(_ITERATIONS):
+        lead = baseline.samples.lead
+        later = baseline.with_signs(baseline.widths, baseline.breakaways, lead + _STEP)
+        up = down = 0.0
+        for j, own in enumerate(baseline.fit.own):
+            old, new = (b.solver.equations.own[j][use] for b in (baseline, later))
+            slope = (new - old) @ own / _STEP
+            rest = baseline.fit.residual[j][use]
+            weight = 1.0 / max(float((rest**2).mean()), 1e-300)
+            up += weight * float(slope @ rest)
+            down += weight * float(slope @ slope)
+        best = float(np.clip(lead + up / max(down, 1e-300), 0.0, _LONGEST))
+        best = best if best >= _LEAST else 0.0
+        if abs(best - lead) < _NEAR:
+            break
+        moved = _fitted(baseline.with_signs(baseline.widths, baseline.breakaways, best))
+        if _loss(moved) >= _loss(baseline):
+            break
+        baseline = moved
+    return baseline if baseline.samples.lead != start.samples.lead else start
+
+
+def _fitted(baseline: Baseline) -> Baseline:
+    return baseline.updated(baseline.solver.fit())
+
+
+def _loss(baseline: Baseline) -> float:
+    """Of what is left itself: noise above the band, which bounds the weights, may be the jumps of friction."""
+    power = (baseline.fit.residual[:, baseline.samples.identification] ** 2).mean(axis=1)
+    return float(np.log(np.maximum(power, 1e-300)).sum())
