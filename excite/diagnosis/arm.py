@@ -15,7 +15,8 @@ from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.baseline import Baseline, fit_baseline
 from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.doctor import Chart, examine
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.gap import Gap, share_closed
 from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.locate import locate
@@ -66,6 +67,7 @@ def diagnose_torques(
     simulate: Callable[[Attribution, Baseline], Rollout | None],
     out: Path | None = None,
     floor_of: Callable[[ArmSamples], Array] = spectral_floor,
+    effects_tried: tuple[Effect, ...] = tuple(EFFECTS.values()),
 ) -> Diagnosis:
     """Diagnose repaired trials that have torques, measured or reconstructed.
 
@@ -78,6 +80,7 @@ def diagnose_torques(
         simulate: makes the roll-outs from the attribution and the baseline before it.
         out: folder for the motion of the next experiment; none is planned without it.
         floor_of: noise of the torques in the rows' band, ``(n_joints,)`` [N·m].
+        effects_tried: the library of effects.
 
     Returns:
         The diagnosis.
@@ -92,7 +95,7 @@ def diagnose_torques(
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     judged = noise * baseline.strict
     spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
-    attribution = Attributor(baseline, spectral, unrepeated(samples, judged)).run()
+    attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=effects_tried).run()
     judgement = judge(attribution, spectral)
     impossible = [item for item in attribution.accepted[:1] if not item.hypothesis.physical]
     if judgement.verdict == "unknown" and attribution.accepted:

@@ -44,12 +44,14 @@ class Attributor:
         spectral: ``(n_joints,)`` spectral noise floor [N·m].
         unrepeated: ``(n_joints,)`` power of noise in all trials less that in repeated ones [(N·m)²].
         gates: what an effect must reach.
+        effects: the library.
     """
 
     baseline: Baseline
     spectral: Array
     unrepeated: Array | float = 0.0
     gates: Gates = field(default_factory=Gates)
+    effects: tuple[Effect, ...] = tuple(EFFECTS.values())
     _kept: dict = field(default_factory=dict)
 
     def run(self) -> Attribution:
@@ -188,7 +190,7 @@ class Attributor:
         return order
 
     def _offered(self) -> list[Effect]:
-        return [e for e in EFFECTS.values() if e.offered(self.baseline.modelled)]
+        return [e for e in self.effects if e.offered(self.baseline.modelled)]
 
     def _score(self, before: Fit, item: Hypothesis, floor: Array, scale: Array) -> Scored:
         samples = self.baseline.samples

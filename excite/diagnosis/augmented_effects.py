@@ -134,6 +134,8 @@ def _gain(draft: Draft, item: Found) -> None:
 
 def _offset(draft: Draft, item: Found) -> None:
     draft.spec.joint(item.location).ref = item.value("offset")
+    if "in_log_only" in item.values:
+        draft.note(item, "in_log_only")
 
 
 def _lag(draft: Draft, item: Found) -> None:
@@ -147,6 +149,8 @@ def _lag(draft: Draft, item: Found) -> None:
         motor = draft.spec.actuator(name)
         motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
         motor.dynprm[0] = slow
+        # The filter's at the step's end: a command is half a step old, and so is the velocity that a servo sees.
+        motor.actearly = True
     if square > 0.0:
         draft.note(replace(item, values={"before": fast}), "before")
 

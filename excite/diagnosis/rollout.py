@@ -26,7 +26,7 @@ class Simulator:
     The runner applies, at every step: Stribeck and load-dependent friction, friction that drifts and friction that
     builds up over a deflection, by setting ``dof_frictionloss`` and ``dof_damping``; periodic torques (ripple; a
     tilted base's part on the first joint) and springs that harden in ``qfrc_applied``; a delay of the torque
-    channel, by taking the logged torque of a later time.
+    channel, by taking the logged torque of a later time; an offset of the log's positions that a servo does not have.
     """
 
     def __init__(self, xml: str, joints: tuple[str, ...]):
@@ -55,6 +55,8 @@ class Simulator:
         self._notes = [item for item in every if item[0] != "time_delay" and item[1] in joints]
         self._delay = sum(v["delay"] for effect, _, v in every if effect == "time_delay")
         self._before = sum(v["before"] for e, _, v in every if e == "actuator_lag")
+        logged = {place: v["in_log_only"] for e, place, v in every if e == "encoder_offset"}
+        self._logged = np.array([logged.get(name, 0.0) for name in joints])
         self._stepwise = any(_acts(effect, values) for effect, _, values in self._notes)
         self._dry = DryFriction([item for item in self._notes if item[0] in _FRICTION], joints)
         self._load = np.zeros(len(joints))
@@ -93,7 +95,7 @@ class Simulator:
             kept, positions, velocities = [window.q], data.qpos, data.qvel
             for step, time in enumerate(window.time):
                 q, v = positions[self._qpos], velocities[self._dof]
-                asked = drive.torque(float(time) + delay, q, v) if told is None else told[step]
+                asked = drive.torque(float(time) + delay, q - self._logged, v) if told is None else told[step]
                 filtered = filtered + share * (asked - filtered)
                 data.ctrl[self._motor] = filtered
                 if self._stepwise:

@@ -35,11 +35,14 @@ class Comparison:
         rollout: their errors; the model is not written.
         xml: the model with the effects that help.
         kept: how many of the accepted effects, the first ones, are in it.
+        errors: without and with all accepted effects, whether they help or not: simulated less recorded positions,
+            ``(n_windows, n_kept, n_joints)`` each [rad]; None where there are no effects.
     """
 
     rollout: Rollout
     xml: str
     kept: int
+    errors: tuple[Array, Array] | None = None
 
 
 def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) -> Rollout:
@@ -93,8 +96,11 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
     plain = errors(before.xml, samples, baseline.rigid, plan)
     if not np.isfinite(plain).all():
         raise InputError("roll-outs of the nominal simulator diverge", remedy="judge by the torques")
-    after, final, kept = _helpful(attribution, baseline, before, effects, plan)
+    after, final, kept, whole = _helpful(attribution, baseline, before, effects, plan)
     augmented = errors(after.xml, samples, final.rigid, plan) if kept else plain
+    with_all = augmented
+    if len(kept) < len(effects) and plan.all_effects:
+        with_all = errors(whole.xml, samples, attribution.final.rigid, plan)
     left = ", ".join(f"{e.effect} at {e.location}" for e in effects[len(kept) :])
     said = (f"the model is without {left}: roll-outs of the identification trials are no nearer with it",)
     warnings = (*after.warnings, *unheard(final, kept, after.xml, plan), *(said if left else ()))
@@ -107,7 +113,7 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
         warnings=warnings,
         floor=_floor(before.xml, baseline, plan, plain),
     )
-    return Comparison(rollout, after.xml, len(kept))
+    return Comparison(rollout, after.xml, len(kept), (plain, with_all) if effects else None)
 
 
 def _floor(xml: str, baseline: Baseline, plan: Plan, plain: Array) -> dict[str, float]:
@@ -122,13 +128,13 @@ def _helpful(
     before: AugmentedModel,
     effects: tuple[Found, ...],
     plan: Plan,
-) -> tuple[AugmentedModel, Baseline, tuple[Found, ...]]:
+) -> tuple[AugmentedModel, Baseline, tuple[Found, ...], AugmentedModel]:
     """The model with as many effects as bring roll-outs of the identification trials nearer to the record.
 
-    The last of them has to do so as well.
+    The last of them has to do so as well. With it comes the model that has all of them.
     """
     if not effects:
-        return before, baseline, ()
+        return before, baseline, (), before
     samples, check = baseline.samples, replace(plan, fitted=True, total_s=min(plan.total_s, _CHECKED_S))
 
     def left(model: AugmentedModel, rigid: Array) -> Array:
@@ -143,8 +149,8 @@ def _helpful(
         model, final, most = made[count]
         gain = plan.least_gain if count > 1 else 0.0
         if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], gain):
-            return model, final, effects[:count]
-    return before, baseline, ()
+            return model, final, effects[:count], made[-1][0]
+    return before, baseline, (), made[-1][0]
 
 
 def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:

@@ -36,6 +36,7 @@ class Plan:
         fitted: simulate the identification trials, not the validation trials.
         torques: what drives them where that is the log's torques.
         least_gain: share of some joint's squared error that each effect after the first has to take away.
+        all_effects: whether errors with all effects are wanted where some do not help.
     """
 
     horizon_s: float
@@ -46,6 +47,7 @@ class Plan:
     fitted: bool = False
     torques: DrivingTorques | None = None
     least_gain: float = 0.0
+    all_effects: bool = False
 
 
 def torque_plan(samples: ArmSamples) -> Plan:

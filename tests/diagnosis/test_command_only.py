@@ -208,12 +208,14 @@ def test_one_gain_may_stand_for_all_joints():
     assert stated.missing == ("kd of a", "the feedforward")
     assert stated_servo({"velocity_reference": "derivative of q_cmd"}, ("a",)).follows == (True,)
     assert stated_servo(None, ("a",)).follows == (True, False)
+    assert stated_servo({"kp": [3, 4.5]}, ("a", "b")).kp.tolist() == [3.0, 4.5]
 
 
 @pytest.mark.parametrize(
     ("controller", "what"),
     [
         ({"kp": {"a": "soft"}}, r"controller\.kp.*no number.*write one number"),
+        ({"kp": [1.0, 2.0]}, r"controller\.kp.*no number.*one for each joint"),
         ({"mode": "torque"}, r"controller\.mode.*no position servo.*tau_cmd"),
         ({"ki": {"a": 2.0}}, r"controller\.ki.*without kp.*state controller\.kp"),
     ],

@@ -103,6 +103,40 @@ def test_a_lag_starts_from_what_the_record_asked_before():
     assert path[-1, 0] == pytest.approx(expected, rel=0.01)
 
 
+def test_a_servo_behind_a_lag_is_as_damped_as_its_equation():
+    """A lightly damped one, at a coarse step: a delay of one step more would make it ring ever louder."""
+    kp, kd, lag, step = 2000.0, 50.0, 0.02, 1.25e-3
+    motor = f'dyntype="filterexact" dynprm="{lag}" gainprm="1" actearly="true"'
+    clock = np.arange(0.0, 1.0, step)
+    held = np.zeros((len(clock), 1))
+    servo = PositionServo(clock, held, held, held, *np.array([[kp], [kd]]))
+    past = Past(np.linspace(-1.0, 0.0, 201), np.ones((201, 1)), np.zeros((201, 1)))
+    # Velocities belong half a step before positions.
+    before = np.array([0.5 * step * kp / INERTIA])
+    start = Window(np.ones(1), before, np.zeros(1), clock, 0.0, {}, past)
+    path = simulator(motor=motor).run(start, servo, 1)
+    # q̈ = f/I, ḟ = (−kp q − kd q̇ − f)/T, from where the torque has long been what is asked for.
+    law = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0 / INERTIA], [-kp / lag, -kd / lag, -1.0 / lag]])
+    values, vectors = np.linalg.eig(law)
+    first = np.linalg.solve(vectors, np.array([1.0, 0.0, -kp]))
+    times = step * np.arange(len(path))
+    expected = ((vectors[0] * first) @ np.exp(np.outer(values, times))).real
+    assert values.real.max() < 0.0
+    assert np.abs(path[:, 0] - expected).max() < 0.1
+
+
+def test_a_servo_reads_what_the_log_does_not():
+    time = np.arange(0.0, 3.0, 1e-3)
+    zeros = np.zeros((3000, 1))
+    servo = PositionServo(time, zeros, zeros, zeros, *np.array([[40.0], [9.0]]))
+    off = simulator(encoder_offset="in_log_only=0.2").run(window(duration=2.9), servo, 2900)
+    # It goes where its own reading is what was asked for.
+    assert off[-1, 0] == pytest.approx(0.2, abs=1e-3)
+    pushed = constant(2.0)
+    there = simulator(encoder_offset="in_log_only=0.2").run(window(), pushed, 1000)
+    assert there == pytest.approx(simulator().run(window(), pushed, 1000))
+
+
 def test_ripple_spring_and_bias_balance_a_torque():
     sim = simulator(torque_ripple="cosine=0.7 sine=0 periods_per_rev=8")
     still = sim.run(window(), constant(0.7), 100)

@@ -62,8 +62,11 @@ def test_a_log_of_commands_says_no_more_than_it_should(stated: bool) -> None:
     bare, left = Servo("gravity", integral=1.0, stated=stated).logged(log, answer)
     assert bare.header.torque == "none"
     assert bare.trials[0].tau is None
-    # The servo's encoder is the one that is off: its commands are in the same angles.
-    assert bare.trials[0].q_cmd == pytest.approx(np.eye(7)[3] * np.full((5, 1), 0.03))
+    # A servo that reckons weights from positions knows the true ones: its commands are not in the log's angles.
+    assert bare.trials[0].q_cmd == pytest.approx(-np.eye(7)[3] * np.full((5, 1), 0.03))
+    plain, _ = Servo("none", stated=stated).logged(log, answer)
+    # Else the encoder that is off is its own, and the log's commands are off as well.
+    assert plain.trials[0].q_cmd == pytest.approx(0.0)
     assert (left.kind, [item.effect for item in left.effects]) == ("single", ["encoder_offset"])
     said = bare.header.controller or {}
     assert said["mode"] == "position"

@@ -13,6 +13,8 @@ from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.command_only.cycle import later
 from excite.diagnosis.command_only.servo import Servo, Signals
 from excite.diagnosis.command_only.tracking import Tracking, tracking
+from excite.diagnosis.command_only.transport import clearly_lags
+from excite.diagnosis.command_only.witness import Witness, witness
 from excite.diagnosis.result import Rollout
 from excite.diagnosis.rollout_compare import MODEL, compared
 from excite.diagnosis.rollout_drives import Drive, PositionServo
@@ -40,7 +42,9 @@ class ClosedLoop:
         cycle_s: how much later than asked for the torque acts [s].
         tracking: steady errors of the servo.
         kept: how many of the accepted effects bring the roll-outs nearer.
-        strength: deviation of the first effect's torque over that of all torque, at the joint where it is most.
+        strength: RMS of the first effect's torque over all torque's deviation, at the joint where it is most.
+        lags: whether the first effect is a lag and clearly no delay.
+        witness: what roll-outs say of the accepted effects; None where there are none.
     """
 
     servo: Servo
@@ -60,15 +64,19 @@ class ClosedLoop:
         self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
         self.floor = _position_floor(baseline)
         self.strength = effect_strength(attribution)
+        self.lags = clearly_lags(attribution)
         drives: dict[str, Drive] = {t.name: self._drive(samples.joints, t.name) for t in samples.trials}
         shortest = min(float(t.time[-1]) for t in samples.trials)
-        plan = Plan(min(_HORIZON_S, 0.4 * shortest), drives, "q_cmd", least_gain=_GAIN)
+        horizon = min(_HORIZON_S, 0.4 * shortest)
+        plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True)
         try:
             comparison = compared(attribution, baseline, plan)
         except InputError as error:
             self.rollout = Rollout({}, {}, _HORIZON_S, None, "q_cmd", (f"no roll-outs: {error}",))
             return self.rollout
         rollout, self.kept = comparison.rollout, comparison.kept
+        if comparison.errors is not None:
+            self.witness = witness(*comparison.errors)
         if self.out is not None:
             self.out.mkdir(parents=True, exist_ok=True)
             write_text(self.out / MODEL, comparison.xml)
@@ -97,14 +105,16 @@ class ClosedLoop:
     tracking: Tracking | None = None
     kept: int = 0
     strength: float = np.inf
+    witness: Witness | None = None
+    lags: bool = False
 
 
 def effect_strength(attribution: Attribution) -> float:
-    """How large the first accepted effect's torque is beside a joint's whole torque, at most; infinite for none."""
+    """RMS of the first accepted effect's torque over a joint's whole torque's deviation, at most; infinite for none."""
     for item in attribution.accepted[:1]:
         h, samples = item.hypothesis, item.hypothesis.baseline.samples
         if h.columns.extra is not None:
-            made = (h.columns.extra @ h.fit.extra).std(axis=1)
+            made = np.sqrt(((h.columns.extra @ h.fit.extra) ** 2).mean(axis=1))
             return float((made / samples.rows([t.tau for t in samples.trials]).std(axis=0)).max())
     return float(np.inf)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.candidate import Candidate
+from excite.diagnosis.command_only.witness import Witness
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.result import Diagnosis, NextExperiment, Rollout
 from excite.robot.robot import Array
@@ -17,11 +18,18 @@ _CONFIRMS = 0.95
 _ALIKE = {"actuator_lag": "time_delay"}
 
 
-def confirmed(gap: Gap) -> bool:
-    """Whether roll-outs are clearly nearer to the record on some joint, and no further from it in all.
+def confirmed(gap: Gap, said: Witness | None = None) -> bool:
+    """Whether roll-outs are clearly nearer to the record, or at least do not speak against the effects.
 
-    What the encoders' noise has of the error, no simulator takes away.
+    Nearer is on some joint, and no further in all. What the encoders' noise has of the error, no simulator takes
+    away.
+
+    Args:
+        gap: of roll-outs with the effects that help.
+        said: by all effects' change of the roll-outs.
     """
+    if said is not None and not said.speaks_against:
+        return True
 
     def left(value: float, floor: float) -> float:
         return float(np.sqrt(max(value**2 - floor**2, 0.0)))
@@ -51,16 +59,17 @@ def position_gap(rollout: Rollout, deviation: Array, floor: Array) -> Gap:
     return Gap(first, last, least, share_closed(first, last, least), channels)
 
 
-def with_twin(result: Diagnosis, estimated: bool) -> Diagnosis:
+def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diagnosis:
     """Ambiguous where another name means the same without torque.
 
     Args:
         result: the diagnosis.
         estimated: whether gains were estimated: inertia that a joint lacks, or has too much, is a wrong gain then.
+        lags: whether a lag is clearly no delay.
     """
     first = result.effects[0]
     twins = []
-    if first.effect in _ALIKE:
+    if first.effect in _ALIKE and not lags:
         twins.append(replace(first, effect=_ALIKE[first.effect]))
     if first.effect == "torque_gain" and estimated:
         twins.append(replace(first, effect="payload", location=first.location))

@@ -11,6 +11,7 @@ from excite.diagnosis.arm import diagnose_arm, diagnose_torques
 from excite.diagnosis.command_only.closed_loop import ClosedLoop
 from excite.diagnosis.command_only.confirmation import confirmed, position_gap, with_twin
 from excite.diagnosis.command_only.cycle import cycle_time, later
+from excite.diagnosis.command_only.encoders import servo_effects
 from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.levels import error_integral, trial_levels
 from excite.diagnosis.command_only.noise import servo_floor
@@ -69,7 +70,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     def floor_of(samples: ArmSamples) -> Array:
         return servo_floor(samples, servo, [log.header.joints.index(name) for name in samples.joints])
 
-    result = diagnose_torques(robot, log, chart, modelled, rng, closed, out, floor_of)
+    library = servo_effects(servo, log.header.joints)
+    result = diagnose_torques(robot, log, chart, modelled, rng, closed, out, floor_of, library)
     return _judged(result, closed)
 
 
@@ -156,7 +158,7 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
     gap = position_gap(rollout, closed.deviation, closed.floor)
     result = replace(result, gap=gap)
     faint = closed.strength < _EXACT
-    if result.verdict in {"effect", "ambiguous"} and (faint or not confirmed(gap)):
+    if result.verdict in {"effect", "ambiguous"} and (faint or not confirmed(gap, closed.witness)):
         named = " and ".join(f"{e.effect} at {e.location}" for e in result.effects)
         but = (
             f"torques rebuilt from a servo are no more exact than its {100 * closed.strength:.1f} % of them"
@@ -177,5 +179,5 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         # A further effect that roll-outs know nothing of is one of the servo that was taken for another.
         result = replace(result, effects=result.effects[: max(closed.kept, 1)])
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
-        result = with_twin(result, guessed)
+        result = with_twin(result, guessed, lags=closed.lags)
     return replace(result, warnings=tuple(warnings))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,14 +100,16 @@ def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) 
 
 
 def _gains(value: Any, name: str, joints: tuple[str, ...]) -> Array:
-    """Gains by joint, or one for all, ``(n_joints,)``; NaN where there is none."""
+    """Gains by joint, in the order of the joints, or one for all, ``(n_joints,)``; NaN where there is none."""
     try:
         if isinstance(value, Mapping):
             return np.array([float(value.get(joint, np.nan)) for joint in joints])
+        if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == len(joints):
+            return np.array([float(gain) for gain in value])
         return np.full(len(joints), np.nan if value is None else float(value))
     except (TypeError, ValueError) as error:
         raise LogError(
             f"{value!r} has a gain that is no number",
             field=f"controller.{name}",
-            remedy="write one number, or one by joint",
+            remedy="write one number, or one for each joint",
         ) from error

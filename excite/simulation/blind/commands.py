@@ -45,8 +45,8 @@ class Servo:
     def logged(self, log: Log, answer: Answer) -> tuple[Log, Answer]:
         """A case's log and answer without torques.
 
-        What only a torque channel can have is gone from the answer. An encoder with an offset is the servo's own:
-        commands are in its angles.
+        What only a torque channel can have is gone from the answer. An encoder with an offset is the servo's own
+        and commands are in its angles, unless the servo reckons torques from positions: that one knows the true ones.
         """
         controller = dict(log.header.controller or {})
         said: dict[str, Any] = {"mode": "position"}
@@ -62,8 +62,8 @@ class Servo:
         header = log.header.model_copy(update={"torque": "none", "controller": said})
         shift = np.zeros(len(log.header.joints))
         for item in answer.effects:
-            if item.effect == "encoder_offset":
-                shift[log.header.joints.index(item.location)] = item.value
+            if item.effect == "encoder_offset" and self.feedforward != "none":
+                shift[log.header.joints.index(item.location)] = -item.value
         trials = tuple(_without_torque(trial, shift) for trial in log.trials)
         effects = tuple(item for item in answer.effects if item.effect not in CHANNEL)
         kind = answer.kind

@@ -1,0 +1,70 @@
+"""Whether the change that effects make to closed-loop roll-outs goes the way that the record asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.robot.robot import Array
+
+# A change of less than this share of the roll-outs' amplitude of error is lost in it.
+_HEARD = 0.1
+# Standard errors by which a change has to go the right way.
+_SURE = 2.0
+# A change of which so little goes the right way makes things worse, however surely.
+_LEAST = 0.1
+
+
+@dataclass(frozen=True)
+class Witness:
+    """What roll-outs say of effects.
+
+    Attributes:
+        slope: share of the effects' change that the error without them asks for: 1 where they are all that is missing,
+            0 where they have nothing to do with it; NaN where roll-outs with them diverge.
+        error: standard error of the slope.
+        heard: amplitude of the change over that of the error, at the joint where it is most.
+    """
+
+    slope: float
+    error: float
+    heard: float
+
+    @property
+    def speaks_against(self) -> bool:
+        """Whether the change is surely less than foretold, and not surely any of it the right way.
+
+        A simulation that gets nowhere says nothing, nor does a change within the error.
+        """
+        if not np.isfinite(self.slope) or self.heard < _HEARD:
+            return False
+        return self.slope < 1.0 - _SURE * self.error and self.slope < max(_SURE * self.error, _LEAST)
+
+
+def witness(before: Array, after: Array) -> Witness:
+    """Regress what the record asks for on what effects do.
+
+    Under feedback the positions hardly show an effect that the torques show well: how much of the error goes
+    tells little where friction, noise and the start have most of it. Whether what goes is what was foretold does.
+
+    Args:
+        before: simulated less recorded positions without the effects ``(n_windows, n, n_joints)`` [rad].
+        after: with them.
+
+    Returns:
+        What they say, all joints weighed by their errors without the effects.
+    """
+    if not np.isfinite(after).all():
+        return Witness(np.nan, np.nan, 0.0)
+    size = np.sqrt((before**2).mean(axis=(0, 1))) + 1e-12
+    error, change = before / size, (after - before) / size
+    heard = float(np.sqrt((change**2).mean(axis=(0, 1))).max())
+    asked, made = (x.sum(axis=1).ravel() for x in (-error * change, change**2))
+    total = float(made.sum())
+    if total <= 0.0:
+        return Witness(np.nan, np.nan, 0.0)
+    slope = float(asked.sum()) / total
+    # Of a ratio of sums over the joints of each roll-out (Cochran 1977, section 6.3).
+    spread = float(np.sqrt(len(made) / max(len(made) - 1, 1) * ((asked - slope * made) ** 2).sum()))
+    return Witness(slope, spread / total, heard)

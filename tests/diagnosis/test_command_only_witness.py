@@ -1,0 +1,69 @@
+"""What closed-loop roll-outs say of effects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.command_only.confirmation import confirmed
+from excite.diagnosis.command_only.witness import witness
+from excite.diagnosis.gap import ChannelGap, Gap
+
+SHAPE = (8, 400, 3)
+
+
+def unmoved() -> Gap:
+    """A gap that the effects take nothing of."""
+    return Gap(1.0, 1.0, 0.0, 0.0, {"joint1": ChannelGap(1.0, 1.0, 0.0, "rad")})
+
+
+def rough(rng: np.random.Generator) -> np.ndarray:
+    """Errors that are slow, as those of roll-outs are."""
+    return np.cumsum(rng.standard_normal(SHAPE), axis=1) / 20.0
+
+
+def test_a_small_change_that_goes_the_right_way_counts():
+    """Three parts in a hundred of the error's power: too little to be seen in what is left."""
+    rng = np.random.default_rng(0)
+    effect, rest = 0.2 * rough(rng), rough(rng)
+    said = witness(rest - effect, rest)
+    assert said.slope == pytest.approx(1.0, abs=3.0 * said.error)
+    assert not said.speaks_against
+    assert confirmed(unmoved(), said)
+
+
+def test_a_change_that_has_nothing_to_do_with_the_error_speaks_against_it():
+    rng = np.random.default_rng(1)
+    error = rough(rng)
+    said = witness(error, error + rough(rng))
+    assert abs(said.slope) < 4.0 * said.error
+    assert said.speaks_against
+    assert not confirmed(unmoved(), said)
+
+
+def test_a_change_the_wrong_way_speaks_against_it():
+    error = rough(np.random.default_rng(2))
+    assert witness(error, 1.5 * error).slope == pytest.approx(-2.0)
+    assert witness(error, 1.5 * error).speaks_against
+
+
+def test_what_is_lost_in_the_error_or_gets_nowhere_says_nothing():
+    rng = np.random.default_rng(3)
+    error = rough(rng)
+    assert not witness(error, error + 0.01 * rough(rng)).speaks_against
+    wild = error.copy()
+    wild[0, -1] = np.nan
+    assert not witness(error, wild).speaks_against
+    assert not witness(error, error).speaks_against
+
+
+def test_joints_are_weighed_by_their_own_errors():
+    """A joint that swings widely for reasons of its own does not drown one that the effect puts right."""
+    rng = np.random.default_rng(4)
+    before = rough(rng)
+    before[..., 2] *= 1000.0
+    after = before.copy()
+    after[..., 0] *= 0.1
+    said = witness(before, after)
+    assert said.slope == pytest.approx(1.0 / 0.9, rel=1e-6)
+    assert not said.speaks_against
