@@ -65,10 +65,11 @@ def without_torque(log: Log, robot: Robot) -> Log:
     for trial in log.role("identification"):
         q, c = (central_differences(lowpass(x, rate, 30.0), rate) for x in (trial.q, trial.q_cmd))
         model = inverse_dynamics(robot.model, c.value, c.first, c.second)
-        made = (c.value - q.value, c.first - q.first, model, trial.tau)
+        slope = np.gradient(trial.tau, 1.0 / rate, axis=0)
+        made = (c.value - q.value, c.first - q.first, model, slope, trial.tau)
         rows.append(np.stack([lowpass(x, rate, 12.0)[40:-40:4] for x in made], axis=2))
     stacked = np.concatenate(rows).transpose(1, 0, 2)
-    gains = np.array([_gains(x[:, :3], x[:, 3]) for x in stacked])
+    gains = np.array([_gains(x[:, :4], x[:, 4]) for x in stacked])
     controller = {
         "mode": "position",
         "kp": dict(zip(log.header.joints, gains[:, 0].tolist(), strict=True)),
@@ -80,17 +81,21 @@ def without_torque(log: Log, robot: Robot) -> Log:
 
 
 def _gains(columns: Array, torque: Array) -> Array:
-    """kp and kd ``(2,)`` from errors, their rates and the feedforward ``(n, 3)`` that make a torque ``(n,)``.
+    """kp and kd ``(2,)`` from errors, their rates, the feedforward and the torque's rate ``(n, 4)``, for a torque.
 
-    A constant and a factor of a torque channel are the sensor's, not the servo's; a factor is believed where it
-    leaves clearly less: on a joint that hardly needs a feedforward it could be anything.
+    A constant, a factor and a delay of a torque channel are the sensor's, not the servo's; the last two are believed
+    where they leave clearly less: on a joint that hardly needs a feedforward a factor could be anything.
     """
     ones = np.ones((len(torque), 1))
-    errors, all_three = np.hstack([columns[:, :2], ones]), np.hstack([columns, ones])
-    plain, *_ = np.linalg.lstsq(errors, torque - columns[:, 2], rcond=None)
-    scaled, *_ = np.linalg.lstsq(all_three, torque, rcond=None)
-    left = [np.var(torque - columns[:, 2] - errors @ plain), np.var(torque - all_three @ scaled)]
-    return plain[:2] if left[0] < _CLEARLY * left[1] else scaled[:2] / scaled[2]
+    errors = np.hstack([columns[:, :2], ones])
+    rest, scale = torque - columns[:, 2], np.hstack([columns[:, :3], ones])
+    late = np.hstack([errors, -columns[:, 3:]])
+    tried = [(errors, rest), (scale, torque), (late, rest)]
+    found = [np.linalg.lstsq(a, b, rcond=None)[0] for a, b in tried]
+    left = [float(np.var(b - a @ x)) for (a, b), x in zip(tried, found, strict=True)]
+    if left[0] < _CLEARLY * min(left):
+        return found[0][:2]
+    return found[2][:2] if left[2] < left[1] else found[1][:2] / found[1][2]
 
 
 def judged(case: str, answer: dict, result: Diagnosis) -> Said:
