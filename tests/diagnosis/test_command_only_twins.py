@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from excite.diagnosis.attribution import Attribution, Stage
 from excite.diagnosis.candidate import Candidate
-from excite.diagnosis.command_only.closed_loop import effect_strength
 from excite.diagnosis.command_only.confirmation import confirmed, with_twin
+from excite.diagnosis.command_only.strength import effect_strength, without_faint
 from excite.diagnosis.gap import ChannelGap, Gap
 from excite.diagnosis.result import Diagnosis
 
@@ -58,6 +59,35 @@ def test_an_effect_below_what_rebuilt_torques_can_tell_is_not_believed():
         columns=SimpleNamespace(extra=extra),
         fit=SimpleNamespace(extra=np.array([0.5])),
     )
-    attribution = SimpleNamespace(accepted=[SimpleNamespace(hypothesis=hypothesis)])
-    assert effect_strength(attribution) == pytest.approx(0.01, rel=0.1)
-    assert effect_strength(SimpleNamespace(accepted=[])) == np.inf
+    faint = SimpleNamespace(hypothesis=hypothesis)
+    assert effect_strength(faint) == pytest.approx(0.01, rel=0.1)
+    whole = SimpleNamespace(hypothesis=replace_columns(hypothesis, None))
+    assert effect_strength(whole) == np.inf
+    # A constant is an effect though it does not vary.
+    constant = np.zeros((2, 500, 1))
+    constant[1] = 1.0
+    steady = SimpleNamespace(hypothesis=replace_columns(hypothesis, constant))
+    assert effect_strength(steady) == pytest.approx(0.01, rel=0.1)
+
+
+def replace_columns(hypothesis: SimpleNamespace, extra: np.ndarray | None) -> SimpleNamespace:
+    return SimpleNamespace(**(vars(hypothesis) | {"columns": SimpleNamespace(extra=extra)}))
+
+
+@pytest.mark.parametrize(("sizes", "left"), [((0.5, 0.5, 0.5), 3), ((0.5, 0.01, 0.5), 1), ((0.01, 0.5), 2)])
+def test_further_effects_end_where_rebuilt_torques_do(sizes: tuple[float, ...], left: int) -> None:
+    """The first is judged by itself, later."""
+    rng = np.random.default_rng(0)
+    tau = rng.standard_normal((500, 1))
+    samples = SimpleNamespace(trials=[SimpleNamespace(tau=tau)], rows=np.concatenate)
+    stages = []
+    for k, size in enumerate(sizes):
+        fit = SimpleNamespace(extra=np.array([size]))
+        columns = SimpleNamespace(extra=np.ones((1, 500, 1)))
+        base = SimpleNamespace(samples=samples, fit=f"fit before {k}")
+        item = SimpleNamespace(hypothesis=SimpleNamespace(baseline=base, columns=columns, fit=fit))
+        stages.append(Stage(SimpleNamespace(baseline=base), (), item))
+    last = SimpleNamespace(fit="fit of all")
+    kept = without_faint(Attribution(tuple(stages), None, last.fit, last, np.ones(1), np.ones(1)))
+    assert len(kept.accepted) == left
+    assert kept.after == kept.final.fit == ("fit of all" if left == len(sizes) else f"fit before {left}")

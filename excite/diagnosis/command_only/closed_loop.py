@@ -12,6 +12,7 @@ from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.command_only.cycle import later
 from excite.diagnosis.command_only.servo import Servo, Signals
+from excite.diagnosis.command_only.strength import effect_strength, without_faint
 from excite.diagnosis.command_only.tracking import Tracking, tracking
 from excite.diagnosis.command_only.transport import clearly_lags
 from excite.diagnosis.command_only.witness import Witness, witness
@@ -55,7 +56,7 @@ class ClosedLoop:
     floor: Array | None = None
 
     def __call__(self, attribution: Attribution, baseline: Baseline) -> Rollout:
-        """Make the roll-outs."""
+        """Make the roll-outs, with no further effect that rebuilt torques are not exact enough for."""
         samples = baseline.samples
         order = [self.order.index(joint) for joint in samples.joints]
         self.tracking = tracking(attribution.final, self.servo, self.signals, order)
@@ -63,7 +64,8 @@ class ClosedLoop:
         inside = np.concatenate([np.full(len(t.time), t.identification) for t in samples.trials])
         self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
         self.floor = _position_floor(baseline)
-        self.strength = effect_strength(attribution)
+        attribution = without_faint(attribution)
+        self.strength = max((effect_strength(item) for item in attribution.accepted[:1]), default=np.inf)
         self.lags = clearly_lags(attribution)
         drives: dict[str, Drive] = {t.name: self._drive(samples.joints, t.name) for t in samples.trials}
         shortest = min(float(t.time[-1]) for t in samples.trials)
@@ -107,16 +109,6 @@ class ClosedLoop:
     strength: float = np.inf
     witness: Witness | None = None
     lags: bool = False
-
-
-def effect_strength(attribution: Attribution) -> float:
-    """RMS of the first accepted effect's torque over a joint's whole torque's deviation, at most; infinite for none."""
-    for item in attribution.accepted[:1]:
-        h, samples = item.hypothesis, item.hypothesis.baseline.samples
-        if h.columns.extra is not None:
-            made = np.sqrt(((h.columns.extra @ h.fit.extra) ** 2).mean(axis=1))
-            return float((made / samples.rows([t.tau for t in samples.trials]).std(axis=0)).max())
-    return float(np.inf)
 
 
 def _position_floor(baseline: Baseline) -> Array:

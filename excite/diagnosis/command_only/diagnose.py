@@ -16,6 +16,7 @@ from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.levels import error_integral, trial_levels
 from excite.diagnosis.command_only.noise import servo_floor
 from excite.diagnosis.command_only.servo import Servo, Signals, read_signals
+from excite.diagnosis.command_only.strength import EXACT
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.result import Diagnosis
 from excite.diagnosis.samples import ArmSamples, arm_samples
@@ -26,8 +27,6 @@ from excite.robot.robot import Array, Robot
 
 # Effects of the torque channel alone: a log without that channel has none of them.
 _CHANNEL = ("time_delay",)
-# How exact torques are that are rebuilt from commands and positions: cycles, held commands, encoders' filters.
-_EXACT = 0.015
 
 
 def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -157,7 +156,7 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         return replace(result, warnings=tuple(warnings))
     gap = position_gap(rollout, closed.deviation, closed.floor)
     result = replace(result, gap=gap)
-    faint = closed.strength < _EXACT
+    faint = closed.strength < EXACT
     if result.verdict in {"effect", "ambiguous"} and (faint or not confirmed(gap, closed.witness)):
         named = " and ".join(f"{e.effect} at {e.location}" for e in result.effects)
         but = (
@@ -175,9 +174,10 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
             n_tied=0,
             next_experiment=None,
         )
-    elif result.verdict == "effect":
+    elif result.verdict in {"effect", "ambiguous"}:
         # A further effect that roll-outs know nothing of is one of the servo that was taken for another.
         result = replace(result, effects=result.effects[: max(closed.kept, 1)])
         guessed = any(name.startswith(("kp of", "kd of")) for name in servo.estimated)
-        result = with_twin(result, guessed, lags=closed.lags)
+        if result.verdict == "effect":
+            result = with_twin(result, guessed, lags=closed.lags)
     return replace(result, warnings=tuple(warnings))

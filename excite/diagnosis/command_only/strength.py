@@ -1,0 +1,35 @@
+"""How large effects are beside what torques rebuilt from a servo can tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.diagnosis.attribution import Attribution, Scored
+
+# How exact torques are that are rebuilt from commands and positions: cycles, held commands, encoders' filters.
+EXACT = 0.015
+
+
+def effect_strength(item: Scored) -> float:
+    """RMS of an effect's torque over a joint's whole torque's deviation, at most; infinite where it has no columns."""
+    h, samples = item.hypothesis, item.hypothesis.baseline.samples
+    if h.columns.extra is None:
+        return float(np.inf)
+    made = np.sqrt(((h.columns.extra @ h.fit.extra) ** 2).mean(axis=1))
+    return float((made / samples.rows([t.tau for t in samples.trials]).std(axis=0)).max())
+
+
+def without_faint(attribution: Attribution) -> Attribution:
+    """The attribution up to the first further effect that rebuilt torques are not exact enough for.
+
+    Args:
+        attribution: all its steps.
+    """
+    for k, item in enumerate(attribution.accepted[1:], start=1):
+        if effect_strength(item) < EXACT:
+            stages = (*attribution.stages[:k], replace(attribution.stages[k], accepted=None))
+            final = attribution.stages[k].context.baseline
+            return replace(attribution, stages=stages, after=final.fit, final=final)
+    return attribution
