@@ -162,13 +162,14 @@ def _length(draft: Draft, item: Found) -> None:
 
 def tilted(gravity: Array, item: Found) -> Array:
     """Gravity ``(3,)`` in a tilted base [m/s²]: its components are along the axes that the effect is fitted in."""
-    down = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
+    size = float(np.linalg.norm(gravity))
+    down = gravity / max(size, 1e-9)
     across = np.cross(down, np.eye(3)[int(np.argmin(np.abs(down)))])
     across /= np.linalg.norm(across)
     aside = item.value("gravity_x") * across + item.value("gravity_y") * np.cross(down, across)
-    # A tilt turns gravity, it does not add to it.
-    left = np.sqrt(max(float(gravity @ gravity) - float(aside @ aside), 0.0))
-    return left * down + aside
+    # A tilt turns gravity, it does not add to it; but masses that were fitted beside what is left of it go with that.
+    less = float(np.sqrt(max(size**2 - float(aside @ aside), 0.0))) - size
+    return (size + item.value("gravity_down", less)) * down + aside
 
 
 def _tilt(draft: Draft, item: Found) -> None:

@@ -179,6 +179,13 @@ def test_a_tilt_turns_gravity_by_its_angle(angle: float):
     assert np.hypot(*turned[:2]) == pytest.approx(aside)
 
 
+def test_gravity_that_masses_were_fitted_beside_is_what_they_were_fitted_beside():
+    values = {"gravity_x": 0.3, "gravity_y": 0.4, "gravity_down": -0.2}
+    turned = tilted(np.array([0.0, 0.0, -9.81]), Found("base_tilt", "base", values))
+    assert turned[2] == pytest.approx(-9.61)
+    assert np.hypot(*turned[:2]) == pytest.approx(0.5)
+
+
 def test_every_effect_of_the_library_has_a_form():
     from excite.diagnosis.effects.registry import EFFECTS
 
