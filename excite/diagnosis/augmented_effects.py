@@ -148,9 +148,8 @@ def _lag(draft: Draft, item: Found) -> None:
     for name in draft.joints:
         motor = draft.spec.actuator(name)
         motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
-        motor.dynprm[0] = slow
         # The filter's at the step's end: a command is half a step old, and so is the velocity that a servo sees.
-        motor.actearly = True
+        motor.dynprm[0], motor.actearly = slow, True
     if square > 0.0:
         draft.note(replace(item, values={"before": fast}), "before")
 
