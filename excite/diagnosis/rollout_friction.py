@@ -71,6 +71,8 @@ class DryFriction:
         self._notes = [(effect, joints.index(place), place, p) for effect, place, p in notes]
         self._common: dict[int, Bristle] = {}
         self._own: list[tuple[Bristle, Mapping[str, float]]] = []
+        # Part of each joint's constant level that bristles of its own take over [N·m].
+        self._taken: dict[int, float] = {}
         for effect, j, _, p in self._notes:
             if effect == "presliding":
                 self._common[j] = Bristle(j, p["breakaway"])
@@ -101,8 +103,12 @@ class DryFriction:
         """
         level, viscous = level.copy(), np.zeros_like(level)
         for effect, j, place, p in self._notes:
-            if effect == "stribeck":
-                level[j] += -_bending(p) if "breakaway" in p else _decaying(p, v[j])
+            if effect == "stribeck" and "breakaway" in p:
+                # A fit may have bristles take less than none of a level, or more than all.
+                self._taken[j] = float(np.clip(p["presliding"], 0.0, max(level[j], 0.0)))
+                level[j] -= self._taken[j]
+            elif effect == "stribeck":
+                level[j] += _decaying(p, v[j])
             elif effect == "load_dependent_friction":
                 level[j] += p["coefficient"] * abs(carried[j])
             elif effect == "friction_drift":
@@ -118,7 +124,8 @@ class DryFriction:
         parts = [(b, level[j]) for j, b in self._common.items()]
         level[list(self._common)] = 0.0
         for bristle, p in self._own:
-            own = p["rubbing"] if "rubbing" in p else _bending(p) + _decaying(p, v[bristle.joint])
+            j = bristle.joint
+            own = p["rubbing"] if "rubbing" in p else self._taken[j] + _decaying(p, v[j])
             parts.append((bristle, own))
         for bristle, size in parts:
             f, d = bristle.force(max(size, 0.0), float(v[bristle.joint]), step)
@@ -130,11 +137,6 @@ class DryFriction:
         """Bend all bristles by the step that was made."""
         for bristle in self.bristles:
             bristle.move(float(v[bristle.joint]), step)
-
-
-def _bending(p: Mapping[str, float]) -> float:
-    """Part of the constant level that bristles take over [N·m]: a fit may say less than none, a bristle cannot."""
-    return max(p["presliding"], 0.0)
 
 
 def _decaying(p: Mapping[str, float], v: float) -> float:

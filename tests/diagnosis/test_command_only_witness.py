@@ -51,6 +51,7 @@ def test_what_is_lost_in_the_error_or_gets_nowhere_says_nothing():
     rng = np.random.default_rng(3)
     error = rough(rng)
     assert not witness(error, error + 0.01 * rough(rng)).speaks_against
+    assert not witness(error, error + 100.0 * rough(rng)).speaks_against
     wild = error.copy()
     wild[0, -1] = np.nan
     assert not witness(error, wild).speaks_against

@@ -90,6 +90,16 @@ def test_stribeck_with_bristles_takes_over_its_share_of_the_level():
     assert np.diff(path[:, 0]) == pytest.approx(np.full(len(path) - 1, speed * 0.01), rel=0.02)
 
 
+def test_bristles_take_no_more_than_there_is_of_a_level():
+    """Where they bend like those of the baseline, a fit may give them any share: together they are the level."""
+    level, speed = 0.3, 0.2
+    note = f"excess=0.1 velocity=0.02 presliding={40.0 * level} breakaway=0.0005"
+    sim = simulator(f'frictionloss="{level}"', stribeck=note, presliding="breakaway=0.0005")
+    past = Past(np.linspace(-1.0, 0.0, 201), np.zeros((201, 1)), np.full((201, 1), speed))
+    path = sim.run(window(v=speed, duration=0.05, past=past), constant(level), 10)
+    assert np.diff(path[:, 0]) == pytest.approx(np.full(len(path) - 1, speed * 0.01), rel=0.02)
+
+
 def test_a_lag_starts_from_what_the_record_asked_before():
     motor = 'dyntype="filterexact" dynprm="0.1" gainprm="1"'
     time = np.linspace(0.0, 2.0, 401)

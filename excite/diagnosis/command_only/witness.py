@@ -8,8 +8,9 @@ import numpy as np
 
 from excite.robot.robot import Array
 
-# A change of less than this share of the roll-outs' amplitude of error is lost in it.
-_HEARD = 0.1
+# A change of less than this share of the roll-outs' amplitude of error is lost in it; one so much larger than what it
+# is to explain is a simulation that gets nowhere.
+_HEARD, _WILD = 0.1, 10.0
 # Standard errors by which a change has to go the right way.
 _SURE = 2.0
 # A change of which so little goes the right way makes things worse, however surely.
@@ -37,7 +38,7 @@ class Witness:
 
         A simulation that gets nowhere says nothing, nor does a change within the error.
         """
-        if not np.isfinite(self.slope) or self.heard < _HEARD:
+        if not (np.isfinite(self.slope) and _HEARD <= self.heard <= _WILD):
             return False
         return self.slope < 1.0 - _SURE * self.error and self.slope < max(_SURE * self.error, _LEAST)
 
