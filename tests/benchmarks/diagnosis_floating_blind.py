@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
-from excite.diagnosis.floating.gap import in_band, residual_of
+from excite.diagnosis.floating.gap import residual_of
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.state import State
 from excite.errors import NoSolutionError

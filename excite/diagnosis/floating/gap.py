@@ -3,40 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal.windows import tukey
 
+from excite.diagnosis.floating.band import in_band
+from excite.diagnosis.floating.parameter_errors import left_by_parameters
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.ranking import NOISE_SLACK
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import Fitted, explained_state
-from excite.diagnosis.floating.spectrum import BAND_HZ
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.logs.columns import WRENCH_AXES
 from excite.robot.robot import Array
 
 UNITS = ("N",) * 3 + ("N·m",) * 3
 _BLOCK_S, _DRAWS = 1.0, 500
+_ONE_SIDE = 0.05
 # Noise has few independent numbers in a band of a few hertz, and trials as short as these.
 _LEAST_SPREAD, _LARGEST_SPREAD = 0.12, 0.3
-_MOTION_HZ, _UPPER_END_HZ = 1.2, 2.4
+_UPPER_END_HZ = 2.4
 _LOUDER_STD, _LOUDER_RANGE = 0.06, (0.7, 1.5)
-# Of the logarithm of how much of the parameters' errors shows: other motions ask other things of them.
-_UNCERTAIN_SPREAD = 1.0
-
-
-def in_band(record: FloatingRecord, values: Array) -> Array:
-    """``(n, k)`` without what is above the band that the diagnosis looks at; ends of trials are faded out.
-
-    A sharp edge in frequency, so that the noise model, which is for the band alone, says what noise is left.
-    """
-    out = []
-    for span in record.spans:
-        n = span.stop - span.start
-        taper = tukey(n, 0.1)
-        spectrum = np.fft.rfft(values[span] * (taper / np.sqrt((taper**2).mean()))[:, None], axis=0)
-        spectrum[np.fft.rfftfreq(n, 1.0 / record.rate_hz) > BAND_HZ] = 0.0
-        out.append(np.fft.irfft(spectrum, n, axis=0))
-    return np.concatenate(out)
 
 
 def residual_of(problem: Problem, fitted: Fitted) -> Array:
@@ -44,21 +28,15 @@ def residual_of(problem: Problem, fitted: Fitted) -> Array:
     return in_band(problem.record, explained_state(problem, fitted).residual)
 
 
-def noise_floor(problem: Problem, below_hz: float = BAND_HZ) -> Array:
-    """``(6,)`` standard deviation of the noise in band, from the noise model [N, N·m].
-
-    Args:
-        problem: the problem.
-        below_hz: where it is asked for; the result is that of a band full of such noise.
-    """
+def noise_floor(problem: Problem) -> Array:
+    """``(6,)`` standard deviation of the noise in band, from the noise model [N, N·m]."""
     total = np.zeros(6)
     for factor, span in zip(problem.whitening.factors, problem.record.spans, strict=True):
         covariance = np.linalg.inv(np.einsum("kji,kjl->kil", factor, factor))
         power = np.diagonal(covariance, axis1=1, axis2=2).copy()
         # All bins but the first stand for a real and an imaginary part, and for their mirror images.
         power[1:] *= 4.0
-        low = np.fft.rfftfreq(span.stop - span.start, 1.0 / problem.record.rate_hz)[: len(power)] <= below_hz
-        total += power[low].mean(axis=0) * len(power) / (span.stop - span.start)
+        total += power.sum(axis=0) / (span.stop - span.start)
     return np.sqrt(total / len(problem.record.spans))
 
 
@@ -115,6 +93,24 @@ def _repeated(record: FloatingRecord, residual: Array) -> Array:
     return np.sqrt(np.mean(powers, axis=0)) if powers else np.full(6, np.inf)
 
 
+def _interval(left: Array, told: bool, share: float) -> tuple[float, float]:
+    """90 % interval of the share closed.
+
+    Where what is left is told from noise, it has two sides. Where it is not, nothing speaks against a model that
+    closes all, and the interval is one-sided: 1, and what nine draws of ten exceed.
+
+    Args:
+        left: draws of what is left of the gap's power.
+        told: whether there is more of it than noise can be.
+        share: the share that is stated, which is always inside.
+    """
+    if told:
+        most, least = (float(x) for x in np.quantile(left, [1.0 - _ONE_SIDE, _ONE_SIDE]))
+    else:
+        most, least = float(np.quantile(left, 1.0 - 2.0 * _ONE_SIDE)), 0.0
+    return min(max(0.0, 1.0 - most), share), max(1.0 - least, share)
+
+
 def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator) -> Gap:
     """Gap of the baseline and of the accepted effects, both fitted to the identification trials.
 
@@ -142,30 +138,27 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     def total(power: Array) -> float:
         return float(np.sqrt(np.mean(power / scale**2)))
 
-    spread = _spread(problem, [total((fitted[span] ** 2).mean(axis=0)) ** 2 for span in record.spans])
     first, last = (total(power.mean(axis=0)) for power in powers)
     # Noise happens to be a little less than it is on average.
-    floor = level * min(1.0, last / total(level**2))
-    share = share_closed(first, last, total(floor**2))
-    interval = None
+    floor, interval = level * min(1.0, last / total(level**2)), None
     if after.placed:
+        spread = _spread(problem, [total((fitted[span] ** 2).mean(axis=0)) ** 2 for span in record.spans])
         quietest = np.minimum(level, louder * np.minimum(learnt, _repeated(record, fitted))) ** 2
-        freedom = sum(map(len, after.theta)) + float((problem.basis**2).sum())
-        known = int((~problem.validation).sum() or len(problem.validation))
-        # What parameters explain is as slow as motion, and there noise is less.
-        slow = total(noise_floor(problem, _MOTION_HZ) ** 2) ** 2
-        draws = []
-        for _ in range(_DRAWS):
+        by_parameters = left_by_parameters(problem, after, scale, rows, rng, _DRAWS)
+        left, opened = np.empty(_DRAWS), np.empty(_DRAWS)
+        for k in range(_DRAWS):
             pick = rng.integers(0, len(blocks), len(blocks))
             was, now = (total(power[pick].mean(axis=0)) for power in powers)
             power = quietest + rng.uniform() * (level**2 - quietest)
-            quiet = min(total(power * max(0.0, 1.0 + spread * rng.standard_normal())), now)
-            # What noise in the trials that were fitted did to the parameters is left in others, noise or not.
-            uncertain = slow * rng.gamma(0.5 * freedom, 2.0 / known)
-            uncertain *= np.exp(_UNCERTAIN_SPREAD * rng.standard_normal())
-            draws.append(share_closed(was, float(np.sqrt(now**2 + uncertain)), quiet))
-        low, high = (float(np.quantile(draws, p)) for p in (0.05, 0.95))
-        interval = (min(low, share), max(high, share))
+            quiet = total(power * max(0.0, 1.0 + spread * rng.standard_normal()))
+            left[k], opened[k] = now**2 - quiet**2, was**2 - quiet**2
+        told = float(np.quantile(left, _ONE_SIDE)) > 0.0
+        if not told:
+            # What is left may all be noise, but for what errors of the parameters are expected to leave.
+            floor = level * np.sqrt(max(0.0, last**2 - by_parameters.mean())) / total(level**2)
+    share = share_closed(first, last, total(floor**2))
+    if after.placed:
+        interval = _interval(np.maximum(left, by_parameters) / np.maximum(opened, 1e-12), told, share)
     channels = {
         axis: ChannelGap(
             float(np.sqrt((old[:, i] ** 2).mean())),

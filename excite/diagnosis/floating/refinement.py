@@ -129,8 +129,7 @@ def linearised(problem: Problem, fitted: Fitted) -> tuple[Problem, State, Array]
     rows = problem.rows(state) + problem.baseline_rows(fitted.delta)
     if not fitted.placed:
         return problem, state, rows
-    counts, theta = [len(values) for values in fitted.theta], np.concatenate(fitted.theta)
-    columns = _columns(problem, fitted.placed, theta, counts, fitted.delta)
+    columns, theta = columns_of(problem, fitted), np.concatenate(fitted.theta)
     scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
     return problem.beside(columns), state, rows + columns @ (theta / scales)
 
@@ -142,6 +141,12 @@ def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
     theta = np.concatenate(fitted.theta)
     rows = _rows(problem, fitted.placed, theta, counts, fitted.delta)
     return replace(fitted, power=_cost(problem, rows, theta / scales, fitted.delta))
+
+
+def columns_of(problem: Problem, fitted: Fitted) -> Array:
+    """``(m, k)`` whitened columns of a fit's effects at their parameters, in units of their scales."""
+    counts, theta = [len(values) for values in fitted.theta], np.concatenate(fitted.theta)
+    return _columns(problem, fitted.placed, theta, counts, fitted.delta)
 
 
 def _rows(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.effects.effect import links, segment_of
-from excite.diagnosis.floating.gap import in_band, noise_floor
+from excite.diagnosis.floating.gap import noise_floor
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.ranking import DECISIVE
 from excite.diagnosis.floating.refinement import Fitted, explained_state
