@@ -70,6 +70,14 @@ def with_readings(record: FloatingRecord, sensor: str, change) -> FloatingRecord
     return replace(record, readings=record.readings | {sensor: change(record.readings[sensor])})
 
 
+def with_relief(record: FloatingRecord, point: np.ndarray, force: np.ndarray) -> FloatingRecord:
+    """The record as it would be if world forces ``(n, 3)`` at points ``(n, 3)`` had relieved the left plate."""
+    plate = next(s for s in record.robot.sensors if s.name == "left_plate").placement
+    moment = np.cross(point - plate.translation, force)
+    relief = np.hstack([force @ plate.rotation, moment @ plate.rotation])
+    return with_readings(record, "left_plate", lambda x: x - relief)
+
+
 def test_prediction_is_inverse_dynamics(record: FloatingRecord) -> None:
     state, model = State.logged(record), record.robot.model
     data = model.createData()
@@ -117,7 +125,7 @@ def test_what_a_later_effect_makes_superfluous_is_dropped(record: FloatingRecord
     baseline = nominal_fit(problem)
     pull = Placed(FLOATING_EFFECTS["external_force"], "torso_2_link")
     gain = Placed(FLOATING_EFFECTS["sensor_gain"], "left_plate.fz")
-    one = refine(problem, (pull,), (np.zeros(7),), baseline)
+    one = refine(problem, (pull,), (np.zeros(8),), baseline)
     assert baseline.power - one.power > 1000.0
     both = refine(problem, (pull, gain), (*one.theta, np.array([0.01])), one)
     kept = needed(problem, ((Ranked(one, 500.0),), (Ranked(both, 500.0),)), baseline)
@@ -164,14 +172,43 @@ def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> N
     # A mattress: it gives way over 15 cm and never is fully pressed.
     edge = float(np.quantile(hand[:, 2], 0.5))
     force = np.clip((edge - hand[:, 2]) / 0.15, 0.0, 1.0)[:, None] * np.array([8.0, 0.0, 60.0])
-    plate = next(s for s in thin.robot.sensors if s.name == "left_plate").placement
-    arm = hand - plate.translation
-    relief = np.hstack([force @ plate.rotation, np.cross(arm, force) @ plate.rotation])
-    found = attribute(build_problem(with_readings(thin, "left_plate", lambda x: x - relief)))
+    found = attribute(build_problem(with_relief(thin, hand, force)))
     assert found.verdict == "effect"
     assert found.accepted.placed[0].effect.name == "unlogged_contact"
     assert link in found.tied[0]
     assert found.overdispersion < 1.2
+
+
+def test_a_cord_to_an_anchor_is_one_effect(record: FloatingRecord) -> None:
+    thin = record.thinned()
+    link, point = "torso_2_link", np.array([0.05, 0.0, 0.1])
+    hooked = State.logged(thin).poses.point([s.link for s in thin.robot.segments].index(link) + 1, point)
+    away = np.array([1.2, -0.9, 1.0]) - hooked
+    length = np.linalg.norm(away, axis=1)
+    pull = (400.0 * (length - length.mean() + 0.1) / length)[:, None] * away
+    problem = build_problem(with_relief(thin, hooked, pull))
+    cord = Placed(FLOATING_EFFECTS["external_force"], link)
+    fitted = refine(problem, (cord,), (np.zeros(8),), nominal_fit(problem), 20)
+    assert fitted.power < 1.3 * len(problem.nominal_rows)
+    # Across its direction a cord is as stiff as its tension over its length.
+    (theta,) = fitted.theta
+    assert theta[3] == pytest.approx(40.0 / length.mean(), rel=0.3)
+    assert theta[3] + theta[7] == pytest.approx(400.0, rel=0.1)
+
+
+def test_a_table_that_rubs_is_a_contact(record: FloatingRecord) -> None:
+    thin = record.thinned()
+    link = "arm_left_7_link"
+    segment, palm = [s.link for s in thin.robot.segments].index(link), np.array([0.02, 0.0, 0.06])
+    hand = State.logged(thin).poses.point(segment + 1, palm)
+    speed = np.concatenate([np.gradient(hand[span], 1.0 / thin.rate_hz, axis=0) for span in thin.spans])
+    edge = float(np.quantile(hand[:, 2], 0.5))
+    press = 60.0 * np.clip((edge - hand[:, 2]) / 0.05, 0.0, 1.0)
+    force = np.column_stack([*(-0.4 * press * np.tanh(speed[:, :2] / 0.05).T), press])
+    found = attribute(build_problem(with_relief(thin, hand, force)))
+    assert (found.verdict, found.accepted.placed[0].effect.name) == ("effect", "unlogged_contact")
+    assert link in found.tied[0]
+    assert found.accepted.theta[0][8] == pytest.approx(0.4, rel=0.35)
 
 
 def test_of_two_effects_both_are_named_and_placed(record: FloatingRecord) -> None:

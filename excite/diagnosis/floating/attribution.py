@@ -60,8 +60,8 @@ def attribute(problem: Problem) -> Attribution:
     over = max(1.0, current.power / n)
     open_power = baseline.power - n
     explained = 0.0 if open_power <= 0.0 else 1.0 - max(0.0, current.power - n) / open_power
-    tied = tuple(tied_places(step) for step in steps)
-    close = rivals(steps[0]) if steps else ()
+    tied = tuple(tied_places(step, n) for step in steps)
+    close = rivals(steps[0], n) if steps else ()
     verdict = _verdict(problem, baseline, steps, close, explained, n)
     return Attribution(verdict, baseline, steps, _partial(problem, current), close, tied, over, explained)
 

@@ -22,6 +22,8 @@ _MOST_EFFECTS = 3
 _BEGINNINGS, _CLOSES = 2, 0.5
 # Share of the open power below which what was found is not worth a second look.
 _HOPEFUL = 0.7
+# Where a form is seen to be wrong, others that leave this share more are as wrong as it is.
+_FORM_DOUBT = 0.1
 
 
 def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, ...]:
@@ -134,17 +136,29 @@ def needed(problem: Problem, chain: tuple[Step, ...], baseline: Fitted) -> tuple
     return chain
 
 
-def tied_places(step: Step) -> tuple[str, ...]:
-    """Places that the data cannot tell from the accepted effect's, itself first."""
+def tied_places(step: Step, n: int) -> tuple[str, ...]:
+    """Places that the data cannot tell from the accepted effect's, itself first.
+
+    Args:
+        step: an effect's rivals, best first.
+        n: number of whitened numbers.
+    """
     best = step[0]
     same = (item for item in step if item.last.effect.name == best.last.effect.name)
-    return tuple(dict.fromkeys(i.last.location for i in same if i.evidence > best.evidence - DECISIVE))
+    return tuple(dict.fromkeys(i.last.location for i in same if _untold(i, best, n)))
 
 
-def rivals(step: Step) -> tuple[Ranked, ...]:
-    """The accepted effect and those of other names that the data cannot tell from it."""
+def rivals(step: Step, n: int) -> tuple[Ranked, ...]:
+    """The accepted effect and those of other names that the data cannot tell from it; arguments as above."""
     chosen: dict[str, Ranked] = {}
     for item in step:
-        if item.evidence > step[0].evidence - DECISIVE:
+        if _untold(item, step[0], n):
             chosen.setdefault(item.last.effect.name, item)
     return tuple(chosen.values())
+
+
+def _untold(item: Ranked, best: Ranked, n: int) -> bool:
+    """Whether evidence does not decide between two, or what the form of the better one leaves is larger."""
+    left = best.fitted.power - n
+    misfit = _FORM_DOUBT * left if best.fitted.power > NOISE_SLACK * n else 0.0
+    return item.evidence > best.evidence - DECISIVE or item.fitted.power - best.fitted.power < misfit

@@ -38,7 +38,7 @@ def pressed(problem: Problem, contact: Fitted) -> Fitted | None:
     if found is None:
         return None
     surface, scale = found
-    start = np.concatenate([scale * force, theta[3:6], [0.0, 0.0]])
+    start = np.concatenate([scale * force, theta[3:6], np.zeros(4)])
     placed = (*contact.placed[:-1], Placed(PressedContact(surface), place.location))
     return refine(problem, placed, (*contact.theta[:-1], start), contact)
 
@@ -89,11 +89,11 @@ def find_surfaces(problem: Problem, before: Fitted) -> list[Fitted]:
         if best is None:
             continue
         effect = PressedContact(best[0])
-        start = np.concatenate([best[1], np.zeros(5)])
+        start = np.concatenate([best[1], np.zeros(7)])
         # Linear in the force; where the point is and how the surface gives way come with the refinement.
         fit = beside.fit(rows, effect_columns(problem, state, effect, link, start)[:, :3])
         scales = effect.scales(state, link)
-        guesses.append((fit.evidence, link, effect, np.concatenate([fit.theta * scales[:3], np.zeros(5)])))
+        guesses.append((fit.evidence, link, effect, np.concatenate([fit.theta * scales[:3], np.zeros(7)])))
     guesses.sort(key=lambda item: -item[0])
     return [
         refine(problem, (*before.placed, Placed(effect, link)), (*before.theta, start), before)

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
+# A force of this size and less has no direction to speak of.
+_NO_DIRECTION_N = 2.0
+
 
 class ExternalForce(FloatingEffect):
-    """A force at a point p of the link, constant in the world but for a spring: F − k (p − mean p).
+    """A force at a point p of the link, constant in the world but for springs: F − k x − k' f (f · x), x = p − mean p.
 
-    Where on the link it is hooked is not known; the link's origin is but the likeliest place.
+    A cord of length L under tension T resists by T/L across its direction f = F/|F| and by its own stiffness
+    along it; a spring that resists alike in all directions has k' = 0. Where on the link it is hooked is not
+    known; the link's origin is but the likeliest place.
     """
 
     name: ClassVar[str] = "external_force"
@@ -23,12 +30,15 @@ class ExternalForce(FloatingEffect):
         return links(state)
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """Mean force in the world, stiffness, and the point in the link's frame."""
+        """Mean force in the world, stiffness across it, the point in the link's frame, and what is added along it."""
         force = tuple(Parameter(axis, "N", 15.0, 1.0) for axis in ("fx", "fy", "fz"))
-        return (*force, Parameter("stiffness", "N/m", 30.0, 1.0), *points())
+        along = Parameter("further_stiffness_along", "N/m", 30.0, 1.0)
+        return (*force, Parameter("stiffness", "N/m", 30.0, 1.0), *points(), along)
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Add it."""
-        point = state.poses.point(segment_of(state, location) + 1, theta[4:])
-        force = theta[:3] - theta[3] * (point - point.mean(axis=0))
+        point = state.poses.point(segment_of(state, location) + 1, theta[4:7])
+        away = point - point.mean(axis=0)
+        direction = theta[:3] / np.hypot(np.linalg.norm(theta[:3]), _NO_DIRECTION_N)
+        force = theta[:3] - theta[3] * away - theta[7] * (away @ direction)[:, None] * direction
         return state.but(extra=state.extra + state.at_base(force, point))
