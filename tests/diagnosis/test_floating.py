@@ -71,11 +71,15 @@ def with_readings(record: FloatingRecord, sensor: str, change) -> FloatingRecord
 
 
 def with_relief(record: FloatingRecord, point: np.ndarray, force: np.ndarray) -> FloatingRecord:
-    """The record as it would be if world forces ``(n, 3)`` at points ``(n, 3)`` had relieved the left plate."""
-    plate = next(s for s in record.robot.sensors if s.name == "left_plate").placement
-    moment = np.cross(point - plate.translation, force)
-    relief = np.hstack([force @ plate.rotation, moment @ plate.rotation])
-    return with_readings(record, "left_plate", lambda x: x - relief)
+    """The record as it would be if world forces ``(n, 3)`` at points ``(n, 3)`` had relieved the plates as loaded."""
+    load = {s.name: np.linalg.norm(record.readings[s.name][:, :3], axis=1) for s in record.robot.sensors}
+    for sensor in record.robot.sensors:
+        plate = sensor.placement
+        part = (load[sensor.name] / sum(load.values()))[:, None] * force
+        relief = np.hstack([part, np.cross(point - plate.translation, part)])
+        relief = np.hstack([relief[:, :3] @ plate.rotation, relief[:, 3:] @ plate.rotation])
+        record = with_readings(record, sensor.name, lambda x, relief=relief: x - relief)
+    return record
 
 
 def test_prediction_is_inverse_dynamics(record: FloatingRecord) -> None:

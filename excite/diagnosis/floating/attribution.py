@@ -63,6 +63,8 @@ def attribute(problem: Problem) -> Attribution:
     tied = tuple(tied_places(step, n) for step in steps)
     close = rivals(steps[0], n) if steps else ()
     verdict = _verdict(problem, baseline, steps, close, explained, n)
+    if current.power > NOISE_SLACK * n and _patches(steps, tied):
+        verdict = "unknown"
     return Attribution(verdict, baseline, steps, _partial(problem, current), close, tied, over, explained)
 
 
@@ -88,6 +90,14 @@ def _verdict(
     if (accepted.power > NOISE_SLACK * n and explained < EXPLAINED) or not _repeats(problem, accepted):
         return "unknown"
     return "ambiguous" if len(close) > 1 else "effect"
+
+
+def _patches(steps: tuple[Step, ...], tied: tuple[tuple[str, ...], ...]) -> bool:
+    """Whether two effects of one name are at places that the data cannot tell apart: one thing of another form."""
+    names = [step[0].last.effect.name for step in steps]
+    return any(
+        names[i] == names[k] and bool(set(tied[i]) & set(tied[k])) for k in range(len(steps)) for i in range(k)
+    )
 
 
 def _repeats(problem: Problem, fitted: Fitted) -> bool:

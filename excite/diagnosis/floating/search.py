@@ -17,6 +17,8 @@ _WITHIN_NOISE = 25.0
 # A further effect must close this share of the power above the noise that is still open, and of all of it;
 # more where one of its kind is accepted already, since that is what an approximate form leaves behind.
 _FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
+# A further effect that closes this share of what is still open need not be large beside the others.
+_CLOSES_ALL = 0.85
 _MOST_EFFECTS = 3
 # Effects from which a search for several begins, and what each must close at least of what the best closes.
 _BEGINNINGS, _CLOSES = 2, 0.5
@@ -89,6 +91,9 @@ def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool
     known = best.last.effect.name in {item.effect.name for item in current.placed}
     if current.power < NOISE_SLACK * n:
         return best.evidence >= _WITHIN_NOISE and not known
+    if closed > _CLOSES_ALL * (current.power - n) and not known:
+        # What is left by an approximate form is hardly ever all of another effect's.
+        return best.evidence >= _WITHIN_NOISE
     of_all = _SAME_OF_ALL if known else _FURTHER_OF_ALL
     return (
         best.evidence >= SIGNIFICANT
