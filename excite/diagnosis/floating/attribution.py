@@ -96,7 +96,9 @@ def _patches(steps: tuple[Step, ...], tied: tuple[tuple[str, ...], ...]) -> bool
     """Whether two effects of one name are at places that the data cannot tell apart: one thing of another form."""
     names = [step[0].last.effect.name for step in steps]
     return any(
-        names[i] == names[k] and bool(set(tied[i]) & set(tied[k])) for k in range(len(steps)) for i in range(k)
+        names[i] == names[k] and bool(set(tied[i]) & set(tied[k]))
+        for k in range(len(steps))
+        for i in range(k)
     )
 
 

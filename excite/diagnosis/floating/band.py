@@ -10,8 +10,8 @@ from excite.diagnosis.floating.spectrum import BAND_HZ
 from excite.robot.robot import Array
 
 
-def in_band(record: FloatingRecord, values: Array) -> Array:
-    """``(n, k)`` without what is above the band that the diagnosis looks at; ends of trials are faded out.
+def in_band(record: FloatingRecord, values: Array, below_hz: float = BAND_HZ) -> Array:
+    """``(n, k)`` without what is above the band that the diagnosis looks at, or above ``below_hz``; ends faded out.
 
     A sharp edge in frequency, so that the noise model, which is for the band alone, says what noise is left.
     """
@@ -20,6 +20,6 @@ def in_band(record: FloatingRecord, values: Array) -> Array:
         n = span.stop - span.start
         taper = tukey(n, 0.1)
         spectrum = np.fft.rfft(values[span] * (taper / np.sqrt((taper**2).mean()))[:, None], axis=0)
-        spectrum[np.fft.rfftfreq(n, 1.0 / record.rate_hz) > BAND_HZ] = 0.0
+        spectrum[np.fft.rfftfreq(n, 1.0 / record.rate_hz) > below_hz] = 0.0
         out.append(np.fft.irfft(spectrum, n, axis=0))
     return np.concatenate(out)

@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.effects.effect import links, segment_of
-from excite.diagnosis.floating.gap import noise_floor
+from excite.diagnosis.floating.noise_level import noise_floor
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.ranking import DECISIVE
 from excite.diagnosis.floating.refinement import Fitted, explained_state
