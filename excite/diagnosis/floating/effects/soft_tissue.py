@@ -15,7 +15,7 @@ _CUTOFF_HZ = 3.0
 
 
 class SoftTissue(FloatingEffect):
-    """The joint's true angle differs from the logged one by what the segment's acceleration does to the tissue.
+    """The true angles of a segment's joints differ from those logged by what its acceleration does to the tissue.
 
     Tissue on a spring and a damper follows the acceleration of the joint's origin as an oscillator does:
     ``inertia·φ'' + lag·φ' + φ = by·acceleration`` (Leardini et al. 2005 review what such artefacts look like).
@@ -30,34 +30,44 @@ class SoftTissue(FloatingEffect):
         return tuple(dict.fromkeys(self._link(state, name) for name in joints(state)))
 
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
-        """For the first joint of the segment: angle by acceleration in the world's axes; tissue's damper, inertia."""
-        direct = tuple(Parameter(f"by_{axis}", "rad·s²/m", 0.03, 1e-3) for axis in "xyz")
+        """Each joint's angle by acceleration in the world's axes; the tissue's damper and inertia."""
+        direct = tuple(
+            Parameter(f"{name}_by_{axis}", "rad·s²/m", 0.03, 1e-3)
+            for name in self._joints(state, location)
+            for axis in "xyz"
+        )
         return (*direct, Parameter("lag", "s", 0.015, 1e-3), Parameter("inertia", "s²", 1e-3, 1e-4))
 
     def apply(self, state: State, location: str, theta: Array) -> State:
-        """Turn the joint, with the rates that this brings."""
-        joint = self._joint(state, location)
-        iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
-        turn, rate, again = self._wobble(state, joint, theta[3:]) @ theta[:3]
+        """Turn the joints, with the rates that this brings."""
+        turned = [joint_of(state, name) for name in self._joints(state, location)]
+        turns = self._wobble(state, turned[0], theta[-2:])
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
-        q[:, iq] += turn
-        v[:, iv] += rate
-        a[:, iv] += again
+        for joint, by in zip(turned, theta[:-2].reshape(-1, 3), strict=True):
+            iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
+            turn, rate, again = turns @ by
+            q[:, iq] += turn
+            v[:, iv] += rate
+            a[:, iv] += again
         return state.but(q=q, v=v, a=a)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
-        """The joint's columns along what each parameter makes it do."""
-        joint = self._joint(state, location)
-        turned = self.apply(state, location, theta) if theta.any() else state
-        here = self._wobble(state, joint, theta[3:])
-        changes = [here]
-        for i, parameter in enumerate(self.parameters(state, location)[3:]):
-            ahead = theta[3:].copy()
+        """The joints' columns along what each parameter makes them do."""
+        turned = [joint_of(state, name) for name in self._joints(state, location)]
+        there = self.apply(state, location, theta) if theta.any() else state
+        here, each, tissue = self._wobble(state, turned[0], theta[-2:]), theta[:-2].reshape(-1, 3), []
+        for i, parameter in enumerate(self.parameters(state, location)[-2:]):
+            ahead = theta[-2:].copy()
             ahead[i] += parameter.step
-            moved = self._wobble(state, joint, ahead) - here if theta[:3].any() else np.zeros_like(here)
-            changes.append((moved @ theta[:3])[..., None] / parameter.step)
-        q, v, a = np.concatenate(changes, axis=2)
-        return joint_turn(turned, joint).columns(q, v, a)
+            moved = self._wobble(state, turned[0], ahead) - here if each.any() else np.zeros_like(here)
+            tissue.append(moved / parameter.step)
+        own, shared = [], 0.0
+        for joint, by in zip(turned, each, strict=True):
+            changes = np.concatenate([here, *((moved @ by)[..., None] for moved in tissue)], axis=2)
+            columns = joint_turn(there, joint).columns(*changes)
+            own.append(columns[:, :, :3])
+            shared = shared + columns[:, :, 3:]
+        return np.concatenate([*own, shared], axis=2)
 
     def _wobble(self, state: State, joint: int, tissue: Array) -> Array:
         """``(3, n, 3)`` angle, velocity and acceleration for each axis' unit of angle by acceleration.
@@ -81,9 +91,9 @@ class SoftTissue(FloatingEffect):
                 out[order, span] = np.fft.irfft(turn * (1j * omega[:, None]) ** order, n, axis=0)
         return out
 
-    def _joint(self, state: State, link: str) -> int:
-        """The first joint that belongs to a link."""
-        return next(joint_of(state, name) for name in joints(state) if self._link(state, name) == link)
+    def _joints(self, state: State, link: str) -> tuple[str, ...]:
+        """The joints that belong to a link."""
+        return tuple(name for name in joints(state) if self._link(state, name) == link)
 
     def _link(self, state: State, joint: str) -> str:
         """The next link with mass at or after a joint, along single children."""
