@@ -61,7 +61,7 @@ class SoftTissue(FloatingEffect):
             ahead[i] += parameter.step
             moved = self._wobble(state, turned[0], ahead) - here if each.any() else np.zeros_like(here)
             tissue.append(moved / parameter.step)
-        own, shared = [], 0.0
+        own, shared = [], np.zeros((len(state.q), 6, len(tissue)))
         for joint, by in zip(turned, each, strict=True):
             changes = np.concatenate([here, *((moved @ by)[..., None] for moved in tissue)], axis=2)
             columns = joint_turn(there, joint).columns(*changes)
