@@ -120,7 +120,9 @@ def diagnose_torques(
         )
     )
     listed, n_tied = _listed(attribution, judgement, gap, effects)
-    where = locate(first.context, attribution.before, attribution.floor, attribution.scale)
+    # What does not repeat is a gap all the same: the map heeds the noise alone.
+    quiet = np.minimum(attribution.floor, spectral)
+    where = locate(first.context, attribution.before, quiet, attribution.scale)
     warnings = list(chart.warnings)
     if not log.role("validation"):
         warnings.append(
@@ -165,13 +167,14 @@ def _candidate(
     residual = h.baseline.plain(h.fit.residual)
     residual = residual[:, rows] if rows.any() else residual
     after = float(np.sqrt(np.mean((residual**2).mean(axis=1) / attribution.scale**2)))
+    fit = replace(h.fit, extra_std=h.baseline.solver.std_between_trials(h.fit))
     return Candidate(
         effect=item.name,
         location=item.location,
         parameters=at_joint(
             context.baseline.samples.robot,
             item.location,
-            h.effect.estimates(context, item.location, h.theta, h.fit),
+            h.effect.estimates(context, item.location, h.theta, fit),
         ),
         evidence=item.evidence,
         gap_after=after,

@@ -29,6 +29,8 @@ class Scored:
         left: joints above twice the floor's power of which it removes hardly anything.
         stands: power at ``place`` before it over the floor's.
         elsewhere: nats at other joints than ``place``.
+        of_noise: share that it removes at ``place`` of the validation power above the noise of one trial, which
+            does not know what differs between repeated ones.
     """
 
     hypothesis: Hypothesis
@@ -44,6 +46,7 @@ class Scored:
     left: int
     stands: float
     elsewhere: float
+    of_noise: float = 1.0
 
     @property
     def name(self) -> str:

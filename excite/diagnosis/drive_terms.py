@@ -14,7 +14,7 @@ from excite.robot.robot import Array
 # Widths of the sign change of Coulomb friction that are tried [rad/s].
 WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
 # Deflections over which dry friction builds up before it slips that are tried [rad]; 0: friction of the velocity.
-BREAKAWAYS = (5e-4, 1.5e-3, 4e-3)
+BREAKAWAYS = (1.5e-4, 5e-4, 1.5e-3, 4e-3)
 # Presliding is believed where it lowers the loss to this share.
 _BETTER = 0.95
 # How a joint's friction changes sign is only thought over for a loss below this share.
@@ -23,7 +23,7 @@ _CHANGED = 0.98
 _FIRST_STEP, _LAST_STEP = 1.5, 1.06
 
 # What the search may reach: no velocity of a log tells less apart, nor deflections.
-WIDTH_BOUNDS, BREAKAWAY_BOUNDS = (1e-3, 0.06), (1e-4, 2e-2)
+WIDTH_BOUNDS, BREAKAWAY_BOUNDS = (1e-3, 0.06), (5e-5, 2e-2)
 SIGNS = (*((w, 0.0) for w in WIDTHS), *((6e-3, b) for b in BREAKAWAYS))
 
 

@@ -13,6 +13,8 @@ from excite.robot.robot import Array
 
 # Columns smaller than this share of the largest one of their hypothesis are rounding errors.
 _NOTHING = 1e-7
+# Fewer trials do not tell how much they disagree.
+_TRIALS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +200,37 @@ class Solver:
         covariance = np.linalg.inv(normal)[n:, n:] if m else np.zeros((0, 0))
         std = np.sqrt(np.diag(covariance)) / scale
         return Fit(e, x[:n], beta, std, sigma, extra, offset)
+
+    def std_between_trials(self, fit: Fit) -> Array:
+        """Standard deviations of a fit's extra coefficients as its trials disagree, ``(n_extra,)``.
+
+        What a model leaves is alike within a trial, and white noise's deviations are too small then. The sandwich of
+        the trials' gradients (Liang, Zeger 1986) asks for their independence alone; never less than white noise's.
+
+        Args:
+            fit: made by this solver.
+
+        Returns:
+            In the coefficients' units.
+        """
+        e = self.equations
+        trials = np.unique(e.trial[e.use])
+        if fit.columns is None or len(trials) < _TRIALS:
+            return fit.extra_std
+        n, m = e.shared.shape[2], fit.columns.shape[2]
+        normal, gradients = np.zeros((n + m, n + m)), np.zeros((len(trials), n + m))
+        normal[:n, :n] = np.eye(n)
+        scale = np.maximum(np.sqrt((fit.columns[:, e.use] ** 2).sum(axis=(0, 1))), 1e-300)
+        for j in range(e.n_joints):
+            own = _project(self._q[j], fit.columns[j][e.use] / scale)
+            rows = np.hstack([self._a[j], own]) / fit.sigma[j]
+            rest = fit.residual[j][e.use] / fit.sigma[j]
+            normal += rows.T @ rows
+            gradients += [rest[e.trial[e.use] == k] @ rows[e.trial[e.use] == k] for k in trials]
+        normal[n:, n:] += 1e-9 * np.trace(normal[n:, n:]) * np.eye(m)
+        moved = np.linalg.solve(normal, gradients.T)[n:]
+        between = np.sqrt((moved**2).sum(axis=1) * len(trials) / (len(trials) - 1)) / scale
+        return np.maximum(between, fit.extra_std)
 
 
 def _project(q: Array, values: Array) -> Array:

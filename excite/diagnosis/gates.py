@@ -18,7 +18,7 @@ class Gates:
         closed: share of the power above the floor, on validation trials, that it removes on some joint.
         evidence_again: nats of a further effect.
         validation_again: nats of a further effect on validation trials alone.
-        closed_again: share that a further effect removes.
+        closed_again: share that a further effect removes at its place.
         relative: strength of a further effect against the strongest one, as normalised torque amplitude.
         of_rest: share of all normalised power above the floor that a further effect removes.
         same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and
@@ -28,6 +28,8 @@ class Gates:
         most_of_rest: share of all normalised power above the floor from which it is not.
         most: effects at most.
         stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
+        stands_rough: the same for an effect that may smooth the model's torque, noise in it and all.
+        closed_rough: share from which such an effect is named all the same.
         evidence_faint: nats of an effect that stands less than that.
         validation_faint: nats of such an effect on validation trials alone.
         evidence_faint_again: nats of such a further effect.
@@ -53,7 +55,7 @@ class Gates:
     closed: float = 0.4
     evidence_again: float = 80.0
     validation_again: float = 30.0
-    closed_again: float = 0.2
+    closed_again: float = 0.4
     relative: float = 0.1
     of_rest: float = 0.12
     same_joint: float = 0.6
@@ -61,6 +63,8 @@ class Gates:
     most_of_rest: float = 0.5
     most: int = 3
     stands: float = 1.5
+    stands_rough: float = 2.0
+    closed_rough: float = 0.7
     evidence_faint: float = 30.0
     validation_faint: float = 8.0
     evidence_faint_again: float = 80.0
@@ -92,8 +96,12 @@ class Gates:
         places = {joints[item.place], item.location}
         apart = all(_own(a) and a.location not in places for a in accepted)
         evidence, validation = self._nats(closed, again=bool(accepted))
+        if item.hypothesis.effect.smooths and item.stands < self.stands_rough and closed < self.closed_rough:
+            return False
+        if not item.hypothesis.significant:
+            return False
         if item.stands < self.stands:
-            if not apart:
+            if not apart or item.of_noise < self.closed:
                 return False
             evidence, validation = self._nats_faint(again=bool(accepted))
         if item.evidence < evidence or item.validation < validation:
@@ -129,7 +137,9 @@ class Gates:
         faint = item.strength < self.relative * max(a.strength for a in accepted)
         if faint and (crowded or not (apart or (most and closed >= self.whole))):
             return False
-        return float(item.closed.max()) >= (self.same_joint if crowded else self.closed_again)
+        if crowded and float(item.closed.max()) < self.same_joint:
+            return False
+        return closed >= self.closed_again
 
     def _alone(self, item: Scored, *, apart: bool) -> bool:
         """Whether an effect is beyond doubt, whatever else is left and however small it is beside others."""

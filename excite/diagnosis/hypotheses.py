@@ -12,6 +12,9 @@ from excite.diagnosis.equations import Fit, Solver
 from excite.diagnosis.simplex import nelder_mead
 from excite.robot.robot import Array
 
+# Standard deviations, as of white residuals, that the largest of an effect's coefficients has to be.
+_SIGNIFICANT = 5.0
+
 
 @dataclass(frozen=True, eq=False)
 class Columns:
@@ -55,6 +58,12 @@ class Hypothesis:
     def physical(self) -> bool:
         """Whether its fit says something that can be."""
         return self.effect.physical(Context(self.baseline), self.location, self.fit)
+
+    @property
+    def significant(self) -> bool:
+        """Whether a column of its own is needed, not only the sign change that was searched along with it."""
+        size, std = np.abs(self.fit.extra), self.fit.extra_std
+        return len(size) == 0 or bool((size > _SIGNIFICANT * std).any())
 
     @property
     def n_parameters(self) -> int:

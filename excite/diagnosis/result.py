@@ -11,6 +11,8 @@ from excite.diagnosis.gap import Gap, Where
 
 SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
+# Up to so many times the noise floor a model is said to reach it.
+_AT_FLOOR = 1.3
 
 
 @dataclass(frozen=True)
@@ -166,8 +168,13 @@ class Diagnosis:
         """The one sentence that a person would repeat to a colleague."""
         gap = f"{100 * self.gap.before:.1f} % of the signal"
         closes = f"adding it closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
-        if self.verdict == "none":
+        if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
             return f"{self.robot}: the model explains the record to its noise floor ({gap})."
+        if self.verdict == "none":
+            floor = f"{100 * self.gap.noise_floor:.1f} %"
+            return (
+                f"{self.robot}: the model leaves {gap}, the noise {floor}; no effect stands out in between."
+            )
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
             there = [item for item in self.where if item.channel == place] or list(self.where)

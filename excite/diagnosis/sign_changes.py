@@ -48,7 +48,7 @@ def signs_again(baseline: Baseline) -> Baseline:
     """The sign changes searched anew: an effect that was missing may have bent them."""
     if "coulomb_friction" not in own_names(baseline.modelled):
         return baseline
-    return _chosen(_with_lead(baseline), keep=True)
+    return _refined(_chosen(_with_lead(baseline), keep=True))
 
 
 def _chosen(baseline: Baseline, *, keep: bool) -> Baseline:

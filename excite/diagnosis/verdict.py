@@ -14,6 +14,8 @@ from excite.robot.robot import Array
 
 # Rivals within so many nats, or so small a share of the evidence, are not told apart.
 _TIE_NATS, _TIE_SHARE = 10.0, 0.015
+# The same share where one effect's richer form runs into the other effect.
+_KIN_SHARE = 0.25
 # Share of what the best removes at its place that a rival has to remove there.
 _SAME = 0.6
 # An effect that leaves half of the amplitude at its own place, well above the noise, is not what is there.
@@ -29,6 +31,8 @@ _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
 _MATTERS, _FAR = 0.02, 8.0
 # The same against the white floor alone, for gaps that do not repeat.
 _WILD, _WILD_SHARE = 10.0, 0.1
+# A joint whose own repeats differ by so many times its noise has something that does not repeat.
+_UNREPEATED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +159,14 @@ def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, .
     likely = (ratio > _STRUCTURED) & (nats > _STRUCTURED_NATS)
     # What is different in every trial raises the floor of repeated ones; the white floor does not know it.
     wild = (power > _WILD * spectral**2) & (np.sqrt(power) > _WILD_SHARE * attribution.scale)
-    found = np.flatnonzero((likely & matters) | wild)
-    return tuple(samples.joints[j] for j in sorted(found, key=lambda j: -ratio[j]))
+    # Nor does its repeat, where only this joint has it.
+    differs = attribution.floor / spectral
+    alone = (differs > _UNREPEATED * np.maximum(np.median(differs), 1.0)) & (power > _WILD * spectral**2)
+    found = np.flatnonzero(
+        (likely & matters) | wild | (alone & (np.sqrt(power) > _MATTERS * attribution.scale))
+    )
+    stands = power / np.minimum(floor, spectral**2)
+    return tuple(samples.joints[j] for j in sorted(found, key=lambda j: -stands[j]))
 
 
 def nats_behind(best: Scored, other: Scored) -> float:
@@ -176,7 +186,10 @@ def tie(evidence: float) -> float:
 
 
 def _close(best: Scored, other: Scored) -> bool:
-    return same_gap(best, other) and nats_behind(best, other) < tie(best.evidence)
+    kin = other.name in {effect.name for effect in best.hypothesis.effect.kin}
+    # How a contact comes on is nobody's law: the form that was tried may be off by more than the rivals are.
+    least = _KIN_SHARE * best.evidence if kin else tie(best.evidence)
+    return same_gap(best, other) and nats_behind(best, other) < least
 
 
 def probabilities(

@@ -214,6 +214,7 @@ def _on(
     baseline: Baseline, samples: ArmSamples, added: Array | float = 0.0, drive: Array | float = 0.0
 ) -> Baseline:
     """The baseline with its predictions on other samples."""
+    samples = replace(samples, lead=baseline.samples.lead)
     q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
     rigid = inverse_dynamics(samples.robot.model, q, v, a, baseline.phi)[:, list(samples.index)] + added
     names = own_names(baseline.modelled)

@@ -103,3 +103,30 @@ def test_a_hardening_spring_under_a_constant_load_starts_where_it_stays():
     starts[0] = True
     x = deflect(np.full(n, load), np.full(n, 0.5), starts, 0.005, stiffness, 1.0, 0.0, cubic)[0]
     np.testing.assert_allclose(stiffness * x * (1.0 + cubic * x**2), -load, rtol=1e-6)
+
+
+def test_deviations_are_those_by_which_trials_disagree():
+    """Where the same model is off by more or less in every trial, white noise's deviations are far too small."""
+    rng = np.random.default_rng(8)
+    n_trials, length = 6, 200
+    trial = np.repeat(np.arange(n_trials), length)
+    column = rng.standard_normal(n_trials * length)
+    found, told, white = [], [], []
+    for _ in range(150):
+        differs = 0.1 * rng.standard_normal(n_trials)[trial]
+        y = (2.0 + differs) * column + 0.05 * rng.standard_normal(len(column))
+        equations = Equations(
+            np.zeros((1, len(y), 0)),
+            (np.ones((len(y), 1)),),
+            y[None],
+            np.ones(len(y), dtype=np.bool_),
+            trial,
+            np.array([1e-6]),
+        )
+        solver = Solver(equations)
+        fit = solver.fit(column[None, :, None])
+        found.append(fit.extra[0])
+        told.append(solver.std_between_trials(fit)[0])
+        white.append(fit.extra_std[0])
+    assert np.sqrt(np.mean(np.square(told))) == pytest.approx(np.std(found), rel=0.25)
+    assert np.mean(white) < 0.2 * np.std(found)

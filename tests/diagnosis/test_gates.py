@@ -14,9 +14,17 @@ from excite.diagnosis.gates import Gates
 JOINTS = ("a", "b", "c")
 
 
-def scored(name: str, joint: str, *, moves: bool = False, timing: bool = False, **numbers: float) -> Scored:
+def scored(
+    name: str,
+    joint: str,
+    *,
+    moves: bool = False,
+    timing: bool = False,
+    smooths: bool = False,
+    **numbers: float,
+) -> Scored:
     """A hypothesis with plain merits, those in ``numbers`` instead where given."""
-    effect = SimpleNamespace(name=name, moves=moves, timing=timing)
+    effect = SimpleNamespace(name=name, moves=moves, timing=timing, smooths=smooths)
     place = JOINTS.index(joint)
     closed = np.full(3, 0.05)
     closed[place] = numbers.pop("closed", 0.8)
@@ -31,7 +39,7 @@ def scored(name: str, joint: str, *, moves: bool = False, timing: bool = False, 
         "left": 0,
     }
     return Scored(
-        hypothesis=SimpleNamespace(effect=effect, location=joint, physical=True),
+        hypothesis=SimpleNamespace(effect=effect, location=joint, physical=True, significant=True),
         place=place,
         closed=closed,
         power=np.ones((3, 2)),
@@ -97,3 +105,23 @@ def test_what_one_joint_has_another_may_have_as_well():
     assert named(elbow, shoulder)
     assert not named(elbow, scored("stribeck", "a", strength=0.02))
     assert not named(replace(elbow, closed=np.full(3, 0.3)), shoulder)
+
+
+def test_what_smooths_is_not_named_for_a_gap_that_hardly_stands():
+    """Noise of the encoders is in the model's torque: a small delay or a soft gear takes it out, evidence or not."""
+    assert named(scored("payload", "a", moves=True, stands=1.7, closed=0.5))
+    assert not named(scored("joint_elasticity", "a", moves=True, smooths=True, stands=1.7, closed=0.5))
+    assert named(scored("joint_elasticity", "a", moves=True, smooths=True, stands=3.0, closed=0.5))
+
+
+def test_a_little_of_what_does_not_repeat_is_no_effect():
+    """A repeat that differs as much as the gap makes a floor that any column seems to reach."""
+    assert not named(scored("torque_bias", "a", stands=1.0, closed=2.4, of_noise=0.1))
+    assert named(scored("friction_drift", "a", stands=1.0, closed=2.4, of_noise=0.8))
+
+
+def test_a_further_effect_closes_its_own_place():
+    spring = scored("joint_spring", "a", strength=0.3)
+    assert not named(
+        scored("stribeck", "b", closed=0.28, evidence=140.0, validation=55.0, stands=2.4), spring
+    )

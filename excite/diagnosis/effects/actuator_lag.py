@@ -22,6 +22,7 @@ class ActuatorLag(Effect):
     separating_motion = "a chirp to 5 … 15 Hz"
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
+    smooths = True
 
     @property
     def richer(self) -> tuple[Effect, ...]:

@@ -22,10 +22,11 @@ class Backlash(Effect):
     separating_motion = "torque crossing zero at constant speed"
     mujoco = "a second joint with limited range behind the motor's"
     moves = True
+    smooths = True
 
     @property
     def richer(self) -> tuple[Effect, ...]:
-        return (DampedBacklash(),)
+        return (DampedBacklash(), SoftBacklash())
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
@@ -50,7 +51,27 @@ class DampedBacklash(Backlash):
         return _between_contacts(context, location, *theta)
 
 
-def _between_contacts(context: Context, location: str, width: float, hertz: float, ratio: float) -> Shape:
+class SoftBacklash(Backlash):
+    """Contacts that come on over a width instead of at once; in the middle they add up to a little stiffness."""
+
+    searched = (*Backlash.searched, Parameter("softness", "rad", 2e-4, 0.02))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        # Where contacts are soft, play that was found with hard ones is too narrow.
+        return [(w, theta[1], 0.15 * w) for w in (theta[0], 3.0 * theta[0], 0.03)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        return _between_contacts(context, location, theta[0], theta[1], 1.0, theta[2])
+
+
+def _between_contacts(
+    context: Context, location: str, width: float, hertz: float, ratio: float, soft: float = 0.0
+) -> Shape:
     j = context.row(location)
     inertia = float(link_inertia(context, j).mean())
-    return Shape(offset=response(context, j, inertia * (2.0 * np.pi * hertz) ** 2, ratio, 0.5 * width))
+    stiffness = inertia * (2.0 * np.pi * hertz) ** 2
+    return Shape(offset=response(context, j, stiffness, ratio, 0.5 * width, 0.0, soft))

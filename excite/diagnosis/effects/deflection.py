@@ -12,12 +12,15 @@ from excite.robot.robot import Array
 
 
 @LazyKernel
-def deflect(load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0):  # pragma: no cover - compiled
+def deflect(
+    load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0, soft=0.0
+):  # pragma: no cover - compiled
     """Integrate ``M δ̈ = −τ − k(δ) − D δ̇`` with a dead band of ±gap, semi-implicitly.
 
     load, inertia: ``(n,)`` torque that the link needs and its inertia; ``starts`` marks the first sample of
     each trial, the first of all among them, where the deflection is the static one. The spring is
-    ``k x (1 + cubic x²)``; in the dead band there is neither spring nor damper.
+    ``k x (1 + cubic x²)``; in the dead band there is neither spring nor damper. With ``soft`` each flank of the band
+    is ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s.
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
     n = len(load)
@@ -29,13 +32,7 @@ def deflect(load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0):  # p
     now, then, m = np.empty(count), np.empty(count), np.empty(count)
     for k in range(count):
         now[k], longest = load[first[k]], max(longest, lengths[k])
-        x[k] = -now[k] / stiffness
-        # Newton's method for k x (1 + cubic x²) = −τ; from the softest spring's side it comes down.
-        for _ in range(30):
-            x[k] -= (x[k] * (1.0 + cubic * x[k] * x[k]) + now[k] / stiffness) / (
-                1.0 + 3.0 * cubic * x[k] * x[k]
-            )
-        x[k] = x[k] + gap if x[k] > 0.0 else x[k] - gap
+        x[k] = _settled(-now[k] / stiffness, gap, cubic)
     h = dt / 4
     for i in range(longest):
         for k in range(count):
@@ -49,11 +46,16 @@ def deflect(load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0):  # p
             share = (part + 0.5) / 4
             for k in range(count):
                 tau = now[k] * (1.0 - share) + then[k] * share
-                beyond = x[k] - gap if x[k] > gap else (x[k] + gap if x[k] < -gap else 0.0)
-                kk = stiffness * (1.0 + cubic * beyond * beyond) if beyond != 0.0 else 0.0
-                dd = damping if beyond != 0.0 else 0.0
+                if soft > 0.0:
+                    held, share_held = _flanks(x[k], gap, soft)
+                    kk, dd = stiffness * share_held, damping * share_held
+                    force = -tau - stiffness * held - kk * h * s[k] - dd * s[k]
+                else:
+                    beyond = x[k] - gap if x[k] > gap else (x[k] + gap if x[k] < -gap else 0.0)
+                    kk = stiffness * (1.0 + cubic * beyond * beyond) if beyond != 0.0 else 0.0
+                    dd = damping if beyond != 0.0 else 0.0
+                    force = -tau - kk * (beyond + h * s[k]) - dd * s[k]
                 # Implicit in the spring and the damper: stable for any stiffness.
-                force = -tau - kk * (beyond + h * s[k]) - dd * s[k]
                 acc = force / (m[k] + h * dd + h * h * kk)
                 s[k] += h * acc
                 x[k] += h * s[k]
@@ -62,6 +64,25 @@ def deflect(load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0):  # p
             if i < lengths[k]:
                 out[2, first[k] + i] = mean[k]
     return out
+
+
+@LazyKernel
+def _settled(stretch, gap, cubic):  # pragma: no cover - compiled
+    """Deflection under a constant load, of which a linear spring would take ``stretch``."""
+    x = stretch
+    # Newton's method for x (1 + cubic x²) = stretch; from the softest spring's side it comes down.
+    for _ in range(30):
+        x -= (x * (1.0 + cubic * x * x) - stretch) / (1.0 + 3.0 * cubic * x * x)
+    return x + gap if x > 0.0 else x - gap
+
+
+@LazyKernel
+def _flanks(x, gap, soft):  # pragma: no cover - compiled
+    """Torque per stiffness of two soft contacts at ±gap, and its slope, 0…1."""
+    up, down = (x - gap) / soft, (-x - gap) / soft
+    held = soft * (math.log1p(math.exp(-abs(up))) + max(up, 0.0))
+    held -= soft * (math.log1p(math.exp(-abs(down))) + max(down, 0.0))
+    return held, 1.0 / (1.0 + math.exp(-up)) + 1.0 / (1.0 + math.exp(-down))
 
 
 @LazyKernel
@@ -89,7 +110,13 @@ def link_inertia(context: Context, j: int) -> Array:
 
 
 def response(
-    context: Context, j: int, stiffness: float, ratio: float, gap: float, cubic: float = 0.0
+    context: Context,
+    j: int,
+    stiffness: float,
+    ratio: float,
+    gap: float,
+    cubic: float = 0.0,
+    soft: float = 0.0,
 ) -> dict[int, Array]:
     """Torques in all rows that a deflection of joint j adds, by row, ``(n_samples,)``.
 
@@ -103,6 +130,7 @@ def response(
         ratio: damping ratio at the mean inertia.
         gap: half the play [rad].
         cubic: relative growth of the stiffness with the square of the deflection [1/rad²].
+        soft: width over which contact comes on at either side of the play [rad].
     """
     load = context.baseline.rigid[:, j]
     mass = context.gradient(j, "a")
@@ -113,7 +141,7 @@ def response(
     )
     damping = 2.0 * ratio * math.sqrt(stiffness * float(inertia.mean()))
     rate = context.baseline.samples.rate_hz
-    x, s, acc = deflect(load, inertia, starts, 1.0 / rate, stiffness, damping, gap, cubic)
+    x, s, acc = deflect(load, inertia, starts, 1.0 / rate, stiffness, damping, gap, cubic, soft)
     by_q, by_v = context.gradient(j, "q"), context.gradient(j, "v")
     total = by_q * x[:, None] + by_v * s[:, None] + mass * acc[:, None]
     return {k: total[:, k] for k in range(total.shape[1])}

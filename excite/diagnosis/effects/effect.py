@@ -140,6 +140,8 @@ class Effect(ABC):
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
+        smooths: whether it can smooth the model's torque, and the encoders' noise in it, which is no evidence of it
+            where little else is.
     """
 
     name: ClassVar[str]
@@ -151,10 +153,16 @@ class Effect(ABC):
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False
     timing: ClassVar[bool] = False
+    smooths: ClassVar[bool] = False
 
     @property
     def richer(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect has been named."""
+        return ()
+
+    @property
+    def kin(self) -> tuple[Effect, ...]:
+        """Effects that richer forms of this one run into: the same torque within a record, by another name."""
         return ()
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from excite.diagnosis.effects.backlash import Backlash
 from excite.diagnosis.effects.deflection import link_inertia, response
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 
@@ -20,6 +21,7 @@ class JointElasticity(Effect):
     separating_motion = "a chirp of that joint around the resonance"
     mujoco = "a second joint with stiffness and damping behind the motor's"
     moves = True
+    smooths = True
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -36,9 +38,13 @@ class JointElasticity(Effect):
 
 
 class HardeningElasticity(JointElasticity):
-    """A gear that grows stiffer: ``k δ (1 + (δ/δ₀)²)``, as harmonic drives do."""
+    """A gear that grows stiffer: ``k δ (1 + (δ/δ₀)²)``, as harmonic drives do; where it is nearly slack, like play."""
 
     searched = (*JointElasticity.searched, Parameter("hardening_at", "rad", 1e-4, 1.0))
+
+    @property
+    def kin(self) -> tuple[Effect, ...]:
+        return (Backlash(),)
 
     @property
     def richer(self) -> tuple[Effect, ...]:

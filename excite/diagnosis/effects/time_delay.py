@@ -9,6 +9,8 @@ from excite.robot.robot import Array
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4
+# A little of a much longer delay is no delay: it smooths the model's torque, and the encoders' noise in it.
+_ALIKE = 1.7
 
 
 class TimeDelay(Effect):
@@ -24,6 +26,7 @@ class TimeDelay(Effect):
     separating_motion = "a chirp to some hertz"
     mujoco = "actuator delay (a ring buffer in the control callback)"
     timing = True
+    smooths = True
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return ("torque",)
@@ -44,4 +47,5 @@ class TimeDelay(Effect):
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         least = _SAMPLE / context.baseline.samples.rate_hz
-        return beta[0] >= least and super().admissible(context, location, theta, beta)
+        same = theta[0] / _ALIKE <= beta[0] <= theta[0] * _ALIKE
+        return same and beta[0] >= least and super().admissible(context, location, theta, beta)
