@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.baseline import fit_baseline
-from excite.diagnosis.command_only.cycle import cycle_time, later
+from excite.diagnosis.command_only.cycle import Cycle, acting, later, servo_cycle
 from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.levels import trial_levels
 from excite.diagnosis.command_only.noise import servo_floor
@@ -17,6 +17,7 @@ from excite.diagnosis.command_only.servo import Servo, read_signals
 from excite.diagnosis.command_only.stated import stated_servo
 from excite.diagnosis.command_only.tracking import tracking
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import arm_samples
 from excite.errors import LogError
@@ -193,11 +194,32 @@ def test_the_servos_cycle_is_found_where_it_is_one(gap_dir: Path):
 
     def found(early: float) -> float:
         moved = [replace(t, tau=later(t.time, t.tau, -early)) for t in trials]
-        return cycle_time(arm_samples(robot, log, moved), log.header.modelled)
+        return servo_cycle(arm_samples(robot, log, moved), log.header.modelled, np.ones(7)).lag
 
     assert found(0.002) == pytest.approx(0.002, abs=5e-4)
     assert found(0.008) == pytest.approx(0.008, abs=1e-3)
     assert found(0.03) == 0.0
+
+
+def test_a_velocity_that_is_newer_than_the_logs_is_no_rotor(gap_dir: Path):
+    """Rotors of which every one but one is damping times half a millisecond."""
+    log = load_log(gap_dir / "arm" / "case_012")
+    robot = nominal_robot(log)
+    samples = arm_samples(robot, log, log.trials[:3])
+    fitted = fit_baseline(samples, log.header.modelled, spectral_floor(samples), leads=False)
+    rotors = np.array([own[own_names(log.header.modelled).index("armature")] for own in fitted.fit.own])
+    bare = tuple(name for name in log.header.modelled if name != "armature")
+    kd = rotors / 5e-4
+    kd[2] *= 0.1
+    assert servo_cycle(samples, bare, kd).newer == pytest.approx(5e-4, rel=0.01)
+    # Where rotors are modelled they take it up; what is longer than a cycle is a rotor.
+    assert servo_cycle(samples, log.header.modelled, kd).newer == 0.0
+    assert servo_cycle(samples, bare, 0.1 * kd).newer == 0.0
+    trial = log.trials[0]
+    signals = read_signals(robot, log, trial)
+    servo = Servo(np.full(7, 100.0), kd, "none", True)
+    less = signals.torque(servo) - acting(signals, servo, Cycle(0.0, 5e-4))
+    assert less == pytest.approx(5e-4 * kd * signals.measured.second)
 
 
 def test_one_gain_may_stand_for_all_joints():

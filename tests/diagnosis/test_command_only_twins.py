@@ -29,6 +29,8 @@ def named(effect: str) -> Diagnosis:
     [
         ("armature", True, {"armature", "torque_gain"}),
         ("armature", False, set()),
+        ("viscous_friction", True, {"viscous_friction", "torque_gain"}),
+        ("viscous_friction", False, set()),
         ("actuator_lag", False, {"actuator_lag", "time_delay"}),
         ("stribeck", True, set()),
     ],

@@ -16,6 +16,8 @@ from excite.robot.robot import Array
 _CONFIRMS = 0.95
 # What looks alike where only commands and positions are known.
 _ALIKE = {"actuator_lag": "time_delay"}
+# What a gain that was estimated wrongly looks like.
+_OF_A_GAIN = ("armature", "viscous_friction")
 
 
 def confirmed(gap: Gap, said: Witness | None = None) -> bool:
@@ -64,7 +66,8 @@ def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diag
 
     Args:
         result: the diagnosis.
-        estimated: whether gains were estimated: inertia that a joint lacks, or has too much, is a wrong gain then.
+        estimated: whether gains were estimated: inertia and braking that a joint lacks, or has too
+            much, are a wrong gain then.
         lags: whether a lag is clearly no delay.
     """
     first = result.effects[0]
@@ -73,7 +76,7 @@ def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diag
         twins.append(replace(first, effect=_ALIKE[first.effect]))
     if first.effect == "torque_gain" and estimated:
         twins.append(replace(first, effect="payload", location=first.location))
-    if first.effect == "armature" and estimated:
+    if first.effect in _OF_A_GAIN and estimated:
         twins.append(replace(first, effect="torque_gain"))
     if not twins:
         return result

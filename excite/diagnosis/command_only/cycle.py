@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.command_only.servo import Servo, Signals
+from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.effects.actuator_lag import ActuatorLag
 from excite.diagnosis.effects.effect import Context, Shape
 from excite.diagnosis.hypotheses import at_rows
@@ -14,33 +18,66 @@ from excite.robot.robot import Array
 
 # Samples from a position's reading to the torque that answers it: computed in one cycle, held for the next.
 LONGEST_SAMPLES = 2.0
+# A cycle of a slow servo [s].
+_NEWEST_S = 2e-3
 
 
-def cycle_time(samples: ArmSamples, modelled: tuple[str, ...]) -> float:
-    """Lag between the torque that commands and positions speak for and the one that acts [s].
+@dataclass(frozen=True)
+class Cycle:
+    """When a servo's torque acts.
+
+    Attributes:
+        lag: between the torque that commands and positions speak for and the one that acts [s].
+        newer: how much newer than the log's the velocity is that its damping acts on [s]; negative where it is older.
+    """
+
+    lag: float
+    newer: float = 0.0
+
+
+def servo_cycle(samples: ArmSamples, modelled: tuple[str, ...], kd: Array) -> Cycle:
+    """When the servo's torques act.
 
     A digital servo reads its encoders, computes for a cycle and holds its torque for another one (Franklin,
     Powell, Workman 1998, chapter 4), and a filter of the logged positions adds its own delay: without a torque
     channel none of this can be told from a lag of the drive. Each joint's lag is fitted beside the baseline; the
     median over the joints hardly heeds one joint that has something else.
 
+    Damping by a velocity that is newer or older than the log's by T is ``kd T`` of inertia more or less. Where no
+    rotors are modelled, which would take it up, the same median of what rotors would have over kd tells T.
+
     Args:
         samples: trials with the torques that were asked for.
         modelled: what the baseline has.
+        kd: ``(n_joints,)`` damping by joint of the samples [N·m·s/rad].
 
     Returns:
-        The lag, 0 where it is none or longer than ``LONGEST_SAMPLES``: that is more than a cycle.
+        The cycle; a lag is 0 where it is none or longer than ``LONGEST_SAMPLES``, T where it is longer than
+        ``_NEWEST_S``: that is more than a cycle.
     """
-    baseline = fit_baseline(samples, modelled, spectral_floor(samples), leads=False)
+    own = own_names((*modelled, "armature"))
+    baseline = fit_baseline(samples, (*modelled, "armature"), spectral_floor(samples), leads=False)
     context = Context(baseline)
     common = ActuatorLag().shape(context, "torque", ()).columns
     n = len(samples.joints)
     apart = Shape({j: column * np.eye(n)[j] for j, column in common.items()})
     lags = baseline.solver.fit(at_rows(context, apart).extra).extra
-    lag = float(np.median(lags))
-    return lag if 0.0 < lag <= LONGEST_SAMPLES / samples.rate_hz else 0.0
+    lag, newer = float(np.median(lags)), 0.0
+    if "armature" not in modelled and (kd > 0.0).all():
+        rotors = np.array([values[own.index("armature")] for values in baseline.fit.own])
+        newer = float(np.median(rotors / kd))
+    return Cycle(
+        lag if 0.0 < lag <= LONGEST_SAMPLES / samples.rate_hz else 0.0,
+        newer if abs(newer) <= _NEWEST_S else 0.0,
+    )
 
 
 def later(time: Array, torque: Array, lag: float) -> Array:
     """Torques ``(n, n_joints)`` as they act, later by a lag [s]."""
     return np.column_stack([np.interp(time - lag, time, column) for column in torque.T])
+
+
+def acting(signals: Signals, servo: Servo, cycle: Cycle) -> Array:
+    """Torques of one trial as they act, ``(n, n_joints)`` in the log's order [N·m]."""
+    asked = signals.torque(servo) - cycle.newer * servo.kd * signals.measured.second
+    return later(signals.time, asked, cycle.lag)

@@ -10,7 +10,7 @@ import numpy as np
 from excite.diagnosis.arm import diagnose_arm, diagnose_torques
 from excite.diagnosis.command_only.closed_loop import ClosedLoop
 from excite.diagnosis.command_only.confirmation import confirmed, position_gap, with_twin
-from excite.diagnosis.command_only.cycle import cycle_time, later
+from excite.diagnosis.command_only.cycle import acting, servo_cycle
 from excite.diagnosis.command_only.encoders import servo_effects
 from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.levels import error_integral, trial_levels
@@ -61,9 +61,12 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     if servo.ki is not None and servo.ki.any():
         signals = _wound(robot, log, trials, signals, servo, servo.ki, modelled)
     asked = tuple(replace(t, tau=signals[t.name].torque(servo)) for t in trials)
-    cycle = cycle_time(arm_samples(robot, log, asked), modelled)
-    asked = tuple(replace(t, tau=later(t.time, signals[t.name].torque(servo), cycle)) for t in trials)
-    closed = ClosedLoop(servo, signals, out, order=log.header.joints, cycle_s=cycle)
+    samples = arm_samples(robot, log, asked)
+    cycle = servo_cycle(
+        samples, modelled, servo.kd[[log.header.joints.index(name) for name in samples.joints]]
+    )
+    asked = tuple(replace(t, tau=acting(signals[t.name], servo, cycle)) for t in trials)
+    closed = ClosedLoop(servo, signals, out, order=log.header.joints, cycle_s=cycle.lag)
     chart = Chart(asked, chart.faults, chart.warnings)
 
     def floor_of(samples: ArmSamples) -> Array:
