@@ -76,9 +76,8 @@ def replace_columns(hypothesis: SimpleNamespace, extra: np.ndarray | None) -> Si
     return SimpleNamespace(**(vars(hypothesis) | {"columns": SimpleNamespace(extra=extra)}))
 
 
-@pytest.mark.parametrize(("sizes", "left"), [((0.5, 0.5, 0.5), 3), ((0.5, 0.01, 0.5), 1), ((0.01, 0.5), 2)])
-def test_further_effects_end_where_rebuilt_torques_do(sizes: tuple[float, ...], left: int) -> None:
-    """The first is judged by itself, later."""
+@pytest.mark.parametrize(("sizes", "left"), [((0.5, 0.5, 0.5), 3), ((0.5, 0.01, 0.5), 1), ((0.01, 0.5), 0)])
+def test_effects_end_where_rebuilt_torques_do(sizes: tuple[float, ...], left: int) -> None:
     rng = np.random.default_rng(0)
     tau = rng.standard_normal((500, 1))
     samples = SimpleNamespace(trials=[SimpleNamespace(tau=tau)], rows=np.concatenate)
@@ -90,6 +89,7 @@ def test_further_effects_end_where_rebuilt_torques_do(sizes: tuple[float, ...], 
         item = SimpleNamespace(hypothesis=SimpleNamespace(baseline=base, columns=columns, fit=fit))
         stages.append(Stage(SimpleNamespace(baseline=base), (), item))
     last = SimpleNamespace(fit="fit of all")
-    kept = without_faint(Attribution(tuple(stages), None, last.fit, last, np.ones(1), np.ones(1)))
+    first = stages[0].context.baseline
+    kept = without_faint(Attribution(tuple(stages), first.fit, last.fit, last, np.ones(1), np.ones(1)), first)
     assert len(kept.accepted) == left
     assert kept.after == kept.final.fit == ("fit of all" if left == len(sizes) else f"fit before {left}")

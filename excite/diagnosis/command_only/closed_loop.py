@@ -20,6 +20,7 @@ from excite.diagnosis.result import Rollout
 from excite.diagnosis.rollout_compare import MODEL, compared
 from excite.diagnosis.rollout_drives import Drive, PositionServo
 from excite.diagnosis.rollout_windows import Plan
+from excite.diagnosis.verdict import structured_joints
 from excite.errors import InputError
 from excite.robot.robot import Array
 
@@ -44,6 +45,7 @@ class ClosedLoop:
         tracking: steady errors of the servo.
         kept: how many of the accepted effects bring the roll-outs nearer.
         strength: RMS of the first effect's torque over all torque's deviation, at the joint where it is most.
+        structured: joints with a gap that effects strong enough leave.
         lags: whether the first effect is a lag and clearly no delay.
         witness: what roll-outs say of the accepted effects; None where there are none.
     """
@@ -56,7 +58,7 @@ class ClosedLoop:
     floor: Array | None = None
 
     def __call__(self, attribution: Attribution, baseline: Baseline) -> Rollout:
-        """Make the roll-outs, with no further effect that rebuilt torques are not exact enough for."""
+        """Make the roll-outs, with no effect that rebuilt torques are not exact enough for."""
         samples = baseline.samples
         order = [self.order.index(joint) for joint in samples.joints]
         self.tracking = tracking(attribution.final, self.servo, self.signals, order)
@@ -64,8 +66,9 @@ class ClosedLoop:
         inside = np.concatenate([np.full(len(t.time), t.identification) for t in samples.trials])
         self.deviation = np.maximum(q[inside].std(axis=0), 1e-9)
         self.floor = _position_floor(baseline)
-        attribution = without_faint(attribution)
         self.strength = max((effect_strength(item) for item in attribution.accepted[:1]), default=np.inf)
+        attribution = without_faint(attribution, baseline)
+        self.structured = structured_joints(attribution, baseline.solver.equations.floor)
         self.lags = clearly_lags(attribution)
         drives: dict[str, Drive] = {t.name: self._drive(samples.joints, t.name) for t in samples.trials}
         shortest = min(float(t.time[-1]) for t in samples.trials)
@@ -109,6 +112,7 @@ class ClosedLoop:
     strength: float = np.inf
     witness: Witness | None = None
     lags: bool = False
+    structured: tuple[str, ...] = ()
 
 
 def _position_floor(baseline: Baseline) -> Array:

@@ -168,9 +168,12 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
             else "closed-loop roll-outs do not confirm it"
         )
         warnings.append(f"the servo's torques speak for {named}, {but}")
+        # What is no gap without an effect so faint is none with it.
+        silent = faint and not closed.structured
         result = replace(
             result,
-            verdict="unknown",
+            verdict="none" if silent else "unknown",
+            location=None if silent else result.location,
             effect=None,
             effects=(),
             tied_locations=(),

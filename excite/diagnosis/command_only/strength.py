@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.verdict import withdrawn
 
 # How exact torques are that are rebuilt from commands and positions: cycles, held commands, encoders' filters.
 EXACT = 0.015
@@ -21,14 +23,17 @@ def effect_strength(item: Scored) -> float:
     return float((made / samples.rows([t.tau for t in samples.trials]).std(axis=0)).max())
 
 
-def without_faint(attribution: Attribution) -> Attribution:
-    """The attribution up to the first further effect that rebuilt torques are not exact enough for.
+def without_faint(attribution: Attribution, baseline: Baseline) -> Attribution:
+    """The attribution up to the first effect that rebuilt torques are not exact enough for.
 
     Args:
         attribution: all its steps.
+        baseline: the baseline that they began with.
     """
-    for k, item in enumerate(attribution.accepted[1:], start=1):
+    for k, item in enumerate(attribution.accepted):
         if effect_strength(item) < EXACT:
+            if k == 0:
+                return withdrawn(attribution, baseline)
             stages = (*attribution.stages[:k], replace(attribution.stages[k], accepted=None))
             final = attribution.stages[k].context.baseline
             return replace(attribution, stages=stages, after=final.fit, final=final)
