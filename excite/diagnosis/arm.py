@@ -67,7 +67,7 @@ def diagnose_torques(
     simulate: Callable[[Attribution, Baseline], Rollout | None],
     out: Path | None = None,
     floor_of: Callable[[ArmSamples], Array] = spectral_floor,
-    effects_tried: tuple[Effect, ...] = tuple(EFFECTS.values()),
+    effects_tried: tuple[Effect, ...] | None = None,
 ) -> Diagnosis:
     """Diagnose repaired trials that have torques, measured or reconstructed.
 
@@ -80,7 +80,7 @@ def diagnose_torques(
         simulate: makes the roll-outs from the attribution and the baseline before it.
         out: folder for the motion of the next experiment; none is planned without it.
         floor_of: noise of the torques in the rows' band, ``(n_joints,)`` [N·m].
-        effects_tried: the library of effects.
+        effects_tried: the library of effects; all of them where it is None.
 
     Returns:
         The diagnosis.
@@ -95,7 +95,8 @@ def diagnose_torques(
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     judged = noise * baseline.strict
     spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
-    attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=effects_tried).run()
+    library = tuple(EFFECTS.values()) if effects_tried is None else effects_tried
+    attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=library).run()
     judgement = judge(attribution, spectral)
     impossible = [item for item in attribution.accepted[:1] if not item.hypothesis.physical]
     if judgement.verdict == "unknown" and attribution.accepted:

@@ -46,7 +46,7 @@ class Attributor:
     spectral: Array
     unrepeated: Array | float = 0.0
     gates: Gates = field(default_factory=Gates)
-    effects: tuple[Effect, ...] = tuple(EFFECTS.values())
+    effects: tuple[Effect, ...] = field(default_factory=lambda: tuple(EFFECTS.values()))
     _kept: dict = field(default_factory=dict)
 
     def run(self) -> Attribution:

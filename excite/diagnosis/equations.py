@@ -227,8 +227,8 @@ class Solver:
             rest = fit.residual[j][e.use] / fit.sigma[j]
             normal += rows.T @ rows
             gradients += [rest[e.trial[e.use] == k] @ rows[e.trial[e.use] == k] for k in trials]
-        normal[n:, n:] += 1e-9 * np.trace(normal[n:, n:]) * np.eye(m)
-        moved = np.linalg.solve(normal, gradients.T)[n:]
+        # Columns that a short record cannot tell apart, or does not show, have no deviation of their own.
+        moved = (np.linalg.pinv(normal, rcond=1e-10, hermitian=True) @ gradients.T)[n:]
         between = np.sqrt((moved**2).sum(axis=1) * len(trials) / (len(trials) - 1)) / scale
         return np.maximum(between, fit.extra_std)
 

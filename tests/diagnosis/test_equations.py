@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -130,3 +132,11 @@ def test_deviations_are_those_by_which_trials_disagree():
         white.append(fit.extra_std[0])
     assert np.sqrt(np.mean(np.square(told))) == pytest.approx(np.std(found), rel=0.25)
     assert np.mean(white) < 0.2 * np.std(found)
+
+
+def test_a_column_that_the_record_does_not_show_has_a_deviation_all_the_same():
+    equations, extra, _ = _equations(np.random.default_rng(3))
+    equations = replace(equations, trial=np.repeat(np.arange(6), 100))
+    solver = Solver(equations)
+    fit = solver.fit(np.concatenate([extra, np.zeros_like(extra), extra], axis=2))
+    assert (solver.std_between_trials(fit) >= fit.extra_std).all()

@@ -9,6 +9,7 @@ import numpy as np
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
+from excite.diagnosis.units import slides
 from excite.robot.robot import Array
 
 _G = 9.81
@@ -63,8 +64,10 @@ class BaseTilt(Effect):
             if k < len(self.linear):
                 model.gravity.linear = axis
                 columns[:, :, k] = context.torques(q, still, still, model)
-        first = context.q[:, 0]
-        columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
+        # A slide has no first moments.
+        if not slides(samples.robot, context.joints[0]):
+            first = context.q[:, 0]
+            columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
         return Shape({j: columns[:, j] for j in range(len(context.joints))})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
