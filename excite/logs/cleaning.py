@@ -6,15 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.errors import LogError
+from excite.logs.clipping import clipped_samples
 from excite.logs.log import Cleaning
+from excite.logs.missing import missing_rows
+from excite.logs.resolution import channel_noise, coarse_step
 from excite.robot.robot import Array
 
 _MAX_REORDERED = 0.01
-_GAP = 1.5
-_CLIP_RUN, _CLIP_SHARE = 5, 0.005
-_COARSE_LEVELS = 200
+# A quantised position that moves changes within so many rows.
+_AROUND = 8
 # Commands are clipped and stepped on purpose.
 _NOT_MEASURED = {"time", "q_cmd", "tau_cmd"}
 
@@ -64,41 +67,36 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
     cleaned = {name: values[keep] for name, values in columns.items()}
     step = np.diff(cleaned["time"])
     median = float(np.median(step))
-    gaps = step > _GAP * median
+    missing = missing_rows(cleaned["time"])
     measured = {name: values for name, values in cleaned.items() if name.split(".")[0] not in _NOT_MEASURED}
+    sizes = channel_noise(cleaned["time"], np.column_stack(list(measured.values()))).tolist()
+    noise = dict(zip(measured, sizes, strict=True))
+    quantised = {
+        name: size for name, values in measured.items() if (size := coarse_step(values, noise[name]))
+    }
+    moving = _in_motion([values for name, values in cleaned.items() if name.startswith("q.")], len(keep))
+    clipped = {
+        name: count
+        for name, values in measured.items()
+        if (count := clipped_samples(values, quantised.get(name, 0.0), noise[name], moving))
+    }
     report = Cleaning(
         repeated_rows=repeated,
         reordered_rows=reordered,
-        missing_rows=int(np.sum(np.round(step[gaps] / median) - 1)),
+        missing_rows=int(missing.sum()),
         longest_gap_s=float(step.max()),
         rate_hz=1.0 / median,
-        jitter=float(np.std(step[~gaps]) / median),
-        clipped={name: count for name, values in measured.items() if (count := clipped_samples(values))},
-        quantised={name: size for name, values in measured.items() if (size := coarse_step(values))},
+        jitter=float(np.std(step[missing == 0]) / median),
+        clipped=clipped,
+        quantised=quantised,
     )
     return CleanColumns(cleaned, report)
 
 
-def clipped_samples(values: Array) -> int:
-    """Samples that sit at the largest or smallest value of a moving channel in runs of five or more.
-
-    Counts only where they are more than 0.5 % of all; a channel that never moves is not clipped.
-    """
-    spread = values.max() - values.min()
-    if spread == 0.0:
-        return 0
-    count = 0
-    for extreme in (values.max(), values.min()):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], (values == extreme).astype(np.int8), [0]])))
-        runs = edges[1::2] - edges[::2]
-        # A standstill at the end of a motion is no clipping: one run alone at an end of the record.
-        count += int(runs[runs >= _CLIP_RUN].sum()) if np.sum(runs >= _CLIP_RUN) >= 2 else 0
-    return count if count > _CLIP_SHARE * len(values) else 0
-
-
-def coarse_step(values: Array) -> float:
-    """Step of a channel that takes fewer than 200 values over more than 1000 samples; else 0."""
-    levels = np.unique(values)
-    if len(values) < 1000 or not 2 < len(levels) < _COARSE_LEVELS:
-        return 0.0
-    return float(np.min(np.diff(levels)))
+def _in_motion(positions: list[Array], n: int) -> NDArray[np.bool_]:
+    """Rows ``(n,)`` near which any position changes; all where there are no positions."""
+    if not positions:
+        return np.ones(n, dtype=bool)
+    changes = np.any(np.diff(np.column_stack(positions), axis=0) != 0.0, axis=1)
+    around = np.convolve(np.concatenate([[False], changes]), np.ones(2 * _AROUND + 1), mode="same")
+    return around > 0.5

@@ -1,0 +1,87 @@
+"""Rows that a record lacks: steps of its stamps that are whole periods too long."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.robot.robot import Array
+
+# Rows on either side over which stamps are averaged: jitter of single stamps averages out, a hiccup of one does too.
+_WINDOWS = (1, 2, 4, 8)
+# No clock is better than this share of a period for the choice of a window.
+_FINE = 0.1
+_PASSES = 12
+
+
+def missing_rows(time: Array) -> NDArray[np.int64]:
+    """How many rows are missing in each step between stamps.
+
+    Where a row is missing, all later stamps are a period further than their number lets one expect. That change
+    of level is looked for between means over some rows on either side, as many as make it clearest: jitter of
+    single stamps averages out over many rows, a clock that wanders is judged by single steps. A row counts as
+    missing where that is likelier than the spread of the other steps, both taken as normal and the share of gaps
+    as found. What later stamps make up for, as those of packets that waited and came in a burst, is no gap.
+
+    Args:
+        time: ``(n,)`` strictly increasing stamps [s].
+
+    Returns:
+        ``(n - 1,)`` rows missing between a stamp and the next.
+    """
+    step = np.diff(time)
+    period = float(np.median(step))
+    extra = np.zeros(len(step), dtype=np.int64)
+    if np.abs(step - period).max() < 0.5 * period:
+        return extra
+    window = min(_WINDOWS, key=lambda w: max(_spread(_jump(step, w)[0]), _FINE * period))
+    for _ in range(_PASSES):
+        jump, weight = _jump(step - period * extra, window)
+        spread = max(_spread(jump), 1e-9 * period)
+        share = min(0.5, max(1, int(np.abs(extra).sum())) / len(step))
+        limit = period * (0.5 + (spread / period) ** 2 * weight * np.log(1.0 / share - 1.0))
+        size = np.abs(jump)
+        found = np.flatnonzero((size > limit) & (size == _highest(size, window)))
+        # Of jumps that are equally high the first is enough.
+        found = found[np.concatenate([[True], np.diff(found) > window])] if len(found) else found
+        change = np.rint(jump[found] / period).astype(np.int64)
+        if not change.any():
+            break
+        np.add.at(extra, _longest(step - period * extra, found, window // 2), change)
+    behind = np.cumsum(extra)
+    kept = np.minimum.accumulate(behind[::-1])[::-1]
+    return np.diff(np.concatenate([[0], np.maximum(kept, 0)]))
+
+
+def _jump(step: Array, window: int) -> tuple[Array, Array]:
+    """By how much stamps after each step are further than those before it, beyond the usual step [s].
+
+    Also by how much the variance of the means exceeds that of full windows, near the ends.
+    """
+    n = len(step) + 1
+    level = np.concatenate([[0.0], np.cumsum(step - np.median(step))])
+    total = np.concatenate([[0.0], np.cumsum(level)])
+    middle = np.arange(1, n)
+    first, last = np.maximum(middle - window, 0), np.minimum(middle + window, n)
+    before = (total[middle] - total[first]) / (middle - first)
+    after = (total[last] - total[middle]) / (last - middle)
+    jump = after - before
+    weight = (1.0 / (middle - first) + 1.0 / (last - middle)) / (2.0 / window)
+    return jump - np.median(jump), weight
+
+
+def _spread(values: Array) -> float:
+    """Standard deviation by the median absolute deviation: gaps are few."""
+    return 1.4826 * float(np.median(np.abs(values)))
+
+
+def _longest(step: Array, places: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
+    """Where, up to ``reach`` places from each place, the longest step is."""
+    near = np.clip(places[:, None] + np.arange(-reach, reach + 1), 0, len(step) - 1)
+    return near[np.arange(len(places)), np.argmax(step[near], axis=1)]
+
+
+def _highest(values: Array, reach: int) -> Array:
+    """Highest value up to ``reach`` places away on either side."""
+    padded = np.pad(values, reach, constant_values=-np.inf)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1))
