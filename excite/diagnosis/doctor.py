@@ -5,12 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.diagnosis.channels import examine_channels
 from excite.diagnosis.result import LogFault
 from excite.logs.log import Log, Trial
+from excite.logs.missing import missing_rows
+from excite.logs.signals.clock import misfit
 from excite.robot.robot import Array, Robot
+
+# Stamps that jitter by less than this share of a step are good enough.
+_STEADY = 0.02
+# An even clock is believed only where positions are clearly smoother on it: stamps are the truth by contract.
+_CLEARLY = 0.95
+_USUAL = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +48,7 @@ def examine(robot: Robot, log: Log) -> Chart:
     trials, faults = [], []
     for trial in log.trials:
         trial, held = _held_rows(trial)
-        trial, clock = _stamps(trial, log.header.rate_hz)
+        trial, clock = _stamps(trial)
         faults += [fault for fault in (held, clock) if fault is not None]
         faults += _counted(trial)
         trials.append(trial)
@@ -68,35 +75,18 @@ def _held_rows(trial: Trial) -> tuple[Trial, LogFault | None]:
     return trial.rows(keep), fault
 
 
-def _row_numbers(time: Array, step: float) -> NDArray[np.int64]:
-    """Number of each row on an even clock, from stamps that may be late by less than a step, rows missing.
-
-    The clock's phase is the one with the fewest rows that would fall together or leave a gap.
-    """
-    phases = np.linspace(0.0, 1.0, 40, endpoint=False)
-    numbers = [np.floor(time / step - phase).astype(np.int64) for phase in phases]
-    best = numbers[int(np.argmin([np.sum(np.diff(k) != 1) for k in numbers]))]
-    # A row that falls together with the next and leaves a gap behind it was later than a step.
-    step_in, step_out = np.diff(best)[:-1], np.diff(best)[1:]
-    best[1:-1] -= (step_in == 2) & (step_out == 0)
-    return best
-
-
-def _stamps(trial: Trial, rate_hz: float) -> tuple[Trial, LogFault | None]:
-    """Jittered stamps: kept where positions are smoother on them than on an even grid, else evened out."""
+def _stamps(trial: Trial) -> tuple[Trial, LogFault | None]:
+    """Jittered stamps: kept unless positions are clearly smoother on the even clock behind them."""
     step = np.diff(trial.time)
-    median = float(np.median(step))
-    if np.std(step[step < 1.5 * median]) < 0.02 * median:
+    missing = missing_rows(trial.time)
+    jitter = float(np.std(step[missing == 0]) / np.median(step))
+    if jitter < _STEADY:
         return trial, None
-    period = 1.0 / rate_hz if abs(median * rate_hz - 1.0) < 0.1 else median
-    number = _row_numbers(trial.time, period)
-    distinct = np.concatenate([[True], np.diff(number) > 0])
+    number = np.concatenate([[0], np.cumsum(1 + missing)])
     even = np.asarray(np.polyval(np.polyfit(number, trial.time, 1), number), dtype=float)
     moving = trial.q.std(axis=0) > 0.0
-    q = trial.q[distinct][:, moving]
-    honest, late = (_roughness(t[distinct], q) for t in (trial.time, even))
-    jitter = float(np.std(step) / median)
-    if late < honest:
+    honest, late = (_roughness(clock, trial.q[:, moving]) for clock in (trial.time, even))
+    if late < honest + np.log(_CLEARLY):
         fault = LogFault(
             "late_stamps",
             trial.name,
@@ -104,7 +94,7 @@ def _stamps(trial: Trial, rate_hz: float) -> tuple[Trial, LogFault | None]:
             "stamps were taken when packets arrived, not when they were measured",
             repaired=True,
         )
-        return replace(trial, time=even).rows(distinct), fault
+        return replace(trial, time=even), fault
     fault = LogFault(
         "jitter",
         trial.name,
@@ -116,11 +106,14 @@ def _stamps(trial: Trial, rate_hz: float) -> tuple[Trial, LogFault | None]:
 
 
 def _roughness(time: Array, q: Array) -> float:
-    """Median over channels of the spread of third divided differences: noise in time shows there."""
-    values = q
-    for order in (1, 2, 3):
-        values = np.diff(values, axis=0) / ((time[order:] - time[:-order])[:, None] / order)
-    return float(np.median(np.median(np.abs(values), axis=0) / np.maximum(q.std(axis=0), 1e-12)))
+    """Logarithm of the deviation of positions from smooth curves over a clock, mean over channels.
+
+    Errors of the clock show in channels that move fast; those with noise or coarse steps say little of either clock.
+    """
+    squares = misfit(time, q) ** 2
+    # Next to gaps and outliers any clock is rough.
+    squares = np.minimum(squares, np.quantile(squares, _USUAL, axis=0))
+    return float(0.5 * np.mean(np.log(np.maximum(squares.mean(axis=0), 1e-300))))
 
 
 def _counted(trial: Trial) -> list[LogFault]:
