@@ -55,7 +55,7 @@ def _at_the_top(values: Array, step: float, depth: float, moving: NDArray[np.boo
     starts = [way[_ROWS] for way in ways if len(way) > _ROWS]
     depth = max(depth, float(np.median(starts))) if starts else depth
     deep, deeper = depth + 0.5 * step, _DEEPER * depth + 0.5 * step
-    if step and deeper > _COARSEST * float(below.max()):
+    if _DEEPER * _DEEP * step > _COARSEST * float(below.max()):
         return 0
     # A way that comes back before it is deep is part of what is at the top.
     times = np.array([[np.argmax(way > d) for d in (deep, deeper)] for way in ways if way.max() > deeper])

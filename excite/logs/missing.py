@@ -12,6 +12,10 @@ _WINDOWS = (1, 2, 4, 8)
 # No clock is better than this share of a period for the choice of a window.
 _FINE = 0.1
 _PASSES = 12
+# Index of the window that tells a change of level from a single late stamp.
+_LEVEL = 2
+# Rows that a record lacks before any is found to be missing, for the odds.
+_RARE = 0.1
 
 
 def missing_rows(time: Array) -> NDArray[np.int64]:
@@ -34,11 +38,24 @@ def missing_rows(time: Array) -> NDArray[np.int64]:
     extra = np.zeros(len(step), dtype=np.int64)
     if np.abs(step - period).max() < 0.5 * period:
         return extra
-    window = min(_WINDOWS, key=lambda w: max(_spread(_jump(step, w)[0]), _FINE * period))
+    spreads = [_spread(_jump(step, w)[0]) for w in _WINDOWS]
+    best = int(np.argmin(np.maximum(spreads, _FINE * period)))
+    extra = _added(step, period, extra, _WINDOWS[best])
+    if best < _LEVEL and spreads[_LEVEL] < 0.2 * period:
+        # A single stamp that is late, next to none that are, is a long step and no change of level.
+        extra = _added(step, period, extra, _WINDOWS[_LEVEL])
+    behind = np.cumsum(extra)
+    kept = np.minimum.accumulate(behind[::-1])[::-1]
+    return np.diff(np.concatenate([[0], np.maximum(kept, 0)]))
+
+
+def _added(step: Array, period: float, extra: NDArray[np.int64], window: int) -> NDArray[np.int64]:
+    """Rows missing in each step, from those found before and jumps of the level that they leave."""
+    extra = extra.copy()
     for _ in range(_PASSES):
         jump, weight = _jump(step - period * extra, window)
         spread = max(_spread(jump), 1e-9 * period)
-        share = min(0.5, max(1, int(np.abs(extra).sum())) / len(step))
+        share = min(0.5, max(_RARE, int(np.abs(extra).sum())) / len(step))
         limit = period * (0.5 + (spread / period) ** 2 * weight * np.log(1.0 / share - 1.0))
         size = np.abs(jump)
         found = np.flatnonzero((size > limit) & (size == _highest(size, window)))
@@ -47,10 +64,12 @@ def missing_rows(time: Array) -> NDArray[np.int64]:
         change = np.rint(jump[found] / period).astype(np.int64)
         if not change.any():
             break
-        np.add.at(extra, _longest(step - period * extra, found, window // 2), change)
-    behind = np.cumsum(extra)
-    kept = np.minimum.accumulate(behind[::-1])[::-1]
-    return np.diff(np.concatenate([[0], np.maximum(kept, 0)]))
+        more = change > 0
+        reach = window // 2
+        np.add.at(extra, _largest(step - period * extra, found[more], reach), change[more])
+        # What was no gap is taken back where it was added.
+        np.add.at(extra, _largest(extra, found[~more], reach), change[~more])
+    return extra
 
 
 def _jump(step: Array, window: int) -> tuple[Array, Array]:
@@ -75,10 +94,10 @@ def _spread(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(values)))
 
 
-def _longest(step: Array, places: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
-    """Where, up to ``reach`` places from each place, the longest step is."""
-    near = np.clip(places[:, None] + np.arange(-reach, reach + 1), 0, len(step) - 1)
-    return near[np.arange(len(places)), np.argmax(step[near], axis=1)]
+def _largest(values: Array | NDArray[np.int64], places: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
+    """Where, up to ``reach`` places from each place, the largest value is."""
+    near = np.clip(places[:, None] + np.arange(-reach, reach + 1), 0, len(values) - 1)
+    return np.asarray(near[np.arange(len(places)), np.argmax(values[near], axis=1)])
 
 
 def _highest(values: Array, reach: int) -> Array:
