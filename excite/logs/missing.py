@@ -12,6 +12,8 @@ _WINDOWS = (1, 2, 4, 8)
 # No clock is better than this share of a period for the choice of a window.
 _FINE = 0.1
 _PASSES = 12
+# Half a window of rows on one side makes means so much less certain.
+_AT_END = 1.5
 # Index of the window that tells a change of level from a single late stamp.
 _LEVEL = 2
 # Rows that a record lacks before any is found to be missing, for the odds.
@@ -57,7 +59,8 @@ def _added(step: Array, period: float, extra: NDArray[np.int64], window: int) ->
         spread = max(_spread(jump), 1e-9 * period)
         share = min(0.5, max(_RARE, int(np.abs(extra).sum())) / len(step))
         limit = period * (0.5 + (spread / period) ** 2 * weight * np.log(1.0 / share - 1.0))
-        size = np.abs(jump)
+        # So near an end one late stamp is all that there is.
+        size = np.where(weight > _AT_END, 0.0, np.abs(jump))
         found = np.flatnonzero((size > limit) & (size == _highest(size, window)))
         # Of jumps that are equally high the first is enough.
         found = found[np.concatenate([[True], np.diff(found) > window])] if len(found) else found

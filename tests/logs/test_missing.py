@@ -38,8 +38,9 @@ KINDS = ("uniform", "normal", "late", "wandering")
 @settings(max_examples=60, deadline=None)
 @given(kind=st.sampled_from(KINDS), size=st.floats(0.0, 0.25), seed=st.integers(0, 2**32 - 1))
 def test_jitter_alone_is_no_missing_row(kind: str, size: float, seed: int) -> None:
-    # Of some thousand steps of a clock that wanders, a rare one is itself as long as two.
-    assert missing_rows(stamps(kind, size, 0, seed)).sum() <= (kind == "wandering" and size > 0.12)
+    found = int(missing_rows(stamps(kind, size, 0, seed)).sum())
+    # Of some thousand steps of a clock that wanders, or hesitates often, a rare one is itself as long as two.
+    assert found <= (size > 0.06 and kind in {"wandering", "late"})
 
 
 @settings(max_examples=40, deadline=None)
