@@ -26,6 +26,8 @@ _BEGINNINGS, _CLOSES = 2, 0.5
 _HOPEFUL = 0.7
 # Where a form is seen to be wrong, others that leave this share more are as wrong as it is.
 _FORM_DOUBT = 0.1
+# Share of the noise's power by which noise in the regressors' kinematics prefers one place to another.
+_LITTLE_OF_NOISE = 0.1
 
 
 def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, ...]:
@@ -150,7 +152,10 @@ def tied_places(step: Step, n: int) -> tuple[str, ...]:
     """
     best = step[0]
     same = (item for item in step if item.last.effect.name == best.last.effect.name)
-    return tuple(dict.fromkeys(i.last.location for i in same if _untold(i, best, n)))
+    doubt = best.fitted.power + _LITTLE_OF_NOISE * n
+    return tuple(
+        dict.fromkeys(i.last.location for i in same if _untold(i, best, n) or i.fitted.power < doubt)
+    )
 
 
 def rivals(step: Step, n: int) -> tuple[Ranked, ...]:

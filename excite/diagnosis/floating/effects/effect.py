@@ -49,7 +49,7 @@ class FloatingEffect(ABC):
     name: ClassVar[str]
     reads_as: ClassVar[str]
     changes_readings: ClassVar[bool] = False
-    least_shrink: ClassVar[float] = 0.05
+    least_shrink: ClassVar[float] = 0.1
     price: float = 0.0
 
     @abstractmethod
