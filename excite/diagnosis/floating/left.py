@@ -12,13 +12,15 @@ from excite.diagnosis.floating.noise_level import noise_level
 from excite.diagnosis.floating.parameter_errors import left_by_parameters
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
-from excite.diagnosis.floating.refinement import Fitted
+from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.spectrum import BAND_HZ
 from excite.robot.robot import Array
 
 # Blocks are longer than what is left of a motion below a hertz remembers.
 _BLOCK_S, _DRAWS, _ONE_SIDE = 2.0, 500, 0.05
 _NEARLY_ALL, _SLOWEST_HZ = 0.97, 0.8
+# Of a Gaussian, exceeded in one case of twenty.
+_ONE_SIDED_STD = 1.64
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,17 @@ def what_is_left(
     left, opened = now[pick].mean(axis=1) - quiet, np.maximum(was[pick].mean(axis=1) - quiet, 1e-12)
     by_parameters = left_by_parameters(problem, after, scale, judged, rng, _DRAWS)
     share = np.minimum(1.0, np.maximum(left, by_parameters) / opened)
-    if np.quantile(left, _ONE_SIDE) > 0.0:
+    if np.quantile(left, _ONE_SIDE) > 0.0 and _louder_than_noise(problem, after):
         low, high = np.quantile(share, [_ONE_SIDE, 1.0 - _ONE_SIDE])
         return Left(max(float(left.mean()), float(by_parameters.mean())), (float(low), float(high)))
     return Left(float(by_parameters.mean()), (0.0, float(np.quantile(share, 1.0 - 2.0 * _ONE_SIDE))))
+
+
+def _louder_than_noise(problem: Problem, after: Fitted) -> bool:
+    """Whether whitened numbers of the judged trials, too, are larger than independent ones of unit variance."""
+    white = problem.rows(explained_state(problem, after))
+    judged = white[problem.validation] if problem.validation.any() else white
+    return float((judged**2).mean()) > 1.0 + _ONE_SIDED_STD * np.sqrt(2.0 / len(judged))
 
 
 def _explained_below(record: FloatingRecord, explained: Array) -> float:
