@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,8 @@ _FINE = 0.1
 _PASSES = 12
 # Half a window of rows on one side makes means so much less certain.
 _AT_END = 1.5
+# So few odd steps are no tail.
+_FEW = 5
 # Index of the window that tells a change of level from a single late stamp.
 _LEVEL = 2
 # Rows that a record lacks before any is found to be missing, for the odds.
@@ -42,6 +46,9 @@ def missing_rows(time: Array) -> NDArray[np.int64]:
         return extra
     spreads = [_spread(_jump(step, w)[0]) for w in _WINDOWS]
     best = int(np.argmin(np.maximum(spreads, _FINE * period)))
+    if _long_tailed(step, period, _WINDOWS[best]):
+        # Loops that are held up for part of a period: no single row can be told to be missing.
+        return np.where(step > 2.5 * period, np.rint(step / period) - 1, 0).astype(np.int64)
     extra = _added(step, period, extra, _WINDOWS[best])
     if best < _LEVEL and spreads[_LEVEL] < 0.2 * period:
         # A single stamp that is late, next to none that are, is a long step and no change of level.
@@ -49,6 +56,20 @@ def missing_rows(time: Array) -> NDArray[np.int64]:
     behind = np.cumsum(extra)
     kept = np.minimum.accumulate(behind[::-1])[::-1]
     return np.diff(np.concatenate([[0], np.maximum(kept, 0)]))
+
+
+def _long_tailed(step: Array, period: float, window: int) -> bool:
+    """Whether jumps of half a period are so many more than normal ones would be that those of one are their tail.
+
+    Gaps are jumps of whole periods: where rows are missing, there are more of these than between.
+    """
+    jump = _jump(step, window)[0] / period
+    spread = max(_spread(jump), 1e-9)
+    between, whole = (
+        int(np.sum((np.abs(jump - middle) < 0.1) & (jump == _highest(jump, window)))) for middle in (0.5, 1.0)
+    )
+    tail = [math.erfc(edge / (spread * math.sqrt(2.0))) for edge in (0.4, 0.6)]
+    return between - 0.5 * len(step) * (tail[0] - tail[1]) > max(whole, _FEW)
 
 
 def _added(step: Array, period: float, extra: NDArray[np.int64], window: int) -> NDArray[np.int64]:

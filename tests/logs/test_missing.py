@@ -82,3 +82,14 @@ def test_rows_that_waited_and_came_in_a_burst_are_not_missing() -> None:
     time = PERIOD * np.arange(1000)
     time[[50, 500]] += 0.9 * PERIOD
     assert missing_rows(time).sum() == 0
+
+
+def test_a_loop_that_is_held_up_for_part_of_a_period_misses_nothing_but_its_gaps() -> None:
+    """Steps of a computer that shares its time: most as long as asked, some up to twice that, all values between."""
+    rng = np.random.default_rng(4)
+    step = 1.0 + 0.05 * rng.standard_normal(4000)
+    held = rng.random(4000) < 0.15
+    step[held] += rng.triangular(0.0, 0.0, 0.95, int(held.sum()))
+    assert np.sum(step > 1.5) > 20
+    step[2000] += 8.0
+    assert missing_rows(0.001 * np.cumsum(step)).sum() == 8
