@@ -17,8 +17,8 @@ from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.refinement import extended, in_richer_forms, polished, price, refine_with_width
 from excite.diagnosis.scoring import Scorer
 from excite.diagnosis.sign_changes import signs_again
+from excite.diagnosis.structured import structured_joints
 from excite.diagnosis.unnamed import unnamed
-from excite.diagnosis.verdict import structured_joints
 from excite.robot.robot import Array
 
 _REFINED = 5

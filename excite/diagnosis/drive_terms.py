@@ -40,9 +40,7 @@ def sign_of_motion(samples: ArmSamples, joint: int, width: float, breakaway: flo
     v = samples.of_motor("v", joint)
     if breakaway <= 0.0:
         return samples.led(np.tanh(v / width))
-    starts = np.zeros(len(v), dtype=np.bool_)
-    starts[np.concatenate([[0], np.cumsum([len(t.time) for t in samples.trials])[:-1]])] = True
-    return samples.led(bend(np.ascontiguousarray(v), starts, 1.0 / samples.rate_hz, breakaway))
+    return samples.led(bend(np.ascontiguousarray(v), samples.starts, 1.0 / samples.rate_hz, breakaway))
 
 
 def own_signals(

@@ -98,13 +98,11 @@ class Gates:
         evidence, validation = self._nats(closed, again=bool(accepted))
         if item.hypothesis.effect.smooths and item.stands < self.stands_rough and closed < self.closed_rough:
             return False
-        if not item.hypothesis.significant:
-            return False
         if item.stands < self.stands:
             if not apart or item.of_noise < self.closed:
                 return False
             evidence, validation = self._nats_faint(again=bool(accepted))
-        if item.evidence < evidence or item.validation < validation:
+        if item.evidence < evidence or item.validation < validation or not item.hypothesis.significant:
             return False
         return self._further(item, accepted, apart=apart) if accepted else closed >= self.closed
 

@@ -12,8 +12,8 @@ from excite.diagnosis.equations import Fit, Solver
 from excite.diagnosis.simplex import nelder_mead
 from excite.robot.robot import Array
 
-# Standard deviations, as of white residuals, that the largest of an effect's coefficients has to be.
-_SIGNIFICANT = 5.0
+# Standard deviations, by which trials disagree, that the largest of an effect's coefficients has to be.
+_SIGNIFICANT = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,8 @@ class Hypothesis:
     @property
     def significant(self) -> bool:
         """Whether a column of its own is needed, not only the sign change that was searched along with it."""
-        size, std = np.abs(self.fit.extra), self.fit.extra_std
+        size = np.abs(self.fit.extra)
+        std = self.baseline.solver.std_between_trials(self.fit)
         return len(size) == 0 or bool((size > _SIGNIFICANT * std).any())
 
     @property

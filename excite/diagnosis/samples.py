@@ -102,6 +102,13 @@ class ArmSamples:
         return ends, np.concatenate([trial.rows for trial in self.trials]), row_ends
 
     @cached_property
+    def starts(self) -> NDArray[np.bool_]:
+        """Which full-rate samples are the first of a trial, ``(n_samples,)``."""
+        marked = np.zeros(self._layout[0][-1], dtype=np.bool_)
+        marked[np.concatenate([[0], self._layout[0][:-1]])] = True
+        return marked
+
+    @cached_property
     def identification(self) -> NDArray[np.bool_]:
         """Which rows belong to identification trials, ``(n_rows,)``."""
         return np.concatenate([np.full(len(t.rows), t.identification) for t in self.trials])

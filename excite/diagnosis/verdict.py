@@ -8,8 +8,9 @@ import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.evidence import effective_counts
+from excite.diagnosis.gates import Gates
 from excite.diagnosis.result import Verdict
+from excite.diagnosis.structured import structured_joints
 from excite.robot.robot import Array
 
 # Rivals within so many nats, or so small a share of the evidence, are not told apart.
@@ -20,19 +21,12 @@ _KIN_SHARE = 0.25
 _SAME = 0.6
 # An effect that leaves half of the amplitude at its own place, well above the noise, is not what is there.
 _EXPLAINED = 0.75
-# What a moving link does to other joints, with so many nats there, tells it from what is not in the library.
-_ELSEWHERE, _EXPLAINED_COUPLED = 200.0, 0.5
+# What a moving link does to other joints tells it from what is not in the library.
+_EXPLAINED_COUPLED = 0.5
 # Nor those of several at one place that leave so many times the floor's power there.
 _PATCHED, _WHOLE = 50.0, 0.98
 # Nor is one that removes so little of the whole gap where the rest is structured.
 _TRIFLE = 0.1
-_STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
-# Share of a torque's deviation, or power in multiples of the floor's, from which a structured rest is a gap.
-_MATTERS, _FAR = 0.02, 8.0
-# The same against the white floor alone, for gaps that do not repeat.
-_WILD, _WILD_SHARE = 10.0, 0.1
-# A joint whose own repeats differ by so many times its noise has something that does not repeat.
-_UNREPEATED = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +75,7 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
         return Judgement("unknown" if structured else "none", (), (), (), structured)
     place = attribution.final.samples.joints[accepted[0].place]
     explained = float(explained_shares(attribution, spectral)[accepted[0].place])
-    coupled = accepted[0].hypothesis.effect.moves and accepted[0].elsewhere > _ELSEWHERE
+    coupled = accepted[0].hypothesis.effect.moves and accepted[0].elsewhere > Gates.elsewhere
     least = _EXPLAINED_COUPLED if coupled else _EXPLAINED
     # A body that would leave a link less than no mass takes up what something else does.
     if not accepted[0].hypothesis.physical or (place in structured and explained < least):
@@ -142,31 +136,6 @@ def _above(attribution: Attribution, spectral: Array) -> tuple[Array, Array]:
         for fit in (attribution.before, attribution.after)
     )
     return old, new
-
-
-def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:
-    """Joints whose residual after all accepted effects is significantly more than noise."""
-    samples = attribution.final.samples
-    residual, use = attribution.final.judged(attribution.after.residual), samples.identification
-    counts = effective_counts(residual, use, samples.trial_of_row).sum(axis=1)
-    power = (residual**2).mean(axis=1)
-    floor = np.maximum(attribution.floor, spectral) ** 2
-    ratio = power / floor
-    nats = 0.5 * counts * (ratio - 1.0 - np.log(np.maximum(ratio, 1.0)))
-    # How friction sets in is nobody's model to the last percent: a small rest of that size is no gap.
-    excess = np.sqrt(np.maximum(power - floor, 0.0)) / attribution.scale
-    matters = (excess > _MATTERS) | (ratio > _FAR)
-    likely = (ratio > _STRUCTURED) & (nats > _STRUCTURED_NATS)
-    # What is different in every trial raises the floor of repeated ones; the white floor does not know it.
-    wild = (power > _WILD * spectral**2) & (np.sqrt(power) > _WILD_SHARE * attribution.scale)
-    # Nor does its repeat, where only this joint has it.
-    differs = attribution.floor / spectral
-    alone = (differs > _UNREPEATED * np.maximum(np.median(differs), 1.0)) & (power > _WILD * spectral**2)
-    found = np.flatnonzero(
-        (likely & matters) | wild | (alone & (np.sqrt(power) > _MATTERS * attribution.scale))
-    )
-    stands = power / np.minimum(floor, spectral**2)
-    return tuple(samples.joints[j] for j in sorted(found, key=lambda j: -stands[j]))
 
 
 def nats_behind(best: Scored, other: Scored) -> float:

@@ -20,7 +20,7 @@ from excite.diagnosis.result import Rollout
 from excite.diagnosis.rollout_compare import MODEL, compared
 from excite.diagnosis.rollout_drives import Drive, PositionServo
 from excite.diagnosis.rollout_windows import Plan
-from excite.diagnosis.verdict import structured_joints
+from excite.diagnosis.structured import structured_joints
 from excite.errors import InputError
 from excite.robot.robot import Array
 

@@ -135,10 +135,7 @@ def response(
     load = context.baseline.rigid[:, j]
     mass = context.gradient(j, "a")
     inertia = link_inertia(context, j)
-    starts = np.zeros(len(load), dtype=np.bool_)
-    starts[np.concatenate([[0], np.cumsum([len(t.time) for t in context.baseline.samples.trials])[:-1]])] = (
-        True
-    )
+    starts = context.baseline.samples.starts
     damping = 2.0 * ratio * math.sqrt(stiffness * float(inertia.mean()))
     rate = context.baseline.samples.rate_hz
     x, s, acc = deflect(load, inertia, starts, 1.0 / rate, stiffness, damping, gap, cubic, soft)

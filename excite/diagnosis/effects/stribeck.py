@@ -14,6 +14,8 @@ from excite.robot.robot import Array
 
 # A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
 _APART = 2.5
+# Nor does one that is over while bristles still bend, which takes joints to about this speed [rad/s].
+_BENT = 0.03
 
 
 class Stribeck(Effect):
@@ -39,8 +41,9 @@ class Stribeck(Effect):
         return Shape({j: (context.sign(j) * np.exp(-((context.v[:, j] / theta[0]) ** 2)))[:, None]})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        width = float(context.baseline.widths[context.row(location)])
-        return theta[0] >= _APART * width and super().admissible(context, location, theta, beta)
+        base, j = context.baseline, context.row(location)
+        least = _BENT if base.breakaways[j] > 0.0 else _APART * float(base.widths[j])
+        return theta[0] >= least and super().admissible(context, location, theta, beta)
 
 
 class StribeckExponential(Stribeck):

@@ -1,0 +1,43 @@
+"""Where what is left after all effects is more than noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.diagnosis.attribution import Attribution
+from excite.diagnosis.evidence import effective_counts
+from excite.robot.robot import Array
+
+# Power over the floor's, and nats, from which a rest is structured.
+_STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
+# Share of a torque's deviation, or power in multiples of the floor's, from which a structured rest is a gap.
+_MATTERS, _FAR = 0.02, 8.0
+# The same against the white floor alone, for gaps that do not repeat.
+_WILD, _WILD_SHARE = 10.0, 0.1
+# A joint whose own repeats differ by so many times its noise has something that does not repeat.
+_UNREPEATED = 3.0
+
+
+def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:
+    """Joints whose residual after all accepted effects is significantly more than noise."""
+    samples = attribution.final.samples
+    residual, use = attribution.final.judged(attribution.after.residual), samples.identification
+    counts = effective_counts(residual, use, samples.trial_of_row).sum(axis=1)
+    power = (residual**2).mean(axis=1)
+    floor = np.maximum(attribution.floor, spectral) ** 2
+    ratio = power / floor
+    nats = 0.5 * counts * (ratio - 1.0 - np.log(np.maximum(ratio, 1.0)))
+    # How friction sets in is nobody's model to the last percent: a small rest of that size is no gap.
+    excess = np.sqrt(np.maximum(power - floor, 0.0)) / attribution.scale
+    matters = (excess > _MATTERS) | (ratio > _FAR)
+    likely = (ratio > _STRUCTURED) & (nats > _STRUCTURED_NATS)
+    # What is different in every trial raises the floor of repeated ones; the white floor does not know it.
+    wild = (power > _WILD * spectral**2) & (np.sqrt(power) > _WILD_SHARE * attribution.scale)
+    # Nor does its repeat, where only this joint has it.
+    differs = attribution.floor / spectral
+    alone = (differs > _UNREPEATED * np.maximum(np.median(differs), 1.0)) & (power > _WILD * spectral**2)
+    found = np.flatnonzero(
+        (likely & matters) | wild | (alone & (np.sqrt(power) > _MATTERS * attribution.scale))
+    )
+    stands = power / np.minimum(floor, spectral**2)
+    return tuple(samples.joints[j] for j in sorted(found, key=lambda j: -stands[j]))
