@@ -23,8 +23,8 @@ _SAME = 0.6
 _EXPLAINED = 0.75
 # What a moving link does to other joints tells it from what is not in the library.
 _EXPLAINED_COUPLED = 0.5
-# Nor those of several at one place that leave so many times the floor's power there.
-_PATCHED, _WHOLE = 50.0, 0.98
+# Nor those of several at one place that leave so many times the floor's power there, nor one of that joint alone.
+_PATCHED, _WHOLE, _PARTLY = 50.0, 0.98, 0.9
 # Nor is one that removes so little of the whole gap where the rest is structured.
 _TRIFLE = 0.1
 
@@ -106,14 +106,16 @@ def withdrawn(attribution: Attribution, baseline: Baseline) -> Attribution:
 
 
 def _patched(attribution: Attribution, spectral: Array) -> bool:
-    """Whether a gap at one place has been patched up by several effects there, and still stands."""
+    """Whether a gap at one place has been patched up, by several effects there or by a poor one, and still stands."""
     first = attribution.accepted[0]
     here = sum(item.place == first.place for item in attribution.accepted)
+    alone = not (first.hypothesis.effect.moves or first.hypothesis.effect.timing)
+    least = _WHOLE if here > 1 else (_PARTLY if alone else 0.0)
     _, left = _above(attribution, spectral)
     floor = float(np.maximum(attribution.floor, spectral)[first.place]) ** 2
     stands = float(left[first.place]) / floor
     explained = float(explained_shares(attribution, spectral)[first.place])
-    return here > 1 and stands > _PATCHED and explained < _WHOLE
+    return stands > _PATCHED and explained < least
 
 
 def explained_shares(attribution: Attribution, spectral: Array) -> Array:

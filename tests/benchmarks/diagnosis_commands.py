@@ -30,7 +30,7 @@ from tests.benchmarks.diagnosis_arms import PAIR, folder, same
 from tests.benchmarks.table import Row
 
 # Servos of several forms, in about half of the cases without a word on their gains; a seed used for nothing else.
-SEED, CASES = 5153, 20
+SEED, CASES = 5155, 20
 # Errors of a torque sensor: without one there are none, and nothing is the right answer.
 _CHANNEL = {"time_delay", "torque_gain", "torque_bias", "torque_ripple"}
 
