@@ -26,6 +26,7 @@ from excite.diagnosis.result import Diagnosis, Rollout
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
+from excite.diagnosis.standstill import held_power
 from excite.diagnosis.units import at_joint
 from excite.diagnosis.unnamed import in_words
 from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
@@ -103,17 +104,14 @@ def diagnose_torques(
         attribution = withdrawn(attribution, baseline)
     first = attribution.stages[0]
     before, floor = baseline.plain(attribution.before.residual), attribution.floor
-    repeat = repeat_floor(samples, baseline.plain(attribution.after.residual))
+    after = baseline.plain(attribution.after.residual)
+    repeat = repeat_floor(samples, after)
     outside = ~samples.identification
-    more = unrepeated(samples, noise, outside if outside.any() else None)
-    gap = gap_of(
-        samples,
-        before,
-        baseline.plain(attribution.after.residual) if attribution.accepted else before,
-        floor if repeat is None else other_postures(np.maximum(repeat, 0.5 * floor), more),
-        attribution.scale,
-        rng,
-    )
+    outside = outside if outside.any() else samples.identification
+    if repeat is not None:
+        floor = other_postures(np.maximum(repeat, 0.5 * floor), unrepeated(samples, noise, outside))
+    floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
+    gap = gap_of(samples, before, after if attribution.accepted else before, floor, attribution.scale, rng)
     effects = tuple(
         _together(_candidate(item, Context(item.hypothesis.baseline), gap, attribution, tied), found)
         for item, tied, found in zip(

@@ -10,6 +10,7 @@ from excite.diagnosis.drive_terms import WIDTHS, own_names, own_signals
 from excite.diagnosis.equations import Equations, Fit, Solver
 from excite.diagnosis.samples import ArmSamples
 from excite.diagnosis.sign_changes import first_signs
+from excite.diagnosis.standstill import standing_share
 from excite.identification.inertia import central_inertia_matrices
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Array
@@ -178,9 +179,7 @@ def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array
         slope: loss of weight with the share of standstill in a row.
         least: least root of a weight before normalisation.
     """
-    v = samples.stacked("v")[:, list(samples.index)]
-    still = samples.rows(samples.standstill**2 / (v**2 + samples.standstill**2)).T
-    root = np.clip(1.0 - slope * still, least, 1.0)
+    root = np.clip(1.0 - slope * standing_share(samples), least, 1.0)
     return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
 
 

@@ -17,6 +17,7 @@ from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.noise_floor import other_postures, repeat_floor, spectral_floor, unrepeated, white_floor
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
+from excite.diagnosis.standstill import held_power, standing_share
 from excite.diagnosis.verdict import judge
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
@@ -42,7 +43,8 @@ class Case:
         n_logged: trials of the log.
         before: ``(n_joints, n_rows)`` residual of the baseline [N·m].
         after: the same with the accepted effects.
-        clean: ``(2, n_trials, n_joints)`` power of the same without noise, before and after [(N·m)²].
+        clean: ``(3, n_trials, n_joints)`` power of the same without noise, before and after, and the part of the
+            latter where joints stand, which nothing can close [(N·m)²].
         noise: ``(n_joints, n_rows)`` draw of what the positions' noise adds [N·m].
         repeat: ``(n_joints,)`` floor of the repeated trials [N·m].
         scale: ``(n_joints,)`` deviation of the torques in the identification trials [N·m].
@@ -67,16 +69,18 @@ class Case:
         floor = other_postures(
             self.repeat, unrepeated(part, self.noise[:, keep], ~self.samples.identification[keep])
         )
+        left, rows = self.after[:, keep], ~self.samples.identification[keep]
+        floor = np.sqrt(floor**2 + held_power(part, left, floor, rows))
         rng = np.random.default_rng(2)
-        return gap_of(part, self.before[:, keep], self.after[:, keep], floor, self.scale, rng).interval
+        return gap_of(part, self.before[:, keep], left, floor, self.scale, rng).interval
 
     def truth(self, pair: tuple[int, ...]) -> float:
         """The share closed on all motions but a pair and the fitted ones, without noise."""
         others = [
             k for k, trial in enumerate(self.samples.trials) if not trial.identification and k not in pair
         ]
-        old, new = ((power[others] / self.scale**2).mean() for power in self.clean)
-        return float(1.0 - new / old)
+        old, new, held = ((power[others] / self.scale**2).mean() for power in self.clean)
+        return float(1.0 - (new - held) / (old - held))
 
     def pairs(self) -> list[tuple[int, int]]:
         """The log's validation trials, and the further ones by twos."""
@@ -165,10 +169,11 @@ def _diagnosed(robot: Robot, log: Log, noisy: tuple[Trial, ...], clean: tuple[Tr
     quiet = arm_samples(robot, log, clean)
     before, after = residuals_on(found, everywhere)
     of_trial = quiet.trial_of_row
+    old, new = residuals_on(found, quiet)
     power = np.array(
         [
             [(rest[:, of_trial == k] ** 2).mean(axis=1) for k in range(len(clean))]
-            for rest in residuals_on(found, quiet)
+            for rest in (old, new, new * (standing_share(quiet) > 0.3))
         ]
     )
     noise = kinematic_noise(_on(baseline, everywhere), sigma, np.random.default_rng(0))

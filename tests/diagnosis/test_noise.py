@@ -14,6 +14,7 @@ from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.noise_floor import spectral_floor, unrepeated, white_floor
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
+from excite.diagnosis.standstill import held_power
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.robot.loading import load_robot
@@ -156,3 +157,18 @@ def test_without_repeats_nothing_is_known_of_what_they_do_not_show() -> None:
         trials=(SimpleNamespace(name="a", repeats=None),), trial_of_row=np.zeros(10, dtype=np.int64)
     )
     np.testing.assert_array_equal(unrepeated(samples, np.ones((3, 10))), np.zeros(3))
+
+
+def test_what_holds_a_standing_joint_is_a_floor():
+    """A joint that rests for half of the time leaves what its friction takes up then, and no noise beyond it."""
+    rows, v = np.arange(400), np.where(np.arange(400) < 200, 0.0, 0.5)[:, None]
+    samples = SimpleNamespace(
+        index=(0,), standstill=np.array([0.01]), stacked=lambda name: v, rows=lambda values: values
+    )
+    rng = np.random.default_rng(2)
+    residual = (0.1 * rng.standard_normal(400) + np.where(rows < 200, 0.5, 0.0))[None]
+    every = np.ones(400, dtype=np.bool_)
+    held = held_power(samples, residual, np.array([0.1]), every)
+    assert held[0] == pytest.approx(0.5 * 0.25, rel=0.1)
+    assert held_power(samples, residual, np.array([0.1]), rows >= 200)[0] == 0.0
+    assert held_power(samples, 0.1 * np.ones((1, 400)), np.array([0.1]), every)[0] == pytest.approx(0.0)
