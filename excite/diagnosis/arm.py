@@ -110,7 +110,9 @@ def diagnose_torques(
     outside = outside if outside.any() else samples.identification
     if repeat is not None:
         floor = other_postures(np.maximum(repeat, 0.5 * floor), unrepeated(samples, noise, outside))
-    floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
+    # Of an unknown gap nobody can say what part of it friction holds.
+    if judgement.verdict != "unknown":
+        floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
     gap = gap_of(samples, before, after if attribution.accepted else before, floor, attribution.scale, rng)
     effects = tuple(
         _together(_candidate(item, Context(item.hypothesis.baseline), gap, attribution, tied), found)

@@ -19,7 +19,7 @@ COMMANDS = "robots init-robot plan check rank export simulate identify campaign 
 def excite(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run the installed command from another folder."""
     return subprocess.run(
-        [sys.executable, "-m", "excite.cli.main", *map(str, arguments)],
+        [sys.executable, "-m", "excite", *map(str, arguments)],
         cwd=cwd,
         capture_output=True,
         text=True,

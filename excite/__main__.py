@@ -1,0 +1,6 @@
+"""``python -m excite``: the command line where no ``excite`` is on the path."""
+
+from excite.cli.main import main
+
+if __name__ == "__main__":
+    main()
