@@ -168,14 +168,13 @@ def _candidate(
     residual = h.baseline.plain(h.fit.residual)
     residual = residual[:, rows] if rows.any() else residual
     after = float(np.sqrt(np.mean((residual**2).mean(axis=1) / attribution.scale**2)))
-    fit = replace(h.fit, extra_std=h.baseline.solver.std_between_trials(h.fit))
     return Candidate(
         effect=item.name,
         location=item.location,
         parameters=at_joint(
             context.baseline.samples.robot,
             item.location,
-            h.effect.estimates(context, item.location, h.theta, fit),
+            h.effect.estimates(context, item.location, h.theta, h.told),
         ),
         evidence=item.evidence,
         gap_after=after,

@@ -22,7 +22,7 @@ class Scored:
         closed: ``(n_joints,)`` share of the validation power above the floor that it removes.
         strength: amplitude that it removes, over channels, normalised by the channels' deviation.
         of_rest: share of the normalised power above the floor, over all channels, that it removes.
-        place: index of the joint that it changes most.
+        place: index of the joint that it acts on; of what acts on several, of the one that it changes most.
         price: of its parameters, taken off the evidence [nats].
         power: ``(n_joints, 2)`` mean squares that it leaves, identification and validation [(N·m)²].
         count: ``(n_joints, 2)`` effective samples of what it leaves.

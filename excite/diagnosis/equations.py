@@ -201,7 +201,7 @@ class Solver:
         std = np.sqrt(np.diag(covariance)) / scale
         return Fit(e, x[:n], beta, std, sigma, extra, offset)
 
-    def std_between_trials(self, fit: Fit) -> Array:
+    def std_between_trials(self, fit: Fit, widths: Array | None = None) -> Array:
         """Standard deviations of a fit's extra coefficients as its trials disagree, ``(n_extra,)``.
 
         What a model leaves is alike within a trial, and white noise's deviations are too small then. The sandwich of
@@ -209,28 +209,43 @@ class Solver:
 
         Args:
             fit: made by this solver.
+            widths: ``(n_extra,)`` a priori standard deviations that it was made with.
 
         Returns:
             In the coefficients' units.
         """
+        if fit.columns is None or len(np.unique(self.equations.trial[self.equations.use])) < _TRIALS:
+            return fit.extra_std
+        return np.maximum(self._between(fit, fit.columns, widths), fit.extra_std)
+
+    def times_std(self, fit: Fit) -> float:
+        """How many standard deviations, by which trials disagree, all of a fit's extra columns together are large."""
+        if fit.columns is None or not fit.columns.any():
+            return 0.0
+        if len(np.unique(self.equations.trial[self.equations.use])) < _TRIALS:
+            return float(np.max(np.abs(fit.extra) / np.maximum(fit.extra_std, 1e-300)))
+        return 1.0 / max(float(self._between(fit, (fit.columns @ fit.extra)[:, :, None])[0]), 1e-300)
+
+    def _between(self, fit: Fit, columns: Array, widths: Array | None = None) -> Array:
+        """The sandwich for columns ``(n_joints, n_rows, n)`` beside all that the fit has."""
         e = self.equations
         trials = np.unique(e.trial[e.use])
-        if fit.columns is None or len(trials) < _TRIALS:
-            return fit.extra_std
-        n, m = e.shared.shape[2], fit.columns.shape[2]
+        n, m = e.shared.shape[2], columns.shape[2]
         normal, gradients = np.zeros((n + m, n + m)), np.zeros((len(trials), n + m))
         normal[:n, :n] = np.eye(n)
-        scale = np.maximum(np.sqrt((fit.columns[:, e.use] ** 2).sum(axis=(0, 1))), 1e-300)
+        size = np.sqrt((columns[:, e.use] ** 2).sum(axis=(0, 1)))
+        scale = np.maximum(size, max(_NOTHING * float(size.max()), 1e-100))
+        if widths is not None:
+            normal[n:, n:] = np.diag(1.0 / (widths * scale) ** 2)
         for j in range(e.n_joints):
-            own = _project(self._q[j], fit.columns[j][e.use] / scale)
+            own = _project(self._q[j], columns[j][e.use] / scale)
             rows = np.hstack([self._a[j], own]) / fit.sigma[j]
             rest = fit.residual[j][e.use] / fit.sigma[j]
             normal += rows.T @ rows
             gradients += [rest[e.trial[e.use] == k] @ rows[e.trial[e.use] == k] for k in trials]
         # Columns that a short record cannot tell apart, or does not show, have no deviation of their own.
         moved = (np.linalg.pinv(normal, rcond=1e-10, hermitian=True) @ gradients.T)[n:]
-        between = np.sqrt((moved**2).sum(axis=1) * len(trials) / (len(trials) - 1)) / scale
-        return np.maximum(between, fit.extra_std)
+        return np.sqrt((moved**2).sum(axis=1) * len(trials) / (len(trials) - 1)) / scale
 
 
 def _project(q: Array, values: Array) -> Array:

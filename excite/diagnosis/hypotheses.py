@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from excite.diagnosis.equations import Fit, Solver
 from excite.diagnosis.simplex import nelder_mead
 from excite.robot.robot import Array
 
-# Standard deviations, by which trials disagree, that the largest of an effect's coefficients has to be.
+# Standard deviations, by which trials disagree, that an effect's columns together have to be.
 _SIGNIFICANT = 6.0
 
 
@@ -62,9 +62,13 @@ class Hypothesis:
     @property
     def significant(self) -> bool:
         """Whether a column of its own is needed, not only the sign change that was searched along with it."""
-        size = np.abs(self.fit.extra)
-        std = self.baseline.solver.std_between_trials(self.fit)
-        return len(size) == 0 or bool((size > _SIGNIFICANT * std).any())
+        return len(self.fit.extra) == 0 or self.baseline.solver.times_std(self.fit) > _SIGNIFICANT
+
+    @property
+    def told(self) -> Fit:
+        """The fit with the deviations that are told: those by which trials disagree."""
+        widths = np.array([p.width for p in self.effect.linear])
+        return replace(self.fit, extra_std=self.baseline.solver.std_between_trials(self.fit, widths))
 
     @property
     def n_parameters(self) -> int:

@@ -35,7 +35,8 @@ class Comparison:
         rollout: their errors; the model is not written.
         xml: the model with the effects that help.
         kept: how many of the accepted effects, the first ones, are in it.
-        errors: without and with all accepted effects, whether they help or not: simulated less recorded positions,
+        errors: without and with the effects (all accepted ones where the plan asks for these, else the kept):
+            simulated less recorded positions,
             ``(n_windows, n_kept, n_joints)`` each [rad]; None where there are no effects.
     """
 

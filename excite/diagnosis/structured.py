@@ -14,7 +14,8 @@ _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
 _MATTERS, _FAR = 0.02, 8.0
 # The same against the white floor alone, for gaps that do not repeat.
 _WILD, _WILD_SHARE = 10.0, 0.1
-# A joint whose own repeats differ by so many times its noise has something that does not repeat.
+# A joint whose own repeats differ by so many times its noise, and more than those of most joints of three or more,
+# has something that does not repeat.
 _UNREPEATED = 3.0
 
 

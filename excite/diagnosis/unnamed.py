@@ -60,7 +60,7 @@ def in_words(item: Scored) -> str:
     """What it says of the robot, for people."""
     h = item.hypothesis
     context = Context(h.baseline)
-    values = h.effect.estimates(context, item.location, h.theta, h.fit)
+    values = h.effect.estimates(context, item.location, h.theta, h.told)
     values = at_joint(h.baseline.samples.robot, item.location, values)
     told = ", ".join(f"{name} {measured(value)}" for name, value in values.items())
     return (

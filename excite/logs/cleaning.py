@@ -98,5 +98,6 @@ def _in_motion(positions: list[Array], n: int) -> NDArray[np.bool_]:
     if not positions:
         return np.ones(n, dtype=bool)
     changes = np.any(np.diff(np.column_stack(positions), axis=0) != 0.0, axis=1)
-    around = np.convolve(np.concatenate([[False], changes]), np.ones(2 * _AROUND + 1), mode="same")
-    return around > 0.5
+    passed = np.concatenate([[0], np.cumsum(np.concatenate([[False], changes]))])
+    rows = np.arange(n)
+    return passed[np.minimum(rows + _AROUND + 1, n)] > passed[np.maximum(rows - _AROUND, 0)]

@@ -138,5 +138,10 @@ def test_a_column_that_the_record_does_not_show_has_a_deviation_all_the_same():
     equations, extra, _ = _equations(np.random.default_rng(3))
     equations = replace(equations, trial=np.repeat(np.arange(6), 100))
     solver = Solver(equations)
-    fit = solver.fit(np.concatenate([extra, np.zeros_like(extra), extra], axis=2))
-    assert (solver.std_between_trials(fit) >= fit.extra_std).all()
+    widths = np.array([2.0, 3.0, 2.0])
+    fit = solver.fit(np.concatenate([extra, np.zeros_like(extra), extra], axis=2), widths=widths)
+    told = solver.std_between_trials(fit, widths)
+    assert np.isfinite(told[[0, 2]]).all()
+    assert (told[[0, 2]] < 1.1 * widths[[0, 2]]).all()
+    # Neither of two columns that are the same is sure, both together are.
+    assert solver.times_std(fit) > 20.0

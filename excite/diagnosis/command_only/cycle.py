@@ -20,6 +20,7 @@ from excite.robot.robot import Array
 LONGEST_SAMPLES = 2.0
 # A cycle of a slow servo [s].
 _NEWEST_S = 2e-3
+_JOINTS = 3
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,8 @@ def servo_cycle(samples: ArmSamples, modelled: tuple[str, ...], kd: Array) -> Cy
     apart = Shape({j: column * np.eye(n)[j] for j, column in common.items()})
     lags = baseline.solver.fit(at_rows(context, apart).extra).extra
     lag, newer = float(np.median(lags)), 0.0
-    if "armature" not in modelled and (kd > 0.0).all():
+    # The median over fewer joints would be a rotor of one of them.
+    if "armature" not in modelled and (kd > 0.0).all() and n >= _JOINTS:
         rotors = np.array([values[own.index("armature")] for values in baseline.fit.own])
         newer = float(np.median(rotors / kd))
     return Cycle(

@@ -39,7 +39,7 @@ def clearly_lags(attribution: Attribution) -> bool:
     search = Search(first.context, first.context.baseline.solver)
     lag, late = _best(search, ActuatorLag()), _best(search, Transport())
     if lag is None or late is None:
-        return late is None
+        return False
     base = first.context.baseline
     residuals = [base.judged(item.fit.residual) for item in (lag, late)]
     counts = effective_counts(residuals[0], base.samples.identification, base.samples.trial_of_row).sum(

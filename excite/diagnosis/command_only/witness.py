@@ -13,6 +13,8 @@ from excite.robot.robot import Array
 _HEARD, _WILD = 0.1, 10.0
 # Standard errors by which a change has to go the right way.
 _SURE = 2.0
+# Fewer roll-outs do not tell by how much they disagree.
+_ROLLOUTS = 4
 # A change of which so little goes the right way makes things worse, however surely.
 _LEAST = 0.1
 
@@ -66,6 +68,8 @@ def witness(before: Array, after: Array) -> Witness:
     if total <= 0.0:
         return Witness(np.nan, np.nan, 0.0)
     slope = float(asked.sum()) / total
+    if len(made) < _ROLLOUTS:
+        return Witness(slope, np.inf, heard)
     # Of a ratio of sums over the joints of each roll-out (Cochran 1977, section 6.3).
     spread = float(np.sqrt(len(made) / max(len(made) - 1, 1) * ((asked - slope * made) ** 2).sum()))
     return Witness(slope, spread / total, heard)

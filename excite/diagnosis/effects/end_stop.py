@@ -44,7 +44,8 @@ class EndStop(Effect):
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         travel = float(np.ptp(context.q[:, context.row(location)]))
-        return theta[0] <= _MOST * travel and super().admissible(context, location, theta, beta)
+        inside = self.searched[0].low <= theta[0] <= _MOST * travel
+        return inside and super().admissible(context, location, theta, beta)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         way = self.side * context.q[:, context.row(location)]

@@ -21,7 +21,7 @@ class TimeDelay(Effect):
 
     name = "time_delay"
     linear = (Parameter("delay", "s", 0.0, 0.15),)
-    searched = (Parameter("secant", "s", 1e-3, 0.1),)
+    searched = (Parameter("secant", "s", 4e-4, 0.15),)
     confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")
     separating_motion = "a chirp to some hertz"
     mujoco = "actuator delay (a ring buffer in the control callback)"
@@ -32,7 +32,7 @@ class TimeDelay(Effect):
         return ("torque",)
 
     def grid(self, context: Context, location: str) -> list[Theta]:
-        return [(0.003,), (0.006,), (0.012,), (0.025,), (0.05,)]
+        return [(d,) for d in (0.0007, 0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.09)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         samples = context.baseline.samples

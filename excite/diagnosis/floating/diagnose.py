@@ -11,7 +11,7 @@ from excite.diagnosis.floating.attribution import Attribution, attribute
 from excite.diagnosis.floating.gap import gap_of
 from excite.diagnosis.floating.held_out import refit
 from excite.diagnosis.floating.problem import Problem, build_problem
-from excite.diagnosis.floating.ranking import Ranked
+from excite.diagnosis.floating.ranking import DECISIVE, Ranked
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.refinement import Fitted
 from excite.diagnosis.floating.where import free_force_links, locate
@@ -117,7 +117,8 @@ def _candidate(
     problem: Problem, found: Attribution, item: Ranked, step: tuple[Ranked, ...], gap: Gap, weight: float
 ) -> Candidate:
     own = [other for other in step if other.last.effect.name == item.last.effect.name]
-    tied = tuple(other.last.location for other in own if other.evidence > item.evidence - 5.0)
+    close = tuple(other.last.location for other in own if other.evidence > item.evidence - DECISIVE)
+    tied = found.tied[0] if found.tied and item is step[0] else close
     share, after = _closed(problem, found, item.fitted, gap)
     placed = item.last
     return Candidate(

@@ -39,17 +39,18 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     residuals = (residual_of(problem, before), residual_of(problem, after))
     old, new = (residual[rows] for residual in residuals)
     first, last = (float(((x / scale) ** 2).mean()) for x in (old, new))
-    level = noise_level(problem, residuals[1], scale, rows).likely
-    loud = float(((level / scale) ** 2).mean())
+    noise = noise_level(problem, residuals[1], scale, rows)
+    level = noise.likely
+    loud, least = (float(((x / scale) ** 2).mean()) for x in (level, noise.least))
     # Noise happens to be a little less, or more, than it is on average.
     left = what_is_left(problem, residuals, after, scale, rows, rng) if after.placed else None
-    quiet = min(loud, last) if left is None else max(0.0, last - left.power)
+    quiet = min(loud, last) if left is None else max(min(least, last), last - left.power)
     floor = level * np.sqrt(quiet / loud)
     share = share_closed(np.sqrt(first), np.sqrt(last), np.sqrt(quiet))
     interval = None
     if left is not None:
-        least, most = left.interval
-        interval = (min(share, 1.0 - most), max(share, 1.0 - least))
+        lowest, most = left.interval
+        interval = (min(share, 1.0 - most), max(share, 1.0 - lowest))
     channels = {
         axis: ChannelGap(
             float(np.sqrt((old[:, i] ** 2).mean())),

@@ -50,15 +50,16 @@ def noise_level(
     record = problem.record
     louder = _louder(record, residual / scale)
     slow, learnt = in_band(record, residual, below_hz), noise_floor(problem, below_hz)
+    fitted = ~judged if (~judged).any() else judged
     # What is left in the trials that were fitted says how loud the noise is, as far as noise can be that loud.
-    seen = np.sqrt((slow[~judged if (~judged).any() else judged] ** 2).mean(axis=0))
+    seen = np.sqrt((slow[fitted] ** 2).mean(axis=0))
     likely = louder * np.minimum(seen, np.sqrt(NOISE_SLACK) * learnt)
     least = np.minimum(likely, louder * np.minimum(learnt, _repeated(record, slow)))
     powers = [float(((slow[span] / scale) ** 2).mean()) for span in record.spans]
     # Independent numbers that the level is learnt from: a noise of that band in as many channels as carry it.
     share = (likely / scale) ** 2
     channels = float(share.sum() ** 2 / (share**2).sum())
-    numbers = 2.0 * below_hz * channels * max(1, int((~judged).sum())) / record.rate_hz
+    numbers = 2.0 * below_hz * channels * int(fitted.sum()) / record.rate_hz
     return NoiseLevel(likely, least, float(np.hypot(_spread(problem, powers), np.sqrt(2.0 / numbers))))
 
 

@@ -186,7 +186,7 @@ def _unknown(s: Site) -> Hidden:
     if s.form == "pulses":
         value, period = s.size * 0.8 * s.torque, s.rng.uniform(0.7, 2.5)
         return s.under(PulseLaw(s.joint, value, period, s.rng.uniform(0.1, 0.3)), value, period=period)
-    if s.form == "hose":
+    if s.form == "hose" and s.virtual.robot.n_joints > 1:
         value = s.size * 0.4 * s.torque
         other = (s.joint + int(s.rng.integers(1, s.virtual.robot.n_joints))) % s.virtual.robot.n_joints
         hose = HoseLaw(s.joint, other, value, s.rng.uniform(2.0, 4.0), s.rng.uniform(0.0, 6.28))
