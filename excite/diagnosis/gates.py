@@ -28,6 +28,7 @@ class Gates:
         most_of_rest: share of all normalised power above the floor from which it is not.
         most: effects at most.
         stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
+        stands_least: the same that any effect needs: what is below the floor is no gap.
         stands_rough: the same for an effect that may smooth the model's torque, noise in it and all.
         closed_rough: share from which such an effect is named all the same.
         evidence_faint: nats of an effect that stands less than that.
@@ -63,6 +64,7 @@ class Gates:
     most_of_rest: float = 0.5
     most: int = 3
     stands: float = 1.5
+    stands_least: float = 0.8
     stands_rough: float = 2.0
     closed_rough: float = 0.7
     evidence_faint: float = 30.0
@@ -99,7 +101,7 @@ class Gates:
         if item.hypothesis.effect.smooths and item.stands < self.stands_rough and closed < self.closed_rough:
             return False
         if item.stands < self.stands:
-            if not apart or item.of_noise < self.closed:
+            if not apart or item.of_noise < self.closed or item.stands < self.stands_least:
                 return False
             evidence, validation = self._nats_faint(again=bool(accepted))
         if item.evidence < evidence or item.validation < validation or not item.hypothesis.significant:

@@ -125,3 +125,8 @@ def test_a_further_effect_closes_its_own_place():
     assert not named(
         scored("stribeck", "b", closed=0.28, evidence=140.0, validation=55.0, stands=2.4), spring
     )
+
+
+def test_what_is_below_the_floor_is_no_gap():
+    assert named(scored("stribeck", "a", stands=1.2))
+    assert not named(scored("stribeck", "a", stands=0.5, closed=5.4))
