@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.gates import Gates
+from excite.diagnosis.gates import Gates, acts_on_its_joint
 from excite.diagnosis.result import Verdict
 from excite.diagnosis.structured import structured_joints
 from excite.robot.robot import Array
@@ -78,10 +78,8 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
     coupled = accepted[0].hypothesis.effect.moves and accepted[0].elsewhere > Gates.elsewhere
     least = _EXPLAINED_COUPLED if coupled else _EXPLAINED
     # A body that would leave a link less than no mass takes up what something else does.
-    if not accepted[0].hypothesis.physical or (place in structured and explained < least):
-        others = tuple(name for name in structured if name != place)
-        return Judgement("unknown", (), (), (), (place, *others), explained)
-    if place in structured and _patched(attribution, spectral):
+    poor = place in structured and (explained < least or _patched(attribution, spectral))
+    if poor or not accepted[0].hypothesis.physical:
         others = tuple(name for name in structured if name != place)
         return Judgement("unknown", (), (), (), (place, *others), explained)
     if structured and _explained_of_all(attribution, spectral) < _TRIFLE:
@@ -109,8 +107,7 @@ def _patched(attribution: Attribution, spectral: Array) -> bool:
     """Whether a gap at one place has been patched up, by several effects there or by a poor one, and still stands."""
     first = attribution.accepted[0]
     here = sum(item.place == first.place for item in attribution.accepted)
-    alone = not (first.hypothesis.effect.moves or first.hypothesis.effect.timing)
-    least = _WHOLE if here > 1 else (_PARTLY if alone else 0.0)
+    least = _WHOLE if here > 1 else (_PARTLY if acts_on_its_joint(first) else 0.0)
     _, left = _above(attribution, spectral)
     floor = float(np.maximum(attribution.floor, spectral)[first.place]) ** 2
     stands = float(left[first.place]) / floor
