@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -55,23 +55,26 @@ def pushed(
     return Trial(name=name, role=role, time=t, q=q[:, None], tau=force[:, None])
 
 
-def axis_log(folder: Path, *modelled: str, size: float = 1.0, more: Force = np.zeros_like) -> Path:
-    """A log of a long trial and a short one, saved; ``size`` is that of the motion, ``more`` a force by position."""
-    header = LogHeader.model_validate(
+def axis_header(rate_hz: int, modelled: Sequence[str], names: tuple[str, str]) -> LogHeader:
+    """Header of a log of the axis: a trial to fit on and one to judge by."""
+    files = zip(names, ("identification", "validation"), strict=True)
+    return LogHeader.model_validate(
         {
             "schema": "excite.log/1",
             "robot": "axis.urdf",
             "base": "fixed",
-            "rate_hz": RATE_HZ,
+            "rate_hz": rate_hz,
             "joints": ["slide"],
             "torque": "motor_side",
             "modelled": list(modelled),
-            "trials": [
-                {"file": "long.parquet", "role": "identification"},
-                {"file": "short.parquet", "role": "validation"},
-            ],
+            "trials": [{"file": f"{name}.parquet", "role": role} for name, role in files],
         }
     )
+
+
+def axis_log(folder: Path, *modelled: str, size: float = 1.0, more: Force = np.zeros_like) -> Path:
+    """A log of a long trial and a short one, saved; ``size`` is that of the motion, ``more`` a force by position."""
+    header = axis_header(RATE_HZ, modelled, ("long", "short"))
     rng = np.random.default_rng(5)
     trials = (
         pushed("long", "identification", 20.0, 0.3, rng, size, more),

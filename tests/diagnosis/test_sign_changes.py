@@ -12,9 +12,9 @@ from excite.diagnosis.baseline import Baseline, fit_baseline
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import arm_samples
 from excite.logs.files import load_log, save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
-from tests.diagnosis.test_one_joint import URDF
+from tests.diagnosis.test_one_joint import URDF, axis_header
 
 RATE_HZ, INNER = 200, 25
 MASS, COULOMB, NOISE = 100.0, 200.0, 0.5
@@ -69,21 +69,7 @@ def ahead(lead: float) -> tuple[Trial, ...]:
 
 
 def fitted(folder: Path, trials: tuple[Trial, ...]) -> Baseline:
-    header = LogHeader.model_validate(
-        {
-            "schema": "excite.log/1",
-            "robot": "axis.urdf",
-            "base": "fixed",
-            "rate_hz": RATE_HZ,
-            "joints": ["slide"],
-            "torque": "motor_side",
-            "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"],
-            "trials": [
-                {"file": "a.parquet", "role": "identification"},
-                {"file": "b.parquet", "role": "validation"},
-            ],
-        }
-    )
+    header = axis_header(RATE_HZ, ("rigid_body", "viscous_friction", "coulomb_friction"), ("a", "b"))
     log = load_log(save_log(Log(header, trials, robot_text=URDF), folder / "axis"))
     samples = arm_samples(nominal_robot(log), log, log.trials)
     return fit_baseline(samples, header.modelled, spectral_floor(samples))
