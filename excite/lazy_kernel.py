@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import types
 from collections.abc import Callable
 from functools import update_wrapper
@@ -11,9 +12,13 @@ from typing import Any
 class LazyKernel:
     """A function that numba compiles when it is first called, with its machine code cached on disk.
 
-    Other lazy kernels of the same module that the function calls are compiled along with it.
+    Other lazy kernels of the same module that the function calls are compiled along with it. The machine code leaves
+    the interpreter to other threads.
     Where no folder for the cache can be written, compilation is repeated in each process.
     """
+
+    # Threads that meet at a kernel's first call are to have one dispatcher, which compiles once.
+    _meeting = threading.RLock()
 
     def __init__(self, function: Callable[..., Any]):
         self._function = function
@@ -22,25 +27,29 @@ class LazyKernel:
 
     def compiled(self) -> Callable[..., Any]:
         """The numba dispatcher."""
-        if self._compiled is None:
-            # numba takes 0.4 s to import.
-            from numba import njit
+        with self._meeting:
+            if self._compiled is None:
+                self._compiled = self._dispatcher()
+            return self._compiled
 
-            function = self._function
-            scope = {
-                name: value.compiled() if isinstance(value, LazyKernel) and value is not self else value
-                for name, value in function.__globals__.items()
-                if name in function.__code__.co_names or name == "__name__"
-            }
-            bound = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
-            bound.__module__, bound.__qualname__ = function.__module__, function.__qualname__
-            # No fast mathematics: what the compiler may then fuse or reorder depends on where arrays lie in memory,
-            # and the same seed would give other bytes in another process.
-            try:
-                self._compiled = njit(cache=True, error_model="numpy")(bound)
-            except RuntimeError:  # numba's word for "no folder to cache in"
-                self._compiled = njit(error_model="numpy")(bound)
-        return self._compiled
+    def _dispatcher(self) -> Callable[..., Any]:
+        # numba takes 0.4 s to import.
+        from numba import njit
+
+        function = self._function
+        scope = {
+            name: value.compiled() if isinstance(value, LazyKernel) and value is not self else value
+            for name, value in function.__globals__.items()
+            if name in function.__code__.co_names or name == "__name__"
+        }
+        bound = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
+        bound.__module__, bound.__qualname__ = function.__module__, function.__qualname__
+        # No fast mathematics: what the compiler may then fuse or reorder depends on where arrays lie in memory,
+        # and the same seed would give other bytes in another process.
+        try:
+            return njit(cache=True, nogil=True, error_model="numpy")(bound)
+        except RuntimeError:  # numba's word for "no folder to cache in"
+            return njit(nogil=True, error_model="numpy")(bound)
 
     def __call__(self, *arguments: Any) -> Any:
         return self.compiled()(*arguments)

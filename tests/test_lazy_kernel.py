@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
+import threading
+import time
 
 import numba
 import pytest
@@ -32,3 +35,30 @@ def test_without_a_folder_for_the_cache_it_compiles_all_the_same(monkeypatch: py
 
     monkeypatch.setattr(numba, "njit", njit)
     assert LazyKernel(double)(21) == 42
+
+
+def test_a_kernel_that_runs_leaves_the_interpreter_to_other_threads() -> None:
+    def count(n):
+        total = 0
+        for k in range(n):
+            total += k % 7
+        return total
+
+    kernel = LazyKernel(count)
+    kernel(1)
+    begun = threading.Event()
+    started, seen = time.perf_counter(), []
+
+    def work() -> None:
+        begun.set()
+        kernel(300_000_000)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    begun.wait()
+    while thread.is_alive():
+        seen.append(time.perf_counter())
+        time.sleep(0.002)
+    # A kernel that holds the interpreter shows itself as one gap as long as it runs.
+    gaps = [b - a for a, b in itertools.pairwise([started, *seen, time.perf_counter()])]
+    assert len(seen) > 5 and max(gaps) < 0.5 * sum(gaps)

@@ -16,6 +16,7 @@ from excite.diagnosis.gates import Gates
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.refinement import extended, in_richer_forms, polished, price, refine_with_width
 from excite.diagnosis.scoring import Scorer
+from excite.diagnosis.side_by_side import side_by_side
 from excite.diagnosis.sign_changes import signs_again
 from excite.diagnosis.structured import structured_joints
 from excite.diagnosis.unnamed import unnamed
@@ -108,12 +109,9 @@ class Attributor:
 
     def _rank(self, context: Context, scorer: Scorer) -> tuple[Scored, ...]:
         search = Search(context, context.baseline.solver, self._kept)
-        found: list[Hypothesis] = []
-        for effect in self._offered():
-            for location in effect.locations(context):
-                item = search.coarse(effect, location)
-                if item is not None:
-                    found.append(item)
+        places = [(e, place) for e in self._offered() for place in e.locations(context)]
+        fitted = side_by_side(lambda where: search.coarse(*where), places)
+        found = [item for item in fitted if item is not None]
         if not found:
             return ()
         before = context.baseline.fit
@@ -124,7 +122,7 @@ class Attributor:
         kinds = {item.effect.name: item for item in reversed(tuned)}
         chosen = [item for item in found if item in found[:_REFINED] or item in [*strong, *kinds.values()]]
         rest = [item for item in found[:_LISTED] if item not in chosen]
-        refined = [refine_with_width(search, item) for item in chosen] + rest
+        refined = side_by_side(partial(refine_with_width, search), chosen) + rest
         return scorer.scored(before, scorer.ordered(before, refined))
 
     def _polished(self, context: Context, ranking: tuple[Scored, ...], scorer: Scorer) -> tuple[Scored, ...]:
@@ -132,18 +130,15 @@ class Attributor:
         gates = self.gates
         likely = [s for s in ranking if s.evidence >= gates.evidence and s.closed[s.place] >= gates.closed]
         likely.sort(key=lambda s: -s.evidence)
-        found = [polished(s.hypothesis) for s in likely[:_POLISHED]]
+        found = side_by_side(polished, [s.hypothesis for s in likely[:_POLISHED]])
         return scorer.scored(context.baseline.fit, found)
 
     def _kin(self, context: Context, item: Hypothesis, scorer: Scorer) -> tuple[Scored, ...]:
         """An effect in a richer form and those that it runs into, the likeliest first; none where it has no kin."""
         search = Search(context, context.baseline.solver, self._kept)
-        others = [
-            polished(form)
-            for effect in item.effect.kin
-            if effect.offered(self.baseline.modelled)
-            for form in in_richer_forms(search, effect, item.location)
-        ]
+        kin = [effect for effect in item.effect.kin if effect.offered(self.baseline.modelled)]
+        forms = side_by_side(lambda effect: in_richer_forms(search, effect, item.location), kin)
+        others = side_by_side(polished, [form for of_one in forms for form in of_one])
         if not others:
             return ()
         first = {form.effect.name: form for form in sorted([item, *others], key=price, reverse=True)}
@@ -152,13 +147,14 @@ class Attributor:
     def _richer(self, context: Context, joints: tuple[str, ...], scorer: Scorer) -> tuple[Scored, ...]:
         """Richer forms at the joints that have most left to explain, ranked."""
         search = Search(context, context.baseline.solver, self._kept)
-        found = [
-            item
+        places = [
+            (effect, place)
             for effect in self._offered()
             for place in effect.locations(context)
             if place in joints[:_SEARCHED] or (joints and place not in context.joints)
-            for item in in_richer_forms(search, effect, place)
         ]
+        forms = side_by_side(lambda where: in_richer_forms(search, *where), places)
+        found = [form for of_one in forms for form in of_one]
         before = context.baseline.fit
         return scorer.scored(before, scorer.ordered(before, found))
 

@@ -104,7 +104,7 @@ class Context:
 
     def with_signs_of(self, baseline: Baseline) -> Context:
         """The context of a baseline that differs in how friction changes sign, and in nothing else."""
-        kept = {key: value for key, value in self._cache.items() if key[1] != "sign"}
+        kept = {key: value for key, value in self._cache.copy().items() if key[1] != "sign"}
         return Context(baseline, kept)
 
     def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
