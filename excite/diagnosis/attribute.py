@@ -10,6 +10,7 @@ import numpy as np
 from excite.diagnosis.accepted_together import searched_together
 from excite.diagnosis.attribution import Attribution, Scored, Stage
 from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.constants import beyond_constants
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.gates import Gates
@@ -25,6 +26,8 @@ from excite.robot.robot import Array
 _REFINED = 5
 _STRONG = 3
 _LISTED = 24
+# An effect that removes no more of what is left may hide one whose richer form is asked for.
+_TRIFLE = 0.1
 # Joints at which richer forms are tried where no textbook's form explains what is left.
 _SEARCHED = 2
 # Hypotheses that are made finer where none passes as it is.
@@ -68,18 +71,7 @@ class Attributor:
                 tuple(stages), before, current.fit, current, scorer.floor(current.fit), scale
             )
             gaps = structured_joints(so_far, self.spectral)
-            ranking = self._rank(context, scorer)
-            best = next((s for s in ranking if self._passes(s, accepted)), None)
-            if best is None:
-                near = self._polished(context, ranking, scorer)
-                best = next((s for s in near if self._passes(s, accepted)), None)
-                ranking = (best, *ranking) if best is not None else ranking
-            if best is None:
-                forms = self._richer(context, gaps, scorer)
-                best = next(
-                    (s for s in forms if self.gates.explained_by(s) and self._passes(s, accepted)), None
-                )
-                ranking = (best, *ranking) if best is not None else ranking
+            best, ranking = self._best(context, gaps, accepted, scorer)
             stranger = self._unnamed(context, best, gaps, scorer)
             best = best if stranger is None else None
             stages.append(Stage(context, ranking, best))
@@ -99,6 +91,25 @@ class Attributor:
                 stages = [replace(s, accepted=a) for s, a in zip(stages, accepted, strict=True)]
         floor = scorer.floor(current.fit)
         return Attribution(tuple(stages), before, current.fit, current, floor, scale, stranger)
+
+    def _best(
+        self, context: Context, joints: tuple[str, ...], accepted: list[Scored], scorer: Scorer
+    ) -> tuple[Scored | None, tuple[Scored, ...]]:
+        """The effect to be accepted next, None where none passes, and all that were tried."""
+        ranking = self._rank(context, scorer)
+        passing = [s for s in ranking if self._passes(s, accepted)]
+        best = beyond_constants(context.baseline, passing) if passing else None
+        if best is None:
+            near = self._polished(context, ranking, scorer)
+            best = next((s for s in near if self._passes(s, accepted)), None)
+            ranking = (best, *ranking) if best is not None else ranking
+        if best is None or (joints and best.of_rest < _TRIFLE):
+            forms = self._richer(context, joints, scorer)
+            whole = (s for s in forms if self.gates.explained_by(s) and self._passes(s, accepted))
+            form = next(whole, None)
+            if form is not None and (best is None or form.strength > best.strength):
+                best, ranking = form, (form, *ranking)
+        return best, ranking
 
     def _unnamed(
         self, context: Context, best: Scored | None, joints: tuple[str, ...], scorer: Scorer

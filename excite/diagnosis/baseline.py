@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.drive_terms import WIDTHS, own_names, own_signals
 from excite.diagnosis.equations import Equations, Fit, Solver
 from excite.diagnosis.samples import ArmSamples
@@ -16,6 +17,21 @@ from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.robot import Array
 
 _RELATIVE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """What follows from a motion and inertial parameters alone: worked out when it is asked for, kept with them.
+
+    Attributes:
+        trials: the motion.
+        phi: the parameters.
+        values: by row of the joint and name, full rate.
+    """
+
+    trials: tuple[ArmTrial, ...] = ()
+    phi: Array | None = None
+    values: dict[tuple[int, str], Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +57,7 @@ class Baseline:
         strict: the same where hypotheses are judged: standstill counts for next to nothing.
         added: accepted effects' part of ``rigid``.
         added_drive: accepted effects' part of ``total`` that is not in ``rigid``.
+        derived: shared by baselines that differ in neither motion nor ``phi``.
     """
 
     samples: ArmSamples
@@ -58,14 +75,19 @@ class Baseline:
     strict: Array
     added: Array
     added_drive: Array
+    derived: Derived = field(default_factory=Derived)
+
+    def __post_init__(self) -> None:
+        if self.derived.trials is not self.samples.trials or self.derived.phi is not self.phi:
+            object.__setattr__(self, "derived", Derived(self.samples.trials, self.phi))
 
     def updated(self, fit: Fit) -> Baseline:
         """The same equations with another fit and predictions at its parameters."""
-        n = self.basis.shape[1]
-        phi = self.phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
         s, index = self.samples, list(self.samples.index)
-        rigid = self.rigid
+        rigid, phi = self.rigid, self.phi
         if self.free:
+            n = self.basis.shape[1]
+            phi = phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
             q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
             rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index] + self.added
         names = own_names(self.modelled)

@@ -21,9 +21,14 @@ _FACTORS = (0.25, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.5, 4.0)
 
 def price(item: Hypothesis) -> float:
     """Loss with the price of parameters, per effective sample (Schwarz 1978), samples white in the band."""
-    samples = item.baseline.samples
-    count = 2.0 * samples.bands.rows_hz / samples.bands.rate_hz * samples.identification.sum()
-    return item.loss + 0.5 * item.n_parameters * float(np.log(count)) / float(count)
+    count = effective_samples(item.baseline)
+    return item.loss + 0.5 * item.n_parameters * float(np.log(count)) / count
+
+
+def effective_samples(baseline: Baseline) -> float:
+    """Independent samples of the identification rows, were what is left white in their band."""
+    samples = baseline.samples
+    return float(2.0 * samples.bands.rows_hz / samples.bands.rate_hz * samples.identification.sum())
 
 
 def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
@@ -66,7 +71,7 @@ def _with_sign(search: Search, item: Hypothesis, j: int, sign: _Sign) -> Hypothe
     widths, breakaways = base.widths.copy(), base.breakaways.copy()
     widths[j], breakaways[j] = sign
     moved = replace(base, solver=search.solver).with_signs(widths, breakaways, base.samples.lead)
-    return Search(search.context.with_signs_of(moved), moved.solver).refine(item, evaluations=6, step=0.15)
+    return Search(Context(moved), moved.solver).refine(item, evaluations=6, step=0.15)
 
 
 def polished(item: Hypothesis) -> Hypothesis:

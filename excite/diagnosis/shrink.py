@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, stdtrit
 
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.samples import ArmSamples
@@ -14,7 +13,7 @@ from excite.robot.robot import Array
 
 # Degrees of freedom that blocks must leave to tell a spread, and seconds of those within a trial.
 _FREEDOM, _BLOCK_S = 2, 1.0
-_DRAWS = 1000
+_DRAWS, _HELD = 1000, 0.9
 
 
 def gap_of(
@@ -62,11 +61,10 @@ def _interval(
 ) -> tuple[float, float] | None:
     """90 % interval of the share closed on motions like the record's, by block bootstrap (Künsch 1989).
 
-    Blocks are drawn from the validation trials, and whole trials from all: how much is left differs from motion to
-    motion, and two validation trials hardly tell how much. The wider of the two counts. Of so few blocks
-    percentiles are too narrow; they are taken as far out as Student's are beyond the normal distribution's
-    (Hesterberg 2015, the expanded percentile interval). The floor is measured too, on one repeated trial: it is
-    drawn as a mean of as many squares as filtered noise has there.
+    Whole trials are drawn, of all roles: how much is left differs from motion to motion, and two validation trials
+    hardly tell how much. Where there are too few, it is blocks of the validation trials. The floor is measured too,
+    on one repeated trial: it is drawn as a mean of as many squares as filtered noise has there. No less than nothing
+    can be left: of what can be, the shortest interval counts, as quantiles on both sides would leave out too little.
 
     Args:
         samples: the samples.
@@ -84,26 +82,27 @@ def _interval(
     room = float(was[sides[0]].mean()) - lowest
     if room <= 0.0:
         return None
-    whole = [_trials(samples, rows) for rows in sides]
-    parts = [_parts(samples, sides[0])]
-    drawn, freedom = [], []
-    for blocks in (whole, parts):
-        pool = [_deviations(was, now, rows, own, lowest) for rows, own in zip(sides, blocks, strict=False)]
-        size = np.sqrt([len(b) for b in blocks[0]])
-        count = sum(len(own) - 1 for own in blocks if own)
-        if count >= _FREEDOM:
-            made = rng.choice(np.concatenate(pool), (_DRAWS, len(size))) @ size / (size @ size)
-            drawn.append(made - made.mean())
-            freedom.append(count)
-    if not drawn:
-        return None
-    widest = max(drawn, key=lambda x: float(x.std()))
+    blocks = [_trials(samples, rows) for rows in sides]
+    if sum(max(len(own) - 1, 0) for own in blocks) < _FREEDOM:
+        blocks = [_parts(samples, sides[0])]
+        if len(blocks[0]) <= _FREEDOM:
+            return None
+    pool = [_deviations(was, now, rows, own, lowest) for rows, own in zip(sides, blocks, strict=False)]
+    size = np.sqrt([len(b) for b in blocks[0]])
+    drawn = rng.choice(np.concatenate(pool), (_DRAWS, len(size))) @ size / (size @ size)
     independent = _independent(samples)
     floors = rng.chisquare(independent, (_DRAWS, len(level))) / independent @ level / len(level)
-    left = 1.0 - share + (widest - share * (floors - lowest)) / room
-    tail = float(ndtr(stdtrit(freedom[0], 0.05)))
-    low, high = np.quantile(left, (tail, 1.0 - tail))
-    return min(1.0 - float(high), share), max(1.0 - max(float(low), 0.0), share)
+    left = 1.0 - share + (drawn - drawn.mean() - share * (floors - lowest)) / room
+    low, high = _shortest(np.maximum(left, 0.0), _HELD)
+    return min(1.0 - high, share), max(1.0 - low, share)
+
+
+def _shortest(values: Array, held: float) -> tuple[float, float]:
+    """Bounds of the shortest interval that holds a share of the values."""
+    values = np.sort(values)
+    count = int(np.ceil(held * len(values)))
+    first = int(np.argmin(values[count - 1 :] - values[: len(values) - count + 1]))
+    return float(values[first]), float(values[first + count - 1])
 
 
 def _deviations(

@@ -15,8 +15,8 @@ _MATTERS, _FAR = 0.02, 8.0
 # The same against the white floor alone, for gaps that do not repeat.
 _WILD, _WILD_SHARE = 10.0, 0.1
 # A joint whose own repeats differ by so many times its noise, and more than those of most joints of three or more,
-# has something that does not repeat.
-_UNREPEATED = 3.0
+# has something that does not repeat; where that is this share of the torque's deviation, fewer times will do.
+_UNREPEATED, _UNREPEATED_LARGE, _LARGE = 3.0, 1.5, 0.05
 
 
 def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, ...]:
@@ -35,10 +35,11 @@ def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, .
     # What is different in every trial raises the floor of repeated ones; the white floor does not know it.
     wild = (power > _WILD * spectral**2) & (np.sqrt(power) > _WILD_SHARE * attribution.scale)
     # Nor does its repeat, where only this joint has it.
-    differs = attribution.floor / spectral
-    alone = (differs > _UNREPEATED * np.maximum(np.median(differs), 1.0)) & (power > _WILD * spectral**2)
-    found = np.flatnonzero(
-        (likely & matters) | wild | (alone & (np.sqrt(power) > _MATTERS * attribution.scale))
-    )
+    differs = attribution.floor / spectral / max(float(np.median(attribution.floor / spectral)), 1.0)
+    alone = (differs > _UNREPEATED) & (power > _WILD * spectral**2)
+    alone &= np.sqrt(power) > _MATTERS * attribution.scale
+    much = np.sqrt(np.maximum(attribution.floor**2 - spectral**2, 0.0)) > _LARGE * attribution.scale
+    alone |= (differs > _UNREPEATED_LARGE) & much
+    found = np.flatnonzero((likely & matters) | wild | alone)
     stands = power / np.minimum(floor, spectral**2)
     return tuple(samples.joints[j] for j in sorted(found, key=lambda j: -stands[j]))

@@ -102,11 +102,11 @@ def _trials(starts):  # pragma: no cover - compiled
 
 def link_inertia(context: Context, j: int) -> Array:
     """Inertia that a joint moves, ``(n_samples,)``, kept positive where fitted parameters make it none [kg·m²]."""
-    key = (j, "inertia")
-    if key not in context._cache:
+    key, kept = (j, "inertia"), context.baseline.derived.values
+    if key not in kept:
         mass = context.gradient(j, "a")[:, j]
-        context._cache[key] = np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
-    return context._cache[key]
+        kept[key] = np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
+    return kept[key]
 
 
 def response(

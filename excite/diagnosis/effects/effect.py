@@ -63,7 +63,7 @@ class Context:
     """
 
     baseline: Baseline
-    _cache: dict = field(default_factory=dict)
+    _signs: dict[int, Array] = field(default_factory=dict)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -96,16 +96,10 @@ class Context:
 
     def sign(self, j: int) -> Array:
         """What a joint's dry friction follows, ``(n_samples,)``."""
-        key = (j, "sign")
-        if key not in self._cache:
+        if j not in self._signs:
             base = self.baseline
-            self._cache[key] = sign_of_motion(base.samples, j, base.widths[j], base.breakaways[j])
-        return self._cache[key]
-
-    def with_signs_of(self, baseline: Baseline) -> Context:
-        """The context of a baseline that differs in how friction changes sign, and in nothing else."""
-        kept = {key: value for key, value in self._cache.copy().items() if key[1] != "sign"}
-        return Context(baseline, kept)
+            self._signs[j] = sign_of_motion(base.samples, j, base.widths[j], base.breakaways[j])
+        return self._signs[j]
 
     def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
         """Torques of the rigid bodies at the fitted parameters, ``(n_samples, n_joints)`` [N·m]."""
@@ -114,7 +108,8 @@ class Context:
 
     def gradient(self, j: int, what: str) -> Array:
         """Change of the torques per unit of a joint's ``q``, ``v`` or ``a``: ``(n_samples, n_joints)``."""
-        if (j, what) not in self._cache:
+        kept = self.baseline.derived.values
+        if (j, what) not in kept:
             samples = self.baseline.samples
             motion = {name: samples.stacked(name) for name in ("q", "v", "a")}
             step = 1.0 if what == "a" else _STEP
@@ -123,8 +118,8 @@ class Context:
             moved[what][:, samples.index[j]] += step
             still = self.baseline.rigid - self.baseline.added
             change = self.torques(moved["q"], moved["v"], moved["a"]) - still
-            self._cache[j, what] = change / step
-        return self._cache[j, what]
+            kept[j, what] = change / step
+        return kept[j, what]
 
 
 class Effect(ABC):

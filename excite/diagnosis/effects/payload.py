@@ -17,12 +17,12 @@ _SURELY = 6.0
 
 def link_columns(context: Context, joint: int) -> Array:
     """Torques per unit of the ten inertial parameters of the body after a joint, ``(n, n_joints, 10)``."""
-    key = (0, "regressor")
-    if key not in context._cache:
+    key, kept = (0, "regressor"), context.baseline.derived.values
+    if key not in kept:
         s = context.baseline.samples
         motion = (s.stacked(name) for name in ("q", "v", "a"))
-        context._cache[key] = s.of_joints(joint_torque_regressor(s.robot.model, *motion))
-    return context._cache[key][:, :, 10 * (joint - 1) : 10 * joint]
+        kept[key] = s.of_joints(joint_torque_regressor(s.robot.model, *motion))
+    return kept[key][:, :, 10 * (joint - 1) : 10 * joint]
 
 
 class Payload(Effect):
