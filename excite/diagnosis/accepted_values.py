@@ -50,6 +50,10 @@ def _found(item: Scored, beta: Array) -> Found:
     if item.name == "joint_elasticity":
         inertia = float(link_inertia(context, context.row(h.location)).mean())
         values["damping"] = 2.0 * values["damping_ratio"] * float(np.sqrt(values["stiffness"] * inertia))
+    if "softness" in values:
+        inertia = float(link_inertia(context, context.row(h.location)).mean())
+        values["stiffness"] = inertia * (2.0 * np.pi * values["contact_hz"]) ** 2
+        values["damping"] = 2.0 * inertia * 2.0 * np.pi * values["contact_hz"]
     if item.name == "friction_drift":
         values["session_end"] = float(context.session.max())
     return Found(item.name, item.location, values)

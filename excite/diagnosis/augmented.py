@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.diagnosis.augmented_effects import FORMS, Draft, Found, presliding, tilted
+from excite.diagnosis.augmented_contacts import SoftPlay, add_soft_play
+from excite.diagnosis.augmented_effects import DEFLECTION, FORMS, Draft, Found, presliding, tilted
 from excite.diagnosis.augmented_plant import Plant, fitted_plant, physical_plant
 from excite.diagnosis.baseline import Baseline
 from excite.robot.robot import Array, Robot
@@ -88,6 +89,11 @@ def _formed(draft: Draft, baseline: Baseline, effects: Sequence[Found]) -> None:
         form = FORMS.get(item.effect)
         if form is not None and form.model is not None:
             form.model(draft, item)
+    for item in effects:
+        if "softness" in item.values:
+            names = ("softness", "stiffness", "damping")
+            play = SoftPlay(0.5 * item.value("width"), *(item.value(name) for name in names))
+            add_soft_play(draft.spec, item.location + DEFLECTION, play)
 
 
 def _spec(robot: Robot, index: Sequence[int], plant: Plant) -> mujoco.MjSpec:

@@ -187,8 +187,7 @@ def _tilt(draft: Draft, item: Found) -> None:
 
 def _soft(draft: Draft, item: Found) -> None:
     """A second joint of the same body behind the motor's, whose rotor alone the armature is."""
-    stiffness = item.value("stiffness")
-    damping = item.value("damping")
+    stiffness, damping = item.value("stiffness"), item.value("damping")
     # MuJoCo's polynomial: force −(k₀ + k₁ |x| + k₂ x²) x.
     harder = stiffness / item.value("hardening_at") ** 2 if "hardening_at" in item.values else 0.0
     _behind(draft, item).stiffness = [stiffness, 0.0, harder]
@@ -199,13 +198,14 @@ def _soft(draft: Draft, item: Found) -> None:
 def _loose(draft: Draft, item: Found) -> None:
     """A second joint with a range as wide as the play; its stops have the contact's frequency and damping."""
     joint = _behind(draft, item)
+    draft.note(item, "width", "softness", "stiffness")
+    if "softness" in item.values:
+        return
     half = 0.5 * item.value("width")
-    joint.limited = True
-    joint.range = [-half, half]
+    joint.limited, joint.range = True, [-half, half]
     ratio = item.value("damping_ratio", 1.0)
     joint.solref_limit = [1.0 / (2.0 * np.pi * item.value("contact_hz", 20.0) * ratio), ratio]
     joint.solimp_limit = [0.99, 0.99, 0.001, 0.5, 2.0]
-    draft.note(item, "width")
 
 
 def _behind(draft: Draft, item: Found) -> mujoco.MjsJoint:

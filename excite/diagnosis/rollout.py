@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.diagnosis.augmented_effects import DEFLECTION, NOTE
+from excite.diagnosis.rollout_deflection import resting_deflection
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, PositionServo, Window
 from excite.diagnosis.rollout_friction import DryFriction
 from excite.divergence import diverged, without_log_file
@@ -155,13 +156,8 @@ class Simulator:
             if effect not in {"joint_elasticity", "backlash"}:
                 continue
             address = self.model.joint(place + DEFLECTION).qposadr[0]
-            torque = load[self.joints.index(place)]
-            soft = effect == "joint_elasticity"
-            self.data.qpos[address] = (
-                _stretch(-torque / values["stiffness"], values.get("hardening_at", np.inf))
-                if soft
-                else -0.5 * np.sign(torque) * values["width"]
-            )
+            torque = float(load[self.joints.index(place)])
+            self.data.qpos[address] = resting_deflection(values, torque)
 
     def _apply(self, q: Array, v: Array, window: Window, elapsed: float, added: Array) -> None:
         model, data, dof, bent = self.model, self.data, self._dof, np.zeros(len(self.joints))
@@ -222,15 +218,6 @@ def _acts(effect: str, values: dict[str, float]) -> bool:
 def _share(period: float, time_constant: float) -> float:
     """Share of a step that a first-order filter follows within a period."""
     return float(-np.expm1(-period / time_constant)) if time_constant > 0.0 else 1.0
-
-
-def _stretch(linear: float, hardening_at: float) -> float:
-    """Deflection ``x (1 + (x/x₀)²) = linear`` of a spring that hardens, by Newton's method."""
-    x = linear
-    for _ in range(30):
-        r = x / hardening_at
-        x -= (x * (1.0 + r * r) - linear) / (1.0 + 3.0 * r * r)
-    return x
 
 
 def _notes(model: mujoco.MjModel) -> list[tuple[str, str, dict[str, float]]]:

@@ -63,6 +63,29 @@ def test_written_model_has_the_dynamics_of_the_plant_with_its_effects(baseline: 
         assert data.qfrc_inverse == pytest.approx(expected, rel=1e-4, abs=1e-3)
 
 
+def test_a_soft_play_hangs_in_the_written_model_where_the_record_loads_it(baseline: Baseline):
+    """Under gravity, with its motor held, the gear comes to rest where its law balances the load."""
+    width, softness, stiffness = 0.01, 0.002, 3000.0
+    sizes = {"width": width, "softness": softness, "stiffness": stiffness, "damping": 20.0, "contact_hz": 8.0}
+    model = mujoco.MjModel.from_xml_string(
+        augmented_model(baseline, [Found("backlash", "panda_joint4", sizes)]).xml
+    )
+    data = mujoco.MjData(model)
+    motors = [model.joint(name) for name in baseline.samples.joints]
+    model.dof_damping[[int(motor.dofadr[0]) for motor in motors]] = 1e6
+    q = baseline.samples.trials[0].q[0]
+    data.qpos[[int(motor.qposadr[0]) for motor in motors]] = q
+    gear = model.joint("panda_joint4.deflection")
+    for _ in range(600):
+        mujoco.mj_step(model, data)
+    x, load = float(data.qpos[gear.qposadr[0]]), float(data.qfrc_bias[gear.dofadr[0]])
+    sides = np.logaddexp(0.0, (np.array([1.0, -1.0]) * x - 0.5 * width) / softness)
+    assert abs(load) > 1.0
+    assert -stiffness * softness * (sides[0] - sides[1]) == pytest.approx(
+        load, abs=0.06 * stiffness * softness
+    )
+
+
 def test_retraced_motions_stay_on_the_record_within_its_speeds(baseline: Baseline):
     samples = baseline.samples
     path = samples.trials[0].q
