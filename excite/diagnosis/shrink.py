@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, stdtrit
 
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.samples import ArmSamples
@@ -13,7 +14,7 @@ from excite.robot.robot import Array
 
 # Degrees of freedom that blocks must leave to tell a spread, and seconds of those within a trial.
 _FREEDOM, _BLOCK_S = 2, 1.0
-_DRAWS, _HELD = 1000, 0.9
+_DRAWS = 1000
 
 
 def gap_of(
@@ -61,10 +62,12 @@ def _interval(
 ) -> tuple[float, float] | None:
     """90 % interval of the share closed on motions like the record's, by block bootstrap (Künsch 1989).
 
-    Whole trials are drawn, of all roles: how much is left differs from motion to motion, and two validation trials
-    hardly tell how much. Where there are too few, it is blocks of the validation trials. The floor is measured too,
-    on one repeated trial: it is drawn as a mean of as many squares as filtered noise has there. No less than nothing
-    can be left: of what can be, the shortest interval counts, as quantiles on both sides would leave out too little.
+    Blocks are drawn from the validation trials, and whole trials from all: how much is left differs from motion to
+    motion, and two validation trials hardly tell how much. The wider of the two counts. Of so few blocks
+    percentiles are too narrow; they are taken as far out as Student's are beyond the normal distribution's
+    (Hesterberg 2015, the expanded percentile interval). The floor is measured too, on one repeated trial: it is
+    drawn as a mean of as many squares as filtered noise has there. No less than nothing can be left: of what can
+    be, the shortest interval counts.
 
     Args:
         samples: the samples.
@@ -82,18 +85,25 @@ def _interval(
     room = float(was[sides[0]].mean()) - lowest
     if room <= 0.0:
         return None
-    blocks = [_trials(samples, rows) for rows in sides]
-    if sum(max(len(own) - 1, 0) for own in blocks) < _FREEDOM:
-        blocks = [_parts(samples, sides[0])]
-        if len(blocks[0]) <= _FREEDOM:
-            return None
-    pool = [_deviations(was, now, rows, own, lowest) for rows, own in zip(sides, blocks, strict=False)]
-    size = np.sqrt([len(b) for b in blocks[0]])
-    drawn = rng.choice(np.concatenate(pool), (_DRAWS, len(size))) @ size / (size @ size)
+    whole = [_trials(samples, rows) for rows in sides]
+    parts = [_parts(samples, sides[0])]
+    drawn, freedom = [], []
+    for blocks in (whole, parts):
+        pool = [_deviations(was, now, rows, own, lowest) for rows, own in zip(sides, blocks, strict=False)]
+        size = np.sqrt([len(b) for b in blocks[0]])
+        count = sum(len(own) - 1 for own in blocks if own)
+        if count >= _FREEDOM:
+            made = rng.choice(np.concatenate(pool), (_DRAWS, len(size))) @ size / (size @ size)
+            drawn.append(made - made.mean())
+            freedom.append(count)
+    if not drawn:
+        return None
+    widest = max(drawn, key=lambda x: float(x.std()))
     independent = _independent(samples)
     floors = rng.chisquare(independent, (_DRAWS, len(level))) / independent @ level / len(level)
-    left = 1.0 - share + (drawn - drawn.mean() - share * (floors - lowest)) / room
-    low, high = _shortest(np.maximum(left, 0.0), _HELD)
+    left = 1.0 - share + (widest - share * (floors - lowest)) / room
+    tail = float(ndtr(stdtrit(freedom[0], 0.05)))
+    low, high = _shortest(np.maximum(left, 0.0), 1.0 - 2.0 * tail)
     return min(1.0 - high, share), max(1.0 - low, share)
 
 
