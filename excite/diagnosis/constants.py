@@ -11,7 +11,6 @@ from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.equations import Solver
-from excite.diagnosis.gates import acts_on_its_joint
 from excite.diagnosis.hypotheses import Hypothesis
 from excite.diagnosis.refinement import effective_samples, price
 from excite.diagnosis.verdict import tie
@@ -20,20 +19,22 @@ from excite.diagnosis.verdict import tie
 def beyond_constants(baseline: Baseline, passing: Sequence[Scored]) -> Scored:
     """The first of the effects that pass, unless it owes its place to constants.
 
-    A body has ten parameters, and its weight takes up some of what drives have of their own: a little at every joint
-    counts for more than the effect that is there. With a constant at every joint, it is no longer so.
+    A body has more parameters than a robot has joints, and its weight takes up some of what drives have of their
+    own: a little at every joint counts for more than the effect that is there. With a constant at every joint, it is
+    no longer so. What has fewer parameters, a tilt, cannot make up a constant of each joint.
 
     Args:
         baseline: that they were fitted on.
         passing: effects that pass the gates, the likeliest first.
 
     Returns:
-        The first; where it acts on several joints, the one that leads it once constants are explained.
+        The first; of a body, the one that leads it once constants are explained.
     """
     first = passing[0]
-    if acts_on_its_joint(first) or len(passing) == 1 or "torque_bias" in own_names(baseline.modelled):
-        return first
     solver = baseline.solver
+    few = len(first.hypothesis.effect.linear) < solver.equations.n_joints
+    if few or len(passing) == 1 or "torque_bias" in own_names(baseline.modelled):
+        return first
     for j, own in enumerate(solver.equations.own):
         solver = solver.with_own(j, np.column_stack([own, baseline.root_weight[j]]))
     prices = np.array([price(_again(solver, s.hypothesis)) for s in passing])

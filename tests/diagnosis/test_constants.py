@@ -29,12 +29,13 @@ def scored(baseline: SimpleNamespace, columns: np.ndarray, name: str, *, moves: 
     return Scored(hypothesis, 500.0, 100.0, np.ones(3), 0.1, 0.5, 0, 0.0, power, 200.0 * power, 0, 9.0, 0.0)
 
 
-def ranked(constants: float, weight: float, modelled: tuple[str, ...] = ()) -> str:
+def ranked(constants: float, weight: float, modelled: tuple[str, ...] = (), *, parameters: int = 3) -> str:
     """What is named of a body that all joints feel and of a gain of the first joint, by what there is."""
     rng = np.random.default_rng(0)
     motion = rng.normal(size=(3, N))
     # A body's weight is about the same in all postures: a constant, and a little of the motion.
     body = np.stack([(1.0 + 0.3 * motion[j])[:, None] * np.eye(3)[j] for j in range(3)])
+    body = body if parameters == 3 else body.sum(axis=2, keepdims=True)
     gain = np.zeros((3, N, 1))
     gain[0, :, 0] = rng.normal(size=N)
     y = 0.3 * gain[:, :, 0] + rng.normal(size=(3, N)) * 0.2
@@ -66,6 +67,10 @@ def test_what_constants_explain_is_no_body() -> None:
 
 def test_a_body_that_moves_is_named_all_the_same() -> None:
     assert ranked(constants=0.0, weight=1.0) == "payload"
+
+
+def test_one_parameter_makes_up_no_constant_of_each_joint() -> None:
+    assert ranked(constants=0.5, weight=0.0, parameters=1) == "payload"
 
 
 @pytest.mark.parametrize("name", ["torque_bias", "coulomb_asymmetry"])
