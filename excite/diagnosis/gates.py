@@ -96,7 +96,7 @@ class Gates:
         closed = float(item.closed[item.place])
         # An effect on its own joint alone leaves nothing at others, however strong.
         places = {joints[item.place], item.location}
-        apart = all(acts_on_its_joint(a) and a.location not in places for a in accepted)
+        apart = all(a.hypothesis.effect.own_joint and a.location not in places for a in accepted)
         evidence, validation = self._nats(closed, again=bool(accepted))
         if item.hypothesis.effect.smooths and item.stands < self.stands_rough and closed < self.closed_rough:
             return False
@@ -143,14 +143,14 @@ class Gates:
 
     def _alone(self, item: Scored, *, apart: bool) -> bool:
         """Whether an effect is beyond doubt, whatever else is left and however small it is beside others."""
-        stands = self.stands_apart if apart and acts_on_its_joint(item) else self.stands_alone
+        stands = self.stands_apart if apart and item.hypothesis.effect.own_joint else self.stands_alone
         clear = item.stands >= stands and float(item.closed[item.place]) >= self.closed_alone
         return clear and item.evidence >= self.evidence_alone and item.validation >= self.validation_alone
 
     def _alike(self, item: Scored, accepted: Sequence[Scored]) -> bool:
         """Whether a joint has what another joint of the same machine has been found to have."""
         closes = item.stands >= self.stands and float(item.closed[item.place]) >= self.same_joint
-        return closes and acts_on_its_joint(item) and item.name in {a.name for a in accepted}
+        return closes and item.hypothesis.effect.own_joint and item.name in {a.name for a in accepted}
 
     def _nats(self, closed: float, *, again: bool) -> tuple[float, float]:
         """Nats that an effect needs in all and on validation trials, by the share that it closes at its place."""
@@ -165,8 +165,3 @@ class Gates:
         if again:
             return self.evidence_faint_again, self.validation_faint_again
         return self.evidence_faint, self.validation_faint
-
-
-def acts_on_its_joint(item: Scored) -> bool:
-    """Whether an effect acts on the torque of its own joint alone."""
-    return not (item.hypothesis.effect.moves or item.hypothesis.effect.timing)

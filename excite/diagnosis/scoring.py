@@ -93,7 +93,7 @@ class Scorer:
         place = int(np.argmax(ratio.sum(axis=1)))
         effect = item.effect
         # What acts on one joint alone has its place there, whatever the fit of all makes of other joints.
-        if not (effect.moves or effect.timing) and item.location in samples.joints:
+        if effect.own_joint and item.location in samples.joints:
             place = samples.joints.index(item.location)
         left = int(np.sum((old > 2.0 * floor**2) & (closed < _HARDLY)))
         # Without validation trials there are the fitted ones alone to judge by.

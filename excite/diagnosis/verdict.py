@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.gates import Gates, acts_on_its_joint
+from excite.diagnosis.gates import Gates
 from excite.diagnosis.result import Verdict
 from excite.diagnosis.structured import structured_joints
 from excite.robot.robot import Array
@@ -107,7 +107,7 @@ def _patched(attribution: Attribution, spectral: Array) -> bool:
     """Whether a gap at one place has been patched up, by several effects there or by a poor one, and still stands."""
     first = attribution.accepted[0]
     here = sum(item.place == first.place for item in attribution.accepted)
-    least = _WHOLE if here > 1 else (_PARTLY if acts_on_its_joint(first) else 0.0)
+    least = _WHOLE if here > 1 else (_PARTLY if first.hypothesis.effect.own_joint else 0.0)
     _, left = _above(attribution, spectral)
     floor = float(np.maximum(attribution.floor, spectral)[first.place]) ** 2
     stands = float(left[first.place]) / floor

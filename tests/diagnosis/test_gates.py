@@ -24,7 +24,9 @@ def scored(
     **numbers: float,
 ) -> Scored:
     """A hypothesis with plain merits, those in ``numbers`` instead where given."""
-    effect = SimpleNamespace(name=name, moves=moves, timing=timing, smooths=smooths)
+    effect = SimpleNamespace(
+        name=name, moves=moves, timing=timing, smooths=smooths, own_joint=not (moves or timing)
+    )
     place = JOINTS.index(joint)
     closed = np.full(3, 0.05)
     closed[place] = numbers.pop("closed", 0.8)

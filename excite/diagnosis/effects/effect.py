@@ -151,6 +151,11 @@ class Effect(ABC):
     smooths: ClassVar[bool] = False
 
     @property
+    def own_joint(self) -> bool:
+        """Whether it acts on the torque of its own joint alone."""
+        return not (self.moves or self.timing)
+
+    @property
     def richer(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect has been named."""
         return ()
