@@ -1,4 +1,4 @@
-"""Floating-base diagnosis on simulated practice cases whose hidden effect is known (30 s a case)."""
+"""Floating-base diagnosis on simulated practice cases whose hidden effect is known (3 to 8 s a case)."""
 
 from __future__ import annotations
 

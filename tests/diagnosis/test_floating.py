@@ -10,7 +10,8 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.floating.attribution import attribute
-from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.effects.effect import FloatingEffect, links, segment_of
+from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.gap import gap_of, residual_of
 from excite.diagnosis.floating.held_out import refit
@@ -165,6 +166,25 @@ def test_columns_of_joints_under_foot_sensors_are_finite_differences(
         expected = FloatingEffect.columns(effect, state, location, theta)
         off = np.linalg.norm(columns - expected, axis=(0, 1))
         assert (off < 0.01 * np.linalg.norm(expected, axis=(0, 1))).all()
+
+
+@pytest.mark.parametrize("name", ["external_force", "sensor_frame_offset", "pressed", "pressed and rounded"])
+def test_columns_in_closed_form_are_finite_differences(footed: FloatingRecord, name: str) -> None:
+    state = State.logged(footed)
+    if name in FLOATING_EFFECTS:
+        effect = FLOATING_EFFECTS[name]
+        location = effect.locations(state)[-1]
+    else:
+        location = links(state)[-1]
+        height = float(np.median(state.poses.translation[:, segment_of(state, location) + 1, 2]))
+        effect = PressedContact(Surface((0.0, 0.0, 1.0), height, 0.05, name.endswith("rounded")))
+    for theta in (np.zeros(len(effect.parameters(state, location))), 0.7 * effect.scales(state, location)):
+        columns = effect.columns(state, location, theta)
+        for i, parameter in enumerate(effect.parameters(state, location)):
+            step = 1e-3 * parameter.step * np.eye(len(theta))[i]
+            ahead, back = (effect.apply(state, location, theta + by).residual for by in (step, -step))
+            expected = (back - ahead) / (2.0 * step[i])
+            np.testing.assert_allclose(columns[:, :, i], expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
 
 
 def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.diagnosis.floating.problem import Problem, build_problem
-from excite.diagnosis.floating.ranking import NOISE_SLACK, Ranked
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.ranking import NOISE_SLACK, Ranked, Ranker
 from excite.diagnosis.floating.refinement import (
     Fitted,
     explained_state,
@@ -52,10 +52,9 @@ class Attribution:
 
 def attribute(problem: Problem) -> Attribution:
     """Find effects until the noise is reached or nothing explains what is left, and judge what they leave."""
-    coarse = build_problem(problem.record.thinned())
     baseline = nominal_fit(problem)
     n = len(problem.nominal_rows)
-    steps = search(problem, coarse, baseline)
+    steps = search(Ranker(problem), baseline)
     current = steps[-1][0].fitted if steps else baseline
     over = max(1.0, current.power / n)
     open_power = baseline.power - n

@@ -11,7 +11,7 @@ from excite.diagnosis.floating.attribution import Attribution, attribute
 from excite.diagnosis.floating.gap import gap_of
 from excite.diagnosis.floating.held_out import refit
 from excite.diagnosis.floating.problem import Problem, build_problem
-from excite.diagnosis.floating.ranking import DECISIVE, Ranked
+from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.refinement import Fitted
 from excite.diagnosis.floating.where import free_force_links, locate
@@ -192,6 +192,6 @@ def _warnings(problem: Problem, found: Attribution) -> tuple[str, ...]:
         )
     if not any(problem.record.validation):
         notes.append("no validation trial: the gap is that of the trials that were fitted")
-    if found.verdict in {"effect", "ambiguous"} and found.overdispersion > 1.5:
+    if found.verdict in {"effect", "ambiguous"} and found.overdispersion > NOISE_SLACK:
         notes.append(f"{found.overdispersion:.1f} times the noise's power is left unexplained")
     return tuple(notes)

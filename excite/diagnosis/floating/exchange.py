@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.ranking import Ranked, by_evidence, rank_next
+from excite.diagnosis.floating.ranking import Ranked, Ranker, by_evidence
 from excite.diagnosis.floating.refinement import nominal_fit, refine
 
 Step = tuple[Ranked, ...]
@@ -11,7 +10,7 @@ Step = tuple[Ranked, ...]
 _ROUNDS = 3
 
 
-def exchanged(problem: Problem, coarse: Problem, chain: tuple[Step, ...]) -> tuple[Step, ...]:
+def exchanged(ranker: Ranker, chain: tuple[Step, ...]) -> tuple[Step, ...]:
     """The chain after every effect has met its rivals again.
 
     What was found first was found while the others still disturbed the fit: its name or place may be one that
@@ -19,8 +18,7 @@ def exchanged(problem: Problem, coarse: Problem, chain: tuple[Step, ...]) -> tup
     (sequential replacement, Miller 2002).
 
     Args:
-        problem: the problem.
-        coarse: the same with every other sample.
+        ranker: of the problem.
         chain: effects in the order in which they were accepted.
 
     Returns:
@@ -30,14 +28,15 @@ def exchanged(problem: Problem, coarse: Problem, chain: tuple[Step, ...]) -> tup
     for _ in range(_ROUNDS):
         before = [_place(step[0]) for step in chain]
         for _ in before:
-            chain = (*chain[1:], _sought_again(problem, coarse, chain))
+            chain = (*chain[1:], _sought_again(ranker, chain))
         if [_place(step[0]) for step in chain] == before:
             break
     return chain
 
 
-def _sought_again(problem: Problem, coarse: Problem, chain: tuple[Step, ...]) -> Step:
+def _sought_again(ranker: Ranker, chain: tuple[Step, ...]) -> Step:
     """Rivals of the first effect given the others, itself among them as the last."""
+    problem = ranker.problem
     full, first = chain[-1][0].fitted, chain[0][0]
     placed, theta = (*full.placed[1:], full.placed[0]), (*full.theta[1:], full.theta[0])
     if len(placed) > 1:
@@ -45,7 +44,7 @@ def _sought_again(problem: Problem, coarse: Problem, chain: tuple[Step, ...]) ->
     else:
         others = nominal_fit(problem)
     present = Ranked(refine(problem, placed, theta, full), 0.0, first.choice)
-    found = rank_next(problem, coarse, others)
+    found = ranker(others)
     same = [present, *(item for item in found if _place(item) == _place(present))]
     best = min(same, key=lambda item: 0.5 * item.fitted.power + item.fitted.price)
     rivals = [item for item in found if _place(item) != _place(present)]

@@ -46,7 +46,8 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
     left = what_is_left(problem, residuals, after, scale, rows, rng) if after.placed else None
     quiet = min(loud, last) if left is None else max(min(least, last), last - left.power)
     floor = level * np.sqrt(quiet / loud)
-    share = share_closed(np.sqrt(first), np.sqrt(last), np.sqrt(quiet))
+    start, end, noise_size = (float(np.sqrt(power)) for power in (first, last, quiet))
+    share = share_closed(start, end, noise_size)
     interval = None
     if left is not None:
         lowest, most = left.interval
@@ -60,4 +61,4 @@ def gap_of(problem: Problem, before: Fitted, after: Fitted, rng: np.random.Gener
         )
         for i, axis in enumerate(WRENCH_AXES)
     }
-    return Gap(float(np.sqrt(first)), float(np.sqrt(last)), float(np.sqrt(quiet)), share, channels, interval)
+    return Gap(start, end, noise_size, share, channels, interval)

@@ -2,46 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, explained_state, nominal_fit, refine
 
 
-def identification_only(problem: Problem) -> Problem:
-    """The problem with the validation trials' rows at zero weight; itself where there are no such trials."""
-    if not any(problem.record.validation) or all(problem.record.validation):
-        return problem
-    keep = ~np.array(problem.record.validation)
-    weight = np.where(problem.validation, 0.0, 1.0)
-    whitening = replace(
-        problem.whitening,
-        factors=tuple(f * float(k) for f, k in zip(problem.whitening.factors, keep, strict=True)),
-    )
-    unloaded = replace(
-        problem.unloaded,
-        # An infinite standard deviation takes a row out.
-        std=tuple(
-            std if keep[trial] else np.full(6, np.inf)
-            for std, trial in zip(problem.unloaded.std, problem.unloaded.trial, strict=True)
-        ),
-    )
-    columns = problem.columns * weight[:, None]
-    u, s, _ = np.linalg.svd(columns, full_matrices=False) if columns.size else (columns, np.zeros(0), None)
-    return replace(
-        problem,
-        whitening=whitening,
-        unloaded=unloaded,
-        columns=columns,
-        basis=u * (s / np.sqrt(1.0 + s**2)) if columns.size else columns,
-    )
-
-
 def refit(problem: Problem, fitted: Fitted) -> tuple[Fitted, Fitted]:
     """The baseline and a hypothesis fitted to the identification trials alone."""
-    restricted = identification_only(problem)
+    restricted = problem.identification_only
     baseline = nominal_fit(restricted)
     if not fitted.placed:
         return baseline, baseline
@@ -55,7 +22,7 @@ def held_out_gain(problem: Problem, without: Fitted, candidate: Fitted) -> float
     """
     if not problem.validation.any() or problem.validation.all():
         return float("inf")
-    restricted = identification_only(problem)
+    restricted = problem.identification_only
     baseline = nominal_fit(restricted)
     powers = []
     for fitted in (without, candidate):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -40,12 +41,12 @@ def moved_branch(state: State, joint: int) -> Array:
     if mass:
         first = np.einsum("nji,nj->ni", base, moment)
         out[:, :3] -= mass * lifted
-        out[:, 3:] -= _cross(first, lifted) - _cross(force, along)
+        out[:, 3:] -= cross(first, lifted) - cross(force, along)
     for sensor in state.record.robot.sensors:
         if sensor.joint in carried:
             rotation = state.poses.rotation[:, sensor.joint] @ state.placements[sensor.name].rotation
             push = np.einsum("nij,nj->ni", rotation, state.readings[sensor.name][:, :3])
-            out[:, 3:] -= _cross(np.einsum("nji,nj->ni", base, push), along)
+            out[:, 3:] -= cross(np.einsum("nji,nj->ni", base, push), along)
     return out
 
 
@@ -56,8 +57,3 @@ def branch(parents: NDArray[np.int64], joint: int) -> list[int]:
         if parents[index] in carried:
             carried.append(index)
     return carried
-
-
-def _cross(vector: Array, columns: Array) -> Array:
-    """``vector (n, 3) × columns (n, 3, k)``."""
-    return np.asarray(np.cross(vector[:, :, None], columns, axisa=1, axisb=1, axisc=1), dtype=float)

@@ -7,7 +7,6 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from excite.diagnosis.floating.band import in_band
-from excite.diagnosis.floating.held_out import identification_only
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, columns_of, explained_state
 from excite.robot.robot import Array
@@ -37,7 +36,7 @@ def left_by_parameters(
     Returns:
         ``(draws,)``.
     """
-    seen = identification_only(problem)
+    seen = problem.identification_only
     columns = np.hstack([seen.columns, columns_of(seen, fitted)])
     noise = (seen.rows(explained_state(seen, fitted)) ** 2).sum() / max(
         1, int((columns != 0.0).any(axis=1).sum())

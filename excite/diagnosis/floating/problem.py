@@ -79,6 +79,8 @@ class Problem:
 
         What the nominal state has computed of kinematics and sensors is handed on: it does not depend on them.
         """
+        if not delta.any():
+            return self.nominal
         return self.nominal.but(phi=self.record.tree.phi + delta)
 
     @cached_property
@@ -92,6 +94,29 @@ class Problem:
         held_out = np.array(self.record.validation)
         unloaded = np.repeat(held_out[list(self.unloaded.trial)] if self.unloaded.trial else [], 6)
         return np.concatenate([self.whitening.validation_rows(), unloaded.astype(bool)])
+
+    @cached_property
+    def identification_only(self) -> Problem:
+        """The problem with the validation trials' rows at zero weight; itself where there are no such trials."""
+        if not any(self.record.validation) or all(self.record.validation):
+            return self
+        keep = ~np.array(self.record.validation)
+        whitening = replace(
+            self.whitening,
+            factors=tuple(f * float(k) for f, k in zip(self.whitening.factors, keep, strict=True)),
+        )
+        unloaded = replace(
+            self.unloaded,
+            # An infinite standard deviation takes a row out.
+            std=tuple(
+                std if keep[trial] else np.full(6, np.inf)
+                for std, trial in zip(self.unloaded.std, self.unloaded.trial, strict=True)
+            ),
+        )
+        columns = np.where(self.validation[:, None], 0.0, self.columns)
+        return replace(
+            self, whitening=whitening, unloaded=unloaded, columns=columns, basis=damped_basis(columns)
+        )
 
     def project(self, rows: Array) -> Array:
         """``(r, …)`` components that the baseline takes out."""
@@ -158,6 +183,17 @@ def solve(gram: Array, right: Array, overdispersion: float = 1.0) -> LinearFit:
     return LinearFit(theta, scipy.linalg.cho_solve(factor, np.eye(len(gram))), gain, gain - price)
 
 
+def damped_basis(columns: Array) -> Array:
+    """Orthonormal basis of ``columns (m, p)`` scaled by what a unit prior on their parameters leaves of each.
+
+    Of the stacked [columns; 1] the upper part of Q, which carries the prior's damping.
+    """
+    if not columns.size:
+        return columns
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(u * (s / np.sqrt(1.0 + s**2)))
+
+
 def build_problem(record: FloatingRecord) -> Problem:
     """Whiten the record's nominal residual and prepare the baseline."""
     nominal = State.logged(record)
@@ -188,16 +224,13 @@ def build_problem(record: FloatingRecord) -> Problem:
             record, nominal, whitening, repeatability, unloaded, empty, empty, np.zeros(0), np.zeros(0, int)
         )
     columns = np.hstack(blocks)
-    # Of the stacked [columns; 1] only the upper part of Q is needed: it carries the prior's damping.
-    u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    basis = u * (s / np.sqrt(1.0 + s**2))
     return Problem(
         record,
         nominal,
         whitening,
         repeatability,
         unloaded,
-        basis,
+        damped_basis(columns),
         columns,
         np.concatenate(scales),
         np.concatenate(index),

@@ -10,7 +10,7 @@ from excite.diagnosis.floating.contact_times import find_contact
 from excite.diagnosis.floating.effects.effect import FloatingEffect, links
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
-from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.refinement import (
     Fitted,
     Placed,
@@ -55,6 +55,26 @@ class Ranked:
         return self.fitted.placed[-1]
 
 
+class Ranker:
+    """Ranks what may come next to effects that are accepted; for the same effects it is asked again and again.
+
+    Attributes:
+        problem: the problem.
+    """
+
+    def __init__(self, problem: Problem):
+        self.problem = problem
+        self._coarse = build_problem(problem.record.thinned())
+        self._known: dict[tuple[tuple[FloatingEffect, str], ...], tuple[Ranked, ...]] = {}
+
+    def __call__(self, current: Fitted) -> tuple[Ranked, ...]:
+        """All effects at all places added to ``current``, best evidence first (:func:`rank_next`)."""
+        accepted = tuple((item.effect, item.location) for item in current.placed)
+        if accepted not in self._known:
+            self._known[accepted] = rank_next(self.problem, self._coarse, current)
+        return self._known[accepted]
+
+
 def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranked, ...]:
     """All effects at all places added to ``current``: screened by linearised fits, the promising ones refined.
 
@@ -73,7 +93,8 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
         rough += [_refined(coarse, current, item) for item in _neighbours(screened, rough, top)]
     open_after = (min(f.power for f in rough) if rough else current.power) / n
     if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
-        rough += _contacts(problem, coarse, current, places)
+        gain = 0.5 * (current.power - min((f.power for f in rough), default=np.inf))
+        rough += _contacts(problem, coarse, current, places, _WORTH_A_LOOK * gain)
     fits = _in_full(problem, rough)
     fits = [f for f in fits if current.power - f.power > f.placed[-1].effect.least_shrink * n]
     if not fits:
@@ -146,13 +167,18 @@ def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:
     return refine(problem, (*current.placed, placed), (*current.theta, start), current, _ROUGH_STEPS)
 
 
-def _contacts(problem: Problem, coarse: Problem, current: Fitted, places: dict[str, int]) -> list[Fitted]:
-    """Links with an unlogged contact: its times or a surface paid for, whichever explains more."""
+def _contacts(
+    problem: Problem, coarse: Problem, current: Fitted, places: dict[str, int], least: float
+) -> list[Fitted]:
+    """Links with an unlogged contact: its times or a surface paid for, whichever explains more.
+
+    Surfaces that gain less than ``least`` by a linear fit [nats] are left out.
+    """
     places[UnloggedContact.name] = len(links(problem.nominal))
     timed = _timed_contacts(problem, coarse, current)
     soft = [fit for fit in (pressed(coarse, contact) for contact in timed) if fit is not None]
     if min((f.power for f in timed + soft), default=np.inf) > NOISE_SLACK * len(problem.nominal_rows):
-        soft += find_surfaces(coarse, current)
+        soft += find_surfaces(coarse, current, least, _ROUGH_STEPS)
     return max(timed, soft, key=lambda fits: max((f.evidence for f in fits), default=-np.inf))
 
 

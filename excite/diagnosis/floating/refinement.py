@@ -88,11 +88,12 @@ def refine(
     counts = [len(values) for values in start]
     scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in placed])
     theta, delta = np.concatenate(start), before.delta
-    rows = _rows(problem, placed, theta, counts, delta)
+    state = problem.state(delta)
+    rows = _rows(problem, state, placed, theta, counts)
     cost = _cost(problem, rows, theta / scales, delta)
     price, std = 0.0, np.zeros_like(theta)
     for _ in range(steps):
-        columns = _columns(problem, placed, theta, counts, delta)
+        columns = _columns(problem, state, placed, theta, counts)
         target = rows + problem.baseline_rows(delta) + columns @ (theta / scales)
         fit = problem.fit(target, columns)
         price, std = fit.gain - fit.evidence, scales * np.sqrt(np.diag(fit.covariance))
@@ -101,16 +102,17 @@ def refine(
         aim_delta = problem.baseline_parameters(target - columns @ fit.theta)
         while step > 0.05:
             trial, trial_delta = theta + step * (aim - theta), delta + step * (aim_delta - delta)
-            trial_rows = _rows(problem, placed, trial, counts, trial_delta)
+            trial_state = problem.state(trial_delta)
+            trial_rows = _rows(problem, trial_state, placed, trial, counts)
             trial_cost = _cost(problem, trial_rows, trial / scales, trial_delta)
             if trial_cost < cost:
-                best = (trial, trial_delta, trial_rows, trial_cost)
+                best = (trial, trial_delta, trial_state, trial_rows, trial_cost)
                 break
             step *= 0.4
         if best is None:
             break
-        gained = 0.5 * (cost - best[3])
-        theta, delta, rows, cost = best
+        gained = 0.5 * (cost - best[-1])
+        theta, delta, state, rows, cost = best
         if gained < _CONVERGED_NATS * max(1.0, cost / len(rows)):
             break
     null = nominal_fit(problem).power
@@ -139,28 +141,26 @@ def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
     counts = [len(values) for values in fitted.theta]
     scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
     theta = np.concatenate(fitted.theta)
-    rows = _rows(problem, fitted.placed, theta, counts, fitted.delta)
+    rows = _rows(problem, problem.state(fitted.delta), fitted.placed, theta, counts)
     return replace(fitted, power=_cost(problem, rows, theta / scales, fitted.delta))
 
 
 def columns_of(problem: Problem, fitted: Fitted) -> Array:
     """``(m, k)`` whitened columns of a fit's effects at their parameters, in units of their scales."""
     counts, theta = [len(values) for values in fitted.theta], np.concatenate(fitted.theta)
-    return _columns(problem, fitted.placed, theta, counts, fitted.delta)
+    return _columns(problem, problem.state(fitted.delta), fitted.placed, theta, counts)
 
 
 def _rows(
-    problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array
+    problem: Problem, state: State, placed: tuple[Placed, ...], theta: Array, counts: list[int]
 ) -> Array:
-    state = problem.state(delta)
     return problem.rows(apply_all(state, placed, _split(theta, counts)))
 
 
 def _columns(
-    problem: Problem, placed: tuple[Placed, ...], theta: Array, counts: list[int], delta: Array
+    problem: Problem, state: State, placed: tuple[Placed, ...], theta: Array, counts: list[int]
 ) -> Array:
-    state, columns = problem.state(delta), []
-    parts = _split(theta, counts)
+    columns, parts = [], _split(theta, counts)
     for item, values in zip(placed, parts, strict=True):
         columns.append(effect_columns(problem, state, item.effect, item.location, values))
         state = item.effect.apply(state, item.location, values)

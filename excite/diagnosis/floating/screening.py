@@ -29,13 +29,12 @@ def effect_columns(
     base = problem.whitening(effect.columns(state, location, theta))
     unloaded = np.zeros((6 * len(problem.unloaded.sensors), base.shape[1]))
     if len(unloaded) and effect.changes_readings:
+        here = problem.unloaded.residual(effect.apply(state, location, theta))
         for i, parameter in enumerate(effect.parameters(state, location)):
             ahead = theta.copy()
             ahead[i] += parameter.step
-            change = problem.unloaded.residual(
-                effect.apply(state, location, ahead)
-            ) - problem.unloaded.residual(effect.apply(state, location, theta))
-            unloaded[:, i] = -change / parameter.step
+            there = problem.unloaded.residual(effect.apply(state, location, ahead))
+            unloaded[:, i] = (here - there) / parameter.step
     return np.vstack([base, unloaded]) * effect.scales(state, location)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from excite.diagnosis.floating.exchange import Step, exchanged
 from excite.diagnosis.floating.held_out import held_out_gain
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked, rank_next
+from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker
 from excite.diagnosis.floating.refinement import Fitted, refine
 
 # Evidence, after the number of places is paid for, that an effect must have to be there at all.
@@ -30,7 +30,7 @@ _FORM_DOUBT = 0.1
 _LITTLE_OF_NOISE = 0.1
 
 
-def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, ...]:
+def search(ranker: Ranker, baseline: Fitted) -> tuple[Step, ...]:
     """Effects that explain a record, each with its rivals, the accepted one first.
 
     Of two effects the first to be found may be one that imitates both a little. So where one effect leaves more
@@ -38,45 +38,43 @@ def search(problem: Problem, coarse: Problem, baseline: Fitted) -> tuple[Step, .
     again. Where it leaves no more than noise may be, a further one must be all the clearer.
 
     Args:
-        problem: the problem.
-        coarse: the same with every other sample, for screening.
+        ranker: of the problem.
         baseline: the baseline's fit.
     """
-    first = _step(problem, coarse, baseline, baseline)
+    problem = ranker.problem
+    first = _step(ranker, baseline, baseline)
     if first is None:
         return ()
     chains: list[tuple[Step, ...]] = []
     for start in [first] if _enough(problem, first[0].fitted) else _beginnings(first, baseline):
-        second = _step(problem, coarse, start[0].fitted, baseline)
+        second = _step(ranker, start[0].fitted, baseline)
         chains.append((start,) if second is None else (start, second))
     n = len(problem.nominal_rows)
     over = max(1.0, min(chain[-1][0].fitted.power for chain in chains) / n)
     chain = max(chains, key=lambda chain: _evidence(chain, baseline, over))
     while len(chain) > 1 and chain[-1][0].fitted.power - n < (1.0 - _HOPEFUL) * (baseline.power - n):
-        chain = _settled(problem, coarse, chain, baseline)
+        chain = _settled(ranker, chain, baseline)
         if len(chain) == _MOST_EFFECTS or _enough(problem, chain[-1][0].fitted):
             break
-        further = _step(problem, coarse, chain[-1][0].fitted, baseline)
+        further = _step(ranker, chain[-1][0].fitted, baseline)
         if further is None:
             break
         chain = (*chain, further)
     return chain
 
 
-def _settled(
-    problem: Problem, coarse: Problem, chain: tuple[Step, ...], baseline: Fitted
-) -> tuple[Step, ...]:
+def _settled(ranker: Ranker, chain: tuple[Step, ...], baseline: Fitted) -> tuple[Step, ...]:
     """The chain after exchanges, without what they have made superfluous."""
     while True:
         before = len(chain)
-        chain = needed(problem, exchanged(problem, coarse, chain), baseline)
+        chain = needed(ranker.problem, exchanged(ranker, chain), baseline)
         if len(chain) == before:
             return chain
 
 
-def _step(problem: Problem, coarse: Problem, current: Fitted, baseline: Fitted) -> Step | None:
+def _step(ranker: Ranker, current: Fitted, baseline: Fitted) -> Step | None:
     """The best further effect and its rivals; None if none is worth it."""
-    ranked = rank_next(problem, coarse, current)
+    problem, ranked = ranker.problem, ranker(current)
     if not ranked or not _worthwhile(ranked[0], current, baseline, len(problem.nominal_rows)):
         return None
     return ranked if held_out_gain(problem, current, ranked[0].fitted) > 0.0 else None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
+from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
@@ -21,12 +22,14 @@ if TYPE_CHECKING:
 _MOTION = {"tree", "q"}
 _DEPENDS: dict[str, set[str]] = {
     "poses": _MOTION,
+    "levers": _MOTION | {"placements"},
     "measured": _MOTION | {"readings", "placements"},
     "measured_phi": {"phi"},
     "predicted": _MOTION | {"v", "a", "phi"},
     "regressor": _MOTION | {"v", "a"},
     "smooth_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
     "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
+    "turns": _MOTION | {"v", "a", "phi", "readings", "placements"},
 }
 
 
@@ -87,21 +90,30 @@ class State:
     def measured(self) -> Array:
         """``(n, 6)`` sum of the contact wrenches at the base's origin, base frame (Jovic et al. 2015, eq. 2)."""
         total = np.zeros((len(self.q), 6))
-        for sensor in self.record.robot.sensors:
-            placement, wrench = self.placements[sensor.name], self.readings[sensor.name]
-            rotation = self.poses.rotation[:, sensor.joint] @ placement.rotation
-            force = np.einsum("nij,nj->ni", rotation, wrench[:, :3])
-            moment = np.einsum("nij,nj->ni", rotation, wrench[:, 3:])
-            total += self.at_base(force, self.poses.point(sensor.joint, placement.translation), moment)
+        for name, lever in self.levers.items():
+            total += np.einsum("nij,nj->ni", lever, self.readings[name])
         return total
 
-    def at_base(self, force: Array, point: Array, moment: Array | float = 0.0) -> Array:
-        """Wrench ``(n, 6)`` in the base frame of world ``force (n, 3)`` at ``point (n, 3)`` and ``moment``."""
-        rotation = self.poses.rotation[:, 1]
-        about_base = moment + np.cross(point - self.poses.translation[:, 1], force)
-        return np.hstack(
-            [np.einsum("nji,nj->ni", rotation, force), np.einsum("nji,nj->ni", rotation, about_base)]
-        )
+    @cached_property
+    def levers(self) -> dict[str, Array]:
+        """By sensor, ``(n, 6, 6)``: its reading's wrench at the base's origin, base frame."""
+        levers = {}
+        for sensor in self.record.robot.sensors:
+            placement = self.placements[sensor.name]
+            axes = self.poses.rotation[:, sensor.joint] @ placement.rotation
+            force = self.at_base(axes, self.poses.point(sensor.joint, placement.translation))
+            moment = np.concatenate([np.zeros_like(axes), force[:, :3]], axis=1)
+            levers[sensor.name] = np.concatenate([force, moment], axis=2)
+        return levers
+
+    def at_base(self, force: Array, point: Array) -> Array:
+        """Wrench ``(n, 6)`` at the base's origin, base frame, of world ``force (n, 3)`` at ``point (n, 3)``.
+
+        Of ``k`` forces at each point, ``(n, 3, k)``, as many wrenches: ``(n, 6, k)``.
+        """
+        turned = np.concatenate([force, cross(point - self.poses.translation[:, 1], force)], axis=1)
+        parts = turned.reshape(len(turned), 2, 3, -1)
+        return np.einsum("nji,npjk->npik", self.poses.rotation[:, 1], parts).reshape(turned.shape)
 
     @cached_property
     def measured_phi(self) -> Array:
@@ -147,7 +159,7 @@ class State:
             joint = sensor.joint or self.record.robot.foot(sensor.foot).joint
             while joint > 1:
                 axis = self.poses.rotation[:, joint] @ self.tree.axes[joint]
-                arm = np.cross(point - self.poses.translation[:, joint], force) + moment
+                arm = cross(point - self.poses.translation[:, joint], force) + moment
                 torque[:, self.tree.idx_v[joint]] -= np.einsum("ni,ni->n", axis, arm)
                 joint = int(self.tree.parents[joint])
         return torque

@@ -9,7 +9,6 @@ from excite.diagnosis.floating.effects.effect import links, segment_of
 from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, Placed, explained_state, linearised, refine
-from excite.diagnosis.floating.screening import effect_columns
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -70,7 +69,7 @@ def _surface(along: Array, share: Array, normal: Array) -> tuple[Surface, float]
     return best
 
 
-def find_surfaces(problem: Problem, before: Fitted) -> list[Fitted]:
+def find_surfaces(problem: Problem, before: Fitted, least: float, steps: int) -> list[Fitted]:
     """Contacts with something that gives way, sought by where each link was and not by when: the likeliest links.
 
     For each link and each surface that it passed, the force that explains most of what is left, instant by
@@ -79,50 +78,68 @@ def find_surfaces(problem: Problem, before: Fitted) -> list[Fitted]:
     Args:
         problem: the problem.
         before: what is explained already.
+        least: what a link's best must gain in the likelihood [nats] to be refined.
+        steps: of the refinement.
     """
     beside, state, rows = linearised(problem, before)
-    left = state.residual
     factor = np.linalg.inv(np.linalg.cholesky(problem.record.sensor_noise))
-    guesses = []
+    white = state.residual @ factor.T
+    guesses, columns = [], []
     for link in links(state):
-        best = _best_surface(state, link, left @ factor.T, factor)
+        point = state.poses.translation[:, segment_of(state, link) + 1]
+        arms = state.at_base(np.tile(np.eye(3), (len(point), 1, 1)), point)
+        best = _best_surface(state, point, factor @ arms, white)
         if best is None:
             continue
-        effect = PressedContact(best[0])
-        start = np.concatenate([best[1], np.zeros(7)])
-        # Linear in the force; where the point is and how the surface gives way come with the refinement.
-        fit = beside.fit(rows, effect_columns(problem, state, effect, link, start)[:, :3])
+        effect = PressedContact(best)
         scales = effect.scales(state, link)
-        guesses.append((fit.evidence, link, effect, np.concatenate([fit.theta * scales[:3], np.zeros(7)])))
-    guesses.sort(key=lambda item: -item[0])
+        guesses.append((link, effect, scales))
+        # Linear in the force; where the point is and how the surface gives way come with the refinement.
+        share = best.share(point @ np.array(best.normal))
+        pushed = problem.whitening(-share[:, None, None] * arms) * scales[:3]
+        columns.append(np.vstack([pushed, np.zeros((len(rows) - len(pushed), 3))]))
+    fits = beside.fit_each(rows, columns) if columns else []
+    likely = sorted(
+        ((fit, guess) for fit, guess in zip(fits, guesses, strict=True) if fit.gain > least),
+        key=lambda item: -item[0].evidence,
+    )
     return [
-        refine(problem, (*before.placed, Placed(effect, link)), (*before.theta, start), before)
-        for _, link, effect, start in guesses[:_LINKS]
+        refine(
+            problem,
+            (*before.placed, Placed(effect, link)),
+            (*before.theta, np.concatenate([fit.theta * scales[:3], np.zeros(7)])),
+            before,
+            steps,
+        )
+        for fit, (link, effect, scales) in likely[:_LINKS]
     ]
 
 
-def _best_surface(state: State, link: str, white: Array, factor: Array) -> tuple[Surface, Array] | None:
-    """The surface and the force on a link that explain most of whitened residuals ``white (n, 6)``."""
-    point = state.poses.translation[:, segment_of(state, link) + 1]
-    arms = np.stack([state.at_base(np.tile(e, (len(point), 1)), point) for e in np.eye(3)], axis=2)
-    arms = factor @ arms
-    own = np.einsum("nik,nil->nkl", arms, arms).reshape(-1, 9)
-    shared = -np.einsum("nik,ni->nk", arms, white)
+def _best_surface(state: State, point: Array, arms: Array, white: Array) -> Surface | None:
+    """The surface that explains most of whitened residuals by one force whose share it is.
+
+    Args:
+        state: the state.
+        point: ``(n, 3)`` that it meets, world [m].
+        arms: ``(n, 6, 3)`` whitened wrench of a unit force there along each axis.
+        white: ``(n, 6)`` whitened residual.
+    """
+    turned = arms.transpose(0, 2, 1)
+    own, shared = (turned @ arms).reshape(-1, 9), -(turned @ white[:, :, None])[:, :, 0]
     best, most = None, 0.0
     up = -state.record.tree.gravity / np.linalg.norm(state.record.tree.gravity)
     for normal in (up, *np.eye(3)[:2], *-np.eye(3)[:2]):
         along = point @ normal
         x, y, z = (float(part) for part in normal)
-        surfaces = [
-            Surface((x, y, z), float(height), depth, False)
-            for height in np.quantile(along, np.linspace(0.1, 1.0, _HEIGHTS // 2))
-            for depth in _DEPTHS_M[1::2]
-        ]
-        shares = np.array([surface.share(along) for surface in surfaces])
+        heights, depths = (
+            part.ravel()
+            for part in np.meshgrid(np.quantile(along, np.linspace(0.1, 1.0, _HEIGHTS // 2)), _DEPTHS_M[1::2])
+        )
+        shares = np.clip((heights[:, None] - along) / depths[:, None], 0.0, 1.0)
         grams, rights = (shares**2 @ own).reshape(-1, 3, 3), shares @ shared
         forces = np.linalg.solve(grams + 1e-9 * np.eye(3), rights[:, :, None])[:, :, 0]
         gains = np.where(forces @ normal > 0.0, (forces * rights).sum(axis=1), 0.0)
         k = int(gains.argmax())
         if gains[k] > most:
-            best, most = (surfaces[k], forces[k]), float(gains[k])
+            best, most = Surface((x, y, z), float(heights[k]), float(depths[k]), False), float(gains[k])
     return best

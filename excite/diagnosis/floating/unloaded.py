@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.prior import inertial_scales
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
@@ -126,7 +127,7 @@ def _foot_reading(
     for segment in sensor.excludes:
         part = slice(10 * segment, 10 * segment + 10)
         force, moment = body[:, :3, part], body[:, 3:, part]
-        moment = moment - np.cross(point[:, :, None], force, axisa=1, axisb=1, axisc=1)
+        moment = moment - cross(point, force)
         total[:3, part] = -np.einsum("nji,njk->ik", rotation, force) / mask.sum()
         total[3:, part] = -np.einsum("nji,njk->ik", rotation, moment) / mask.sum()
     return total

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.floating.band import in_band
+from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.effects.effect import links, segment_of
 from excite.diagnosis.floating.noise_level import noise_floor
 from excite.diagnosis.floating.problem import Problem
@@ -68,7 +69,7 @@ def _untold(problem: Problem, fitted: Fitted, residual: Array, levers: bool) -> 
     for link in links(state):
         lever = _lever(state, link, residual) if levers else np.zeros(3)
         point = state.poses.point(segment_of(state, link) + 1, lever)
-        arms = np.stack([state.at_base(np.tile(e, (len(point), 1)), point) for e in np.eye(3)], axis=2)
+        arms = state.at_base(np.tile(np.eye(3), (len(point), 1, 1)), point)
         q, _ = np.linalg.qr(factor @ arms)
         rest = white - np.einsum("nij,nj->ni", q, np.einsum("nji,nj->ni", q, white))
         left[link], fourth[link] = float((rest**2).sum()), float((rest**4).sum())
@@ -88,11 +89,11 @@ def _lever(state: State, link: str, residual: Array) -> Array:
     base, own = state.poses.rotation[:, 1], state.poses.rotation[:, joint]
     to_link = np.einsum("nji,njk->nik", own, base)
     origin = np.einsum("nji,nj->ni", base, state.poses.translation[:, joint] - state.poses.translation[:, 1])
-    moment = residual[:, 3:] - np.cross(origin, residual[:, :3])
+    moment = residual[:, 3:] - cross(origin, residual[:, :3])
     force, moment = (np.einsum("nij,nj->ni", to_link, x) for x in (residual[:, :3], moment))
     # Σ |m − r × f|² has the normal equations Σ (f·f − f fᵀ) r = Σ f × m.
     gram = (force**2).sum() * np.eye(3) - force.T @ force
-    right = np.cross(force, moment).sum(axis=0)
+    right = cross(force, moment).sum(axis=0)
     noise = float((moment**2).sum()) / (3.0 * len(moment))
     return np.linalg.solve(gram + noise / _REACH_M**2 * np.eye(3), right)
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
+from excite.diagnosis.floating.effects.point_force import columns_of_force
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -38,7 +39,35 @@ class ExternalForce(FloatingEffect):
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Add it."""
         point = state.poses.point(segment_of(state, location) + 1, theta[4:7])
-        away = point - point.mean(axis=0)
-        direction = theta[:3] / np.hypot(np.linalg.norm(theta[:3]), _NO_DIRECTION_N)
-        force = theta[:3] - theta[3] * away - theta[7] * (away @ direction)[:, None] * direction
-        return state.but(extra=state.extra + state.at_base(force, point))
+        return state.but(extra=state.extra + state.at_base(_pull(theta, point - point.mean(axis=0)), point))
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """In closed form: it is tried at every link."""
+        joint = segment_of(state, location) + 1
+        point, axes = state.poses.point(joint, theta[4:7]), state.poses.rotation[:, joint]
+        away, turned = point - point.mean(axis=0), axes - axes.mean(axis=0)
+        direction = _direction(theta)
+        along = (away @ direction)[:, None]
+        # How the direction turns with the force.
+        turns = (np.eye(3) - np.outer(direction, direction)) / np.hypot(
+            np.linalg.norm(theta[:3]), _NO_DIRECTION_N
+        )
+        out = np.empty((len(point), 3, 8))
+        out[:, :, :3] = np.eye(3) - theta[7] * (
+            along[:, :, None] * turns + direction[:, None] * (away @ turns)[:, None]
+        )
+        out[:, :, 3], out[:, :, 7] = -away, -along * direction
+        out[:, :, 4:7] = -theta[3] * turned
+        out[:, :, 4:7] -= theta[7] * direction[:, None] * np.einsum("nik,i->nk", turned, direction)[:, None]
+        return columns_of_force(state, joint, point, _pull(theta, away), out, slice(4, 7))
+
+
+def _direction(theta: Array) -> Array:
+    """``(3,)`` of the mean force; shorter than one where there is hardly any."""
+    return np.asarray(theta[:3] / np.hypot(np.linalg.norm(theta[:3]), _NO_DIRECTION_N))
+
+
+def _pull(theta: Array, away: Array) -> Array:
+    """``(n, 3)`` force where the point is ``away (n, 3)`` from its mean [N]."""
+    direction = _direction(theta)
+    return np.asarray(theta[:3] - theta[3] * away - theta[7] * (away @ direction)[:, None] * direction)

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
+from excite.diagnosis.floating.effects.point_force import columns_of_force
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -39,8 +40,19 @@ class Surface:
             raised: added to the height [m].
             deeper: logarithm of a factor on the depth.
         """
-        s = np.clip((self.height + raised - along) / (self.depth * np.exp(deeper)), 0.0, 1.0)
+        s = self._sunk(along, raised, deeper)
         return s**2 * (3.0 - 2.0 * s) if self.rounded else s
+
+    def slopes(self, along: Array, raised: float, deeper: float) -> tuple[Array, Array]:
+        """Derivatives of the share by ``raised`` and by ``deeper``; arguments as above."""
+        s = self._sunk(along, raised, deeper)
+        rate = np.where((s > 0.0) & (s < 1.0), 6.0 * s * (1.0 - s) if self.rounded else 1.0, 0.0)
+        return rate / (self.depth * np.exp(deeper)), -s * rate
+
+    def _sunk(self, along: Array, raised: float, deeper: float) -> Array:
+        """How far it is pressed in, 0 to 1."""
+        s: Array = np.clip((self.height + raised - along) / (self.depth * np.exp(deeper)), 0.0, 1.0)
+        return s
 
 
 class PressedContact(FloatingEffect):
@@ -84,8 +96,45 @@ class PressedContact(FloatingEffect):
             force = (force - rubs[:, None] * sliding) * np.maximum(0.0, 1.0 + theta[9] * sinking)[:, None]
         return state.but(extra=state.extra + state.at_base(force, point))
 
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """In closed form: a search fits dozens of surfaces."""
+        joint, normal = segment_of(state, location) + 1, np.array(self.surface.normal)
+        point, axes = state.poses.point(joint, theta[3:6]), state.poses.rotation[:, joint]
+        along = point @ normal
+        share = self.surface.share(along, theta[6], theta[7])
+        raised, deeper = self.surface.slopes(along, theta[6], theta[7])
+        push, press = theta[:3], float(theta[:3] @ normal)
 
-def _speed(state: State, point: Array) -> Array:
-    """``(n, 3)`` velocity of a point by central differences within each trial [m/s]."""
+        speed, turning = _speed(state, point), _speed(state, axes)
+        sinking, turned_in = -(speed @ normal), -np.einsum("nik,i->nk", turning, normal)
+        sliding = speed + sinking[:, None] * normal
+        smooth = np.sqrt((sliding**2).sum(axis=1) + _STANDSTILL_M_S**2)[:, None]
+        rub = sliding / smooth
+        across = turning + normal[:, None] * turned_in[:, None]
+        rubbed = (across - rub[:, :, None] * np.einsum("ni,nik->nk", rub, across)[:, None]) / smooth[
+            :, :, None
+        ]
+
+        resist = np.maximum(0.0, 1.0 + theta[9] * sinking)[:, None]
+        full = push - theta[8] * press * rub
+        out = np.zeros((len(point), 3, 10))
+        out[:, :, :3] = (share[:, None] * resist)[:, :, None] * (
+            np.eye(3) - theta[8] * rub[:, :, None] * normal
+        )
+        out[:, :, 6], out[:, :, 7] = (slope[:, None] * full * resist for slope in (raised, deeper))
+        out[:, :, 8] = -press * share[:, None] * rub * resist
+        out[:, :, 9] = share[:, None] * full * np.where(resist > 0.0, sinking[:, None], 0.0)
+        # Where the point is: how deep, how fast it slides and how fast it sinks.
+        out[:, :, 3:6] = -out[:, :, 6, None] * np.einsum("nik,i->nk", axes, normal)[:, None]
+        out[:, :, 3:6] -= theta[8] * press * (share[:, None] * resist)[:, :, None] * rubbed
+        sunk = np.where(resist > 0.0, theta[9] * share[:, None] * full, 0.0)
+        out[:, :, 3:6] += sunk[:, :, None] * turned_in[:, None]
+
+        force = share[:, None] * full * resist
+        return columns_of_force(state, joint, point, force, out, slice(3, 6))
+
+
+def _speed(state: State, points: Array) -> Array:
+    """``(n, …)`` rate of change of what moves with a link, by central differences within each trial [1/s]."""
     spans, rate = state.record.spans, state.record.rate_hz
-    return np.concatenate([np.gradient(point[span], 1.0 / rate, axis=0) for span in spans])
+    return np.concatenate([np.gradient(points[span], 1.0 / rate, axis=0) for span in spans])

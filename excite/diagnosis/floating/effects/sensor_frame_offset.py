@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
 import pinocchio as pin
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
@@ -12,11 +13,7 @@ from excite.robot.robot import Array
 
 
 class SensorFrameOffset(FloatingEffect):
-    """True pose = declared · (translation, exp(rotation)).
-
-    A shift alone and a turn alone are hypotheses of their own: what is mounted wrong is often one of them,
-    and each is easier to tell from cross-talk and link lengths than both together.
-    """
+    """True pose = declared · (translation, exp(rotation))."""
 
     name: ClassVar[str] = "sensor_frame_offset"
     reads_as: ClassVar[str] = "cross-talk between force axes; the last link's length for a foot sensor"
@@ -32,5 +29,19 @@ class SensorFrameOffset(FloatingEffect):
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Move the sensor."""
-        offset = pin.SE3(pin.exp3(theta[3:]), theta[:3])
-        return state.but(placements=state.placements | {location: state.placements[location] * offset})
+        moved = state.placements[location] * _offset(theta)
+        return state.but(placements=state.placements | {location: moved})
+
+    def columns(self, state: State, location: str, theta: Array) -> Array:
+        """What it makes of the reading in the declared frame, by finite differences; the lever is the same."""
+        here, turned = _offset(theta).toDualActionMatrix(), []
+        for i, parameter in enumerate(self.parameters(state, location)):
+            ahead = theta.copy()
+            ahead[i] += parameter.step
+            turned.append((_offset(ahead).toDualActionMatrix() - here) / parameter.step)
+        changes = np.einsum("kij,nj->nik", turned, state.readings[location])
+        return -state.levers[location] @ changes
+
+
+def _offset(theta: Array) -> pin.SE3:
+    return pin.SE3(pin.exp3(theta[3:]), theta[:3])
