@@ -140,6 +140,9 @@ class _Track:
     """Collects the samples of a run."""
 
     def __init__(self, plant: Plant, clock: _Clock):
+        import mujoco
+
+        self.friction_type = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
         self.plant, self.model, self.robot, self.count = plant, plant.model, plant.robot, 0
         robot, model = self.robot, self.model
         n, joints = clock.samples, robot.n_joints
@@ -155,20 +158,28 @@ class _Track:
         self.foot_of_body = np.full(model.nbody, -1)
         for number, foot in enumerate(robot.feet):
             self.foot_of_body[foot.joint] = number
+        # All pairs are of shapes that are only watched: they exert no force.
+        self.watched = model.pair_margin.copy()
+        # As deep in each other as their bounding spheres are wide: MuJoCo passes over such pairs.
+        bounds = model.geom_rbound[model.pair_geom1] + model.geom_rbound[model.pair_geom2]
+        self.unwatched = self.watched - bounds
+        model.pair_margin[:] = self.unwatched
+        self.joint_of_dof = np.zeros(model.nv, dtype=np.int64)
+        self.joint_of_dof[plant.joint_dof] = np.arange(joints)
 
     def sample(self) -> None:
-        """Take one step and record the state before it and the forces during it."""
-        import mujoco
-
+        """Take one step and record the state before it, the forces during it and which shapes overlap."""
         row, plant, data = self.count, self.plant, self.plant.data
         self.qpos[row], self.qvel[row] = data.qpos[plant.qpos], data.qvel[plant.dof]
+        # Nobody hears of shapes that meet in between: looking for them there would take a quarter of the time.
+        self.model.pair_margin[:] = self.watched
         plant.advance()
+        self.model.pair_margin[:] = self.unwatched
         self.qacc[row] = (data.qvel[plant.dof] - self.qvel[row]) / self.model.opt.timestep
         self.actuator[row] = data.actuator_force if plant.command is None else plant.command
         self.damped[row] = plant.command is None
-        friction = data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
-        joint = np.searchsorted(plant.joint_dof, data.efc_id[friction])
-        self.coulomb[row, joint] = data.efc_force[friction]
+        friction = data.efc_type == self.friction_type
+        self.coulomb[row, self.joint_of_dof[data.efc_id[friction]]] = data.efc_force[friction]
         self._contact(data, row)
         self.count += 1
 
@@ -176,16 +187,20 @@ class _Track:
         contact = data.contact
         # Only soles on the ground exert forces; MuJoCo orders a plane before a sphere, and the first axis
         # of a contact's frame points from the first to the second.
-        soles = np.flatnonzero(contact.efc_address >= 0)
+        address = contact.efc_address
+        soles = np.flatnonzero(address >= 0)
         self.touches[row] = data.ncon - len(soles)
         if not len(soles):
             return
         foot = self.foot_of_body[self.model.geom_bodyid[contact.geom2[soles]]]
-        rows = contact.efc_address[soles, None] + np.arange(3)
         frames = contact.frame[soles].reshape(-1, 3, 3)
-        forces = np.einsum("kij,ki->kj", frames, data.efc_force[rows])
-        moments = np.cross(contact.pos[soles], forces)
-        np.add.at(self.contacts[row], foot, np.hstack([forces, moments]))
+        wrenches = np.empty((len(soles), 6))
+        wrenches[:, :3] = np.einsum("kij,ki->kj", frames, data.efc_force[address[soles, None] + np.arange(3)])
+        fx, fy, fz = wrenches[:, :3].T
+        x, y, z = contact.pos[soles].T
+        # Written out: this runs at every sample, and numpy's cross product takes longer than a step of the physics.
+        wrenches[:, 3], wrenches[:, 4], wrenches[:, 5] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
+        np.add.at(self.contacts[row], foot, wrenches)
 
     def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: _Clock) -> Recording:
         """The recording in pinocchio's conventions."""
