@@ -90,13 +90,13 @@ class Simulator:
         model.dof_damping[:] = self._damping + added
         share = _share(model.opt.timestep, self._before)
         with without_log_file():
-            told = drive.torques(window.time + delay) if isinstance(drive, LoggedTorque) else None
-            if told is not None and not self._stepwise:
-                return self._open_loop(window, told, filtered, share, keep)
+            offered = drive.offers(window.time + delay)
+            if isinstance(drive, LoggedTorque) and not self._stepwise:
+                return self._open_loop(window, offered, filtered, share, keep)
             kept, positions, velocities = [window.q], data.qpos, data.qvel
             for step, time in enumerate(window.time):
                 q, v = positions[self._qpos], velocities[self._dof]
-                asked = drive.torque(float(time) + delay, q - self._logged, v) if told is None else told[step]
+                asked = drive.answer(offered[step], q - self._logged, v)
                 filtered = filtered + share * (asked - filtered)
                 data.ctrl[self._motor] = filtered
                 if self._stepwise:
@@ -134,18 +134,14 @@ class Simulator:
         past = window.past
         slow = float(self.model.actuator_dynprm[self._motor[0], 0]) if self.model.na else 0.0
         if past is None or not self.model.na:
-            now = drive.torque(float(window.time[0]) + delay, window.q, window.v)
+            now = drive.answer(drive.offers(window.time[:1] + delay)[0], window.q, window.v)
             return now, now
         period = float(past.time[1] - past.time[0])
         first, second = _share(period, self._before), _share(period, slow)
-        one = two = drive.torque(float(past.time[0]) + delay, past.q[0], past.v[0])
+        one = two = drive.answer(drive.offers(past.time[:1] + delay)[0], past.q[0], past.v[0])
         # Half a period on: the command of an interval, not of its start.
         times = past.time[:-1] + 0.5 * period + delay
-        if isinstance(drive, LoggedTorque):
-            asked = drive.torques(times)
-        else:
-            asked = np.array([drive.torque(*x) for x in zip(times, past.q, past.v, strict=False)])
-        for torque in asked:
+        for torque in drive.answer(drive.offers(times), past.q[:-1], past.v[:-1]):
             one = one + first * (torque - one)
             two = two + second * (one - two)
         return one, two

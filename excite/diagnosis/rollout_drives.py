@@ -53,8 +53,12 @@ class Window:
 class Drive(Protocol):
     """Where a simulation's torques come from."""
 
-    def torque(self, time: float, q: Array, v: Array) -> Array:
-        """Torques of the motors [N·m] at a time of the trial [s] and a state, all ``(n_joints,)``."""
+    def offers(self, times: Array) -> Array:
+        """Torques of the motors in the zero position at rest ``(n, n_joints)`` [N·m], at times of the trial."""
+        ...
+
+    def answer(self, offer: Array, q: Array, v: Array) -> Array:
+        """Torques of the motors at positions and velocities, from what is offered, all ``(…, n_joints)``."""
         ...
 
 
@@ -70,14 +74,11 @@ class LoggedTorque:
     time: Array
     tau: Array
 
-    def torque(self, time: float, q: Array, v: Array) -> Array:
-        return self.torques(np.array([time]))[0]
+    def offers(self, times: Array) -> Array:
+        return _interpolated(self.time, self.tau, times)
 
-    def torques(self, times: Array) -> Array:
-        """Torques of the motors at several times of the trial ``(n,)``, ``(n, n_joints)`` [N·m]."""
-        k = np.clip(np.searchsorted(self.time, times) - 1, 0, len(self.time) - 2)
-        share = np.clip((times - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0, 1.0)[:, None]
-        return (1.0 - share) * self.tau[k] + share * self.tau[k + 1]
+    def answer(self, offer: Array, q: Array, v: Array) -> Array:
+        return offer
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +103,17 @@ class PositionServo:
     kd: Array
     undamped: bool = False
 
-    def torque(self, time: float, q: Array, v: Array) -> Array:
-        k = min(max(int(np.searchsorted(self.time, time)) - 1, 0), len(self.time) - 2)
-        share = min(max((time - self.time[k]) / (self.time[k + 1] - self.time[k]), 0.0), 1.0)
-        qc, vc, ff = (
-            (1.0 - share) * x[k] + share * x[k + 1] for x in (self.q_cmd, self.v_cmd, self.feedforward)
-        )
-        return self.kp * (qc - q) + self.kd * (vc if self.undamped else vc - v) + ff
+    def offers(self, times: Array) -> Array:
+        asked = self.kp * self.q_cmd + self.kd * self.v_cmd + self.feedforward
+        return _interpolated(self.time, asked, times)
+
+    def answer(self, offer: Array, q: Array, v: Array) -> Array:
+        asked = offer - self.kp * q
+        return asked if self.undamped else asked - self.kd * v
+
+
+def _interpolated(time: Array, values: Array, times: Array) -> Array:
+    """Rows of ``values`` between those at ``time``, the first and last one beyond."""
+    k = np.clip(np.searchsorted(time, times) - 1, 0, len(time) - 2)
+    share = np.clip((times - time[k]) / (time[k + 1] - time[k]), 0.0, 1.0)[:, None]
+    return (1.0 - share) * values[k] + share * values[k + 1]

@@ -14,6 +14,7 @@ from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.levels import trial_levels
 from excite.diagnosis.command_only.noise import servo_floor
 from excite.diagnosis.command_only.servo import Servo, read_signals
+from excite.diagnosis.command_only.servo_drive import servo_drive
 from excite.diagnosis.command_only.stated import stated_servo
 from excite.diagnosis.command_only.tracking import tracking
 from excite.diagnosis.diagnose import diagnose
@@ -220,6 +221,31 @@ def test_a_velocity_that_is_newer_than_the_logs_is_no_rotor(gap_dir: Path):
     servo = Servo(np.full(7, 100.0), kd, "none", True)
     less = signals.torque(servo) - acting(signals, servo, Cycle(0.0, 5e-4))
     assert less == pytest.approx(5e-4 * kd * signals.measured.second)
+
+
+def test_what_a_cycle_hides_is_said():
+    assert Cycle(0.0).sentences() == ()
+    lag, rotors = Cycle(0.004, -5e-4).sentences()
+    assert "4.0 ms after" in lag and "lag of the drive" in lag
+    assert "0.5 ms older" in rotors and "rotors" in rotors
+
+
+@pytest.mark.parametrize("cycle", [Cycle(0.0), Cycle(0.004), Cycle(0.0, -1e-3), Cycle(0.003, 5e-4)])
+def test_roll_outs_begin_with_the_servo_whose_torques_were_rebuilt(gap_dir: Path, cycle: Cycle):
+    """On the record's own motion the drive asks for the torques that act; off it, it pulls back at once."""
+    log = load_log(gap_dir / "arm" / "case_012")
+    robot = nominal_robot(log)
+    signals = replace(read_signals(robot, log, log.trials[0]), integral=np.full(log.trials[0].q.shape, 0.3))
+    servo = Servo(np.linspace(300.0, 100.0, 7), np.linspace(40.0, 5.0, 7), "gravity", True)
+    order = [4, 0, 2]
+    drive = servo_drive(signals, servo, cycle, order)
+    acts = acting(signals, servo, cycle)[:, order]
+    q, v = signals.measured.value[:, order], signals.measured.first[:, order]
+    at = range(200, 1800, 50)
+    offered = drive.offers(drive.time)
+    assert drive.answer(offered, q, v)[at] == pytest.approx(acts[at], abs=1e-9)
+    pulled = drive.answer(offered[300], q[300] + 0.01, v[300] + 0.1)
+    assert pulled - acts[300] == pytest.approx(-0.01 * servo.kp[order] - 0.1 * servo.kd[order])
 
 
 def test_one_gain_may_stand_for_all_joints():

@@ -68,3 +68,31 @@ def test_joints_are_weighed_by_their_own_errors():
     said = witness(before, after)
     assert said.slope == pytest.approx(1.0 / 0.9, rel=1e-6)
     assert not said.speaks_against
+
+
+def test_slow_errors_do_not_drown_a_quick_change_that_is_right():
+    """A soft gear rings at 5 Hz; friction's slow errors are ten times that, and a refit adds slow ones of its own."""
+    rng = np.random.default_rng(5)
+    time = np.arange(SHAPE[1]) / 200.0
+    rings = np.sin(2.0 * np.pi * 5.0 * time[:, None] + rng.uniform(0.0, 6.0, (8, 1, 3)))
+    slow, refit = (np.sin(2.0 * np.pi * 0.4 * time[:, None] + rng.uniform(0.0, 6.0, (8, 1, 3))) for _ in "ab")
+    noise = 0.02 * rng.standard_normal(SHAPE)
+    before = slow - 0.1 * rings + noise
+    said = witness(before, before + 0.1 * rings + 0.2 * refit)
+    assert said.slope > 0.5
+    assert not said.speaks_against
+    # What rings without being in the record is against it.
+    assert witness(slow + noise, slow + noise + 0.1 * rings + 0.2 * refit).speaks_against
+
+
+def test_what_is_beyond_the_band_that_effects_were_fitted_in_does_not_count():
+    """The record is filtered; a simulation shakes at its start."""
+    rng = np.random.default_rng(6)
+    effect, rest = 0.5 * rough(rng), rough(rng)
+    effect, rest = (
+        np.apply_along_axis(np.convolve, 1, x, np.ones(20) / 20.0, "same") for x in (effect, rest)
+    )
+    shakes = 0.05 * np.sin(2.0 * np.pi * 80.0 * np.arange(SHAPE[1]) / 200.0)[:, None]
+    before, after = rest - effect, rest + shakes
+    assert witness(before, after, 0.1).slope == pytest.approx(1.0, abs=0.1)
+    assert witness(before, after, 1.0).slope < 0.5

@@ -10,15 +10,16 @@ import numpy as np
 from excite.atomic import write_text
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.command_only.cycle import later
+from excite.diagnosis.command_only.cycle import Cycle
 from excite.diagnosis.command_only.servo import Servo, Signals
+from excite.diagnosis.command_only.servo_drive import servo_drive
 from excite.diagnosis.command_only.strength import effect_strength, without_faint
 from excite.diagnosis.command_only.tracking import Tracking, tracking
 from excite.diagnosis.command_only.transport import clearly_lags
 from excite.diagnosis.command_only.witness import Witness, witness
 from excite.diagnosis.result import Rollout
 from excite.diagnosis.rollout_compare import MODEL, compared
-from excite.diagnosis.rollout_drives import Drive, PositionServo
+from excite.diagnosis.rollout_drives import Drive
 from excite.diagnosis.rollout_windows import Plan
 from excite.diagnosis.structured import structured_joints
 from excite.errors import InputError
@@ -36,12 +37,12 @@ class ClosedLoop:
     Attributes:
         servo: the servo.
         signals: by trial.
+        cycle: when the servo's torques act.
         out: folder for the augmented model.
         rollout: the comparison once it is made.
         deviation: ``(n_joints,)`` standard deviation of the positions in identification trials [rad].
         floor: ``(n_joints,)`` what repeated trials, or the encoders' noise, leave [rad].
         order: joints in the log's order.
-        cycle_s: how much later than asked for the torque acts [s].
         tracking: steady errors of the servo.
         kept: how many of the accepted effects bring the roll-outs nearer.
         strength: RMS of the first effect's torque over all torque's deviation, at the joint where it is most.
@@ -52,6 +53,7 @@ class ClosedLoop:
 
     servo: Servo
     signals: dict[str, Signals]
+    cycle: Cycle
     out: Path | None
     rollout: Rollout | None = None
     deviation: Array | None = None
@@ -70,7 +72,9 @@ class ClosedLoop:
         attribution = without_faint(attribution, baseline)
         self.structured = structured_joints(attribution, baseline.solver.equations.floor)
         self.lags = clearly_lags(attribution)
-        drives: dict[str, Drive] = {t.name: self._drive(samples.joints, t.name) for t in samples.trials}
+        drives: dict[str, Drive] = {
+            t.name: servo_drive(self.signals[t.name], self.servo, self.cycle, order) for t in samples.trials
+        }
         shortest = min(float(t.time[-1]) for t in samples.trials)
         horizon = min(_HORIZON_S, 0.4 * shortest)
         plan = Plan(horizon, drives, "q_cmd", least_gain=_GAIN, all_effects=True)
@@ -81,7 +85,8 @@ class ClosedLoop:
             return self.rollout
         rollout, self.kept = comparison.rollout, comparison.kept
         if comparison.errors is not None:
-            self.witness = witness(*comparison.errors)
+            band = min(2.0 * samples.bands.rows_hz / samples.rate_hz, 1.0)
+            self.witness = witness(*comparison.errors, band)
         if self.out is not None:
             self.out.mkdir(parents=True, exist_ok=True)
             write_text(self.out / MODEL, comparison.xml)
@@ -89,24 +94,7 @@ class ClosedLoop:
         self.rollout = rollout
         return rollout
 
-    def _drive(self, joints: tuple[str, ...], name: str) -> PositionServo:
-        s, servo = self.signals[name], self.servo
-        order = [self.order.index(joint) for joint in joints]
-        return PositionServo(
-            time=s.time - s.time[0],
-            q_cmd=s.commanded.value[:, order],
-            v_cmd=servo.damping_share * s.commanded.first[:, order],
-            # Of the position's and the velocity's error the cycle is a small share; the feedforward is late by it.
-            # The integral part is the record's: over a roll-out it has hardly heard of what is different there.
-            feedforward=later(
-                s.time, (s.feedforward(servo.feedforward) + s.integral)[:, order], self.cycle_s
-            ),
-            kp=servo.kp[order],
-            kd=servo.kd[order],
-        )
-
     order: tuple[str, ...] = ()
-    cycle_s: float = 0.0
     tracking: Tracking | None = None
     kept: int = 0
     strength: float = np.inf

@@ -35,6 +35,22 @@ class Cycle:
     lag: float
     newer: float = 0.0
 
+    def sentences(self) -> tuple[str, ...]:
+        """What cannot be seen beside it."""
+        said = []
+        if self.lag > 0.0:
+            said.append(
+                f"torques act {1e3 * self.lag:.1f} ms after commands and positions ask for them, taken for the "
+                "servo's cycle: a lag of the drive that is as short cannot be seen"
+            )
+        if self.newer != 0.0:
+            said.append(
+                f"the servo's damping acts on a velocity {1e3 * abs(self.newer):.1f} ms "
+                f"{'newer' if self.newer > 0.0 else 'older'} than the log's: rotors that all are that much of kd "
+                "cannot be seen"
+            )
+        return tuple(said)
+
 
 def servo_cycle(samples: ArmSamples, modelled: tuple[str, ...], kd: Array) -> Cycle:
     """When the servo's torques act.

@@ -66,7 +66,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         samples, modelled, servo.kd[[log.header.joints.index(name) for name in samples.joints]]
     )
     asked = tuple(replace(t, tau=acting(signals[t.name], servo, cycle)) for t in trials)
-    closed = ClosedLoop(servo, signals, out, order=log.header.joints, cycle_s=cycle.lag)
+    closed = ClosedLoop(servo, signals, cycle, out, order=log.header.joints)
     chart = Chart(asked, chart.faults, chart.warnings)
 
     def floor_of(samples: ArmSamples) -> Array:
@@ -135,11 +135,7 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         "the log has no torque: an error of a torque sensor cannot be seen, and where friction ends and the "
         "drive's own losses begin cannot be told"
     )
-    if closed.cycle_s > 0.0:
-        warnings.append(
-            f"torques act {1e3 * closed.cycle_s:.1f} ms after commands and positions ask for them, taken for the "
-            "servo's cycle: a lag of the drive that is as short cannot be seen"
-        )
+    warnings += closed.cycle.sentences()
     if closed.tracking is not None:
         warnings += closed.tracking.sentences()
     if servo.ki is not None and servo.ki.any():

@@ -26,6 +26,10 @@ def effect_strength(item: Scored) -> float:
 def without_faint(attribution: Attribution, baseline: Baseline) -> Attribution:
     """The attribution up to the first effect that rebuilt torques are not exact enough for.
 
+    The noise floor stays, and the parameters of the effects before it that were searched beside it: what is so faint
+    moves neither. Where it happens, the floor without it is within 0.3 % of the one with it, and roll-outs' errors with
+    parameters searched again are within 0.3 % of those without.
+
     Args:
         attribution: all its steps.
         baseline: the baseline that they began with.
