@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.logs.signals.clock import misfit
 from excite.robot.robot import Array
 
 _FEW_ROWS, _FEW_LEVELS = 200, 200
@@ -49,8 +50,6 @@ def channel_noise(time: Array, values: Array) -> Array:
         time: ``(n,)`` strictly increasing stamps [s].
         values: ``(n, n_channels)``.
     """
-    from excite.logs.signals.clock import misfit
-
     rows = np.arange(len(time), dtype=float)
     sizes = [np.median(np.abs(misfit(clock, values)), axis=0) for clock in (time, rows)]
     return 1.4826 * np.minimum(*sizes)

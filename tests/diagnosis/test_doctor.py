@@ -12,10 +12,10 @@ from scipy.interpolate import CubicSpline
 
 from excite.diagnosis.doctor import Chart, examine
 from excite.logs.files import load_log, save_log
-from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot
 from excite.simulation.blind.faults import FAULTS
-from tests.diagnosis.test_records import RATE_HZ, URDF, moved
+from tests.diagnosis.two_joints import RATE_HZ, moved, two_joint_log
 
 NOISE_Q = 2e-5
 STEP = 2.0 * np.pi / 2**14
@@ -30,16 +30,7 @@ def sound() -> Trial:
 
 def examined(trial: Trial, folder: Path) -> Chart:
     """What the doctor says of a log of one trial, through its file."""
-    said = {
-        "schema": "excite.log/1",
-        "robot": "two.urdf",
-        "base": "fixed",
-        "rate_hz": RATE_HZ,
-        "joints": ["first", "second"],
-        "torque": "motor_side",
-        "trials": [{"file": "a.parquet", "role": "identification"}],
-    }
-    log = load_log(save_log(Log(LogHeader.model_validate(said), (trial,), robot_text=URDF), folder / "log"))
+    log = load_log(save_log(two_joint_log((trial,)), folder / "log"))
     return examine(nominal_robot(log), log)
 
 
