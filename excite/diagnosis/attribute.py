@@ -102,13 +102,13 @@ class Attributor:
         if best is None:
             near = self._polished(context, ranking, scorer)
             best = next((s for s in near if self._passes(s, accepted)), None)
-            ranking = (best, *ranking) if best is not None else ranking
+            ranking = _first(best, ranking) if best is not None else ranking
         if best is None or (joints and best.of_rest < _TRIFLE):
             forms = self._richer(context, joints, scorer)
             whole = (s for s in forms if self.gates.explained_by(s) and self._passes(s, accepted))
             form = next(whole, None)
             if form is not None and (best is None or form.strength > best.strength):
-                best, ranking = form, (form, *ranking)
+                best, ranking = form, _first(form, ranking)
         return best, ranking
 
     def _unnamed(
@@ -174,3 +174,8 @@ class Attributor:
 
     def _passes(self, item: Scored, accepted: list[Scored]) -> bool:
         return self.gates.passed_by(item, accepted, self.baseline.samples.joints)
+
+
+def _first(item: Scored, ranking: tuple[Scored, ...]) -> tuple[Scored, ...]:
+    """A ranking led by a finer form of one of its hypotheses."""
+    return (item, *(s for s in ranking if (s.name, s.location) != (item.name, item.location)))

@@ -15,6 +15,8 @@ from excite.robot.robot import Array
 class Scored:
     """A hypothesis and its merits against the fit before it.
 
+    An accepted hypothesis may have been polished since; its merits are those with which it was compared with the rest.
+
     Attributes:
         hypothesis: the hypothesis.
         evidence: nats less the price of its parameters and of the candidates tried.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from excite.diagnosis.augmented_plant import Plant
+from excite.diagnosis.horizontal import level_axes
 from excite.robot.links import carried_link
 from excite.robot.robot import Array, Robot
 
@@ -161,11 +162,8 @@ def _length(draft: Draft, item: Found) -> None:
 
 def tilted(gravity: Array, item: Found) -> Array:
     """Gravity ``(3,)`` in a tilted base [m/s²]: its components are along the axes that the effect is fitted in."""
-    size = float(np.linalg.norm(gravity))
-    down = gravity / max(size, 1e-9)
-    across = np.cross(down, np.eye(3)[int(np.argmin(np.abs(down)))])
-    across /= np.linalg.norm(across)
-    aside = item.value("gravity_x") * across + item.value("gravity_y") * np.cross(down, across)
+    size, (first, second, down) = float(np.linalg.norm(gravity)), level_axes(gravity)
+    aside = item.value("gravity_x") * first + item.value("gravity_y") * second
     # A tilt turns gravity, it does not add to it; but masses that were fitted beside what is left of it go with that.
     less = float(np.sqrt(max(size**2 - float(aside @ aside), 0.0))) - size
     return (size + item.value("gravity_down", less)) * down + aside

@@ -13,8 +13,10 @@ from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from excite.robot.robot import Robot
+from excite.threads import one_blas_thread
 
 
+@one_blas_thread
 def diagnose(
     log: str | Path | Log, robot: Robot | None = None, *, seed: int = 0, out: str | Path | None = None
 ) -> Diagnosis:

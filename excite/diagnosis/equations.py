@@ -212,11 +212,14 @@ class Solver:
             widths: ``(n_extra,)`` a priori standard deviations that it was made with.
 
         Returns:
-            In the coefficients' units.
+            In the coefficients' units; of a coefficient whose column shows nothing, what it has a priori.
         """
-        if fit.columns is None or len(np.unique(self.equations.trial[self.equations.use])) < _TRIALS:
+        if fit.columns is None:
             return fit.extra_std
-        return np.maximum(self._between(fit, fit.columns, widths), fit.extra_std)
+        few = len(np.unique(self.equations.trial[self.equations.use])) < _TRIALS
+        std = fit.extra_std if few else np.maximum(self._between(fit, fit.columns, widths), fit.extra_std)
+        prior = np.full(len(std), np.inf) if widths is None else widths
+        return np.where(fit.columns.any(axis=(0, 1)), std, prior)
 
     def times_std(self, fit: Fit) -> float:
         """How many standard deviations, by which trials disagree, all of a fit's extra columns together are large."""

@@ -137,7 +137,7 @@ class Gates:
         faint = item.strength < self.relative * max(a.strength for a in accepted)
         if faint and (crowded or not (apart or (most and closed >= self.whole))):
             return False
-        if crowded and float(item.closed.max()) < self.same_joint:
+        if crowded and (float(item.closed.max()) if effect.timing else closed) < self.same_joint:
             return False
         return closed >= self.closed_again
 

@@ -114,7 +114,7 @@ class Search:
     def try_at(
         self, effect: Effect, location: str, theta: Theta, iterations: int = 6, *, keep: bool = False
     ) -> Hypothesis | None:
-        """One fit; None where its linear parameters are not physical or it is not finite."""
+        """One fit; None where its linear parameters are not physical, or no joint feels it, or it is not finite."""
         key = (type(effect), location, theta, self.context.baseline.samples.lead)
         if keep and key in self.kept:
             columns = self.kept[key]
@@ -122,6 +122,8 @@ class Search:
             columns = at_rows(self.context, effect.shape(self.context, location, theta))
             if keep:
                 self.kept[key] = columns
+        if effect.linear and columns.extra is None:
+            return None
         for values in (columns.extra, columns.offset):
             if values is not None and not np.isfinite(values).all():
                 return None

@@ -29,13 +29,13 @@ def locate(context: Context, fit: Fit, floor: Array, scale: Array) -> tuple[Wher
         One line a joint.
     """
     samples = context.baseline.samples
-    use = samples.identification
-    power = np.maximum((fit.residual**2).mean(axis=1) - floor**2, 0.0) / scale**2
+    use, rest = samples.identification, context.baseline.plain(fit.residual)
+    power = np.maximum((rest**2).mean(axis=1) - floor**2, 0.0) / scale**2
     total = max(float(power.sum()), 1e-300)
     lines = []
     for j, name in enumerate(context.joints):
         dependence = {
-            what: _explained(samples.rows(columns)[use], fit.residual[j][use])
+            what: _explained(samples.rows(columns)[use], rest[j][use])
             for what, columns in _features(context, j).items()
         }
         best = max(dependence, key=lambda what: dependence[what])
@@ -44,7 +44,7 @@ def locate(context: Context, fit: Fit, floor: Array, scale: Array) -> tuple[Wher
                 channel=name,
                 share=float(power[j] / total),
                 depends_on=best if dependence[best] > _LEAST else "nothing known",
-                band_hz=_band(context, fit.residual[j]),
+                band_hz=_band(context, rest[j]),
                 dependence=dependence,
             )
         )

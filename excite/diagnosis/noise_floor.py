@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.diagnosis.repeats import on_the_clock_of_the_first
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.logs.signals.spectrum import welch
 from excite.robot.robot import Array
 
 _ABOVE = (1.5, 3.0)
-
-
-@dataclass(frozen=True, eq=False)
-class NoiseFloor:
-    """Two floors of each joint's residual in the rows' band [N·m].
-
-    Attributes:
-        spectral: ``(n_joints,)`` from the torque's spectrum above the band, as if it were flat below.
-        repeat: ``(n_joints,)`` from repeated trials; None where there are none.
-    """
-
-    spectral: Array
-    repeat: Array | None
-
-    @property
-    def level(self) -> Array:
-        """The floor to compare a gap with, ``(n_joints,)``: of repeats where there are some."""
-        return self.spectral if self.repeat is None else np.maximum(self.repeat, 0.5 * self.spectral)
 
 
 def spectral_floor(samples: ArmSamples) -> Array:
@@ -79,17 +61,10 @@ def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:
 
     Differences of residuals, not of torques: the same command does not give quite the same motion.
     """
-    names = [trial.name for trial in samples.trials]
-    of_row = samples.trial_of_row
-    squares, count = np.zeros(len(residual)), 0
-    for k, trial in enumerate(samples.trials):
-        if trial.repeats is None or trial.repeats not in names:
-            continue
-        first, again = residual[:, of_row == names.index(trial.repeats)], residual[:, of_row == k]
-        n = min(first.shape[1], again.shape[1])
-        squares += 0.5 * ((again[:, :n] - first[:, :n]) ** 2).sum(axis=1)
-        count += n
-    return np.sqrt(squares / count) if count else None
+    values = [residual[:, samples.trial_of_row == k] for k in range(len(samples.trials))]
+    both = [on_the_clock_of_the_first(repeat, samples.trials, values) for repeat in samples.repeats]
+    squares = np.concatenate([0.5 * (again - first) ** 2 for first, again in both], axis=1) if both else None
+    return None if squares is None or not squares.size else np.sqrt(squares.mean(axis=1))
 
 
 def unrepeated(samples: ArmSamples, noise: Array, rows: NDArray[np.bool_] | None = None) -> Array:
@@ -102,8 +77,7 @@ def unrepeated(samples: ArmSamples, noise: Array, rows: NDArray[np.bool_] | None
         noise: ``(n_joints, n_rows)`` a draw of it [N·m].
         rows: which rows to tell it of; all by default.
     """
-    names = [trial.name for trial in samples.trials]
-    pairs = [(k, names.index(t.repeats)) for k, t in enumerate(samples.trials) if t.repeats in names]
+    pairs = [(repeat.first, repeat.again) for repeat in samples.repeats]
     if not pairs:
         return np.zeros(len(noise))
     power, shown = noise**2, np.isin(samples.trial_of_row, np.unique(pairs))

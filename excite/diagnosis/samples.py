@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.diagnosis.arm_trial import ArmTrial, Bands
+from excite.diagnosis.repeats import Repeat, repeats_of
 from excite.diagnosis.standstill import moving_span, standstill_speed
 from excite.errors import LogError
 from excite.identification.kinematics import trial_rate
@@ -25,6 +26,8 @@ _ORDER = 4
 
 # Bent gears and bristles remember what they did before the first sample for so long, or this share of a trial [s].
 _REMEMBERED_S, _REMEMBERED = 0.5, 0.05
+# Fewer rows of a trial say nothing.
+_LEAST_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +110,11 @@ class ArmSamples:
         marked = np.zeros(self._layout[0][-1], dtype=np.bool_)
         marked[np.concatenate([[0], self._layout[0][:-1]])] = True
         return marked
+
+    @cached_property
+    def repeats(self) -> tuple[Repeat, ...]:
+        """Trials that run one command again."""
+        return repeats_of(self.trials, self.rate_hz)
 
     @cached_property
     def identification(self) -> NDArray[np.bool_]:
@@ -217,6 +225,14 @@ def _arm_trial(
     step = max(1, round(rate / bands.rate_hz))
     first, last = moving_span(v, 4 * edge)
     first = max(first, round(min(_REMEMBERED_S * rate, _REMEMBERED * n)))
+    # All trials have rows at the same times after their starts: what is repeated is compared row by row.
+    rows = np.arange(-(-(first + edge) // step) * step, last + 1 - edge, step)
+    if len(rows) < _LEAST_ROWS:
+        raise LogError(
+            f"{n / rate:.2f} s with {(last - first) / rate:.2f} s of motion are too short",
+            source=trial.name,
+            remedy=f"leave the trial out, or record {(2 * edge + _LEAST_ROWS * step) / rate + _REMEMBERED_S:.0f} s",
+        )
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",
@@ -227,6 +243,6 @@ def _arm_trial(
         v=v,
         a=a,
         tau=tau,
-        rows=np.arange(first + edge, last + 1 - edge, step),
+        rows=rows,
         q_cmd=commanded,
     )

@@ -84,7 +84,9 @@ def judge(attribution: Attribution, spectral: Array) -> Judgement:
         return Judgement("unknown", (), (), (), (place, *others), explained)
     if structured and _explained_of_all(attribution, spectral) < _TRIFLE:
         return Judgement("unknown", (), (), (), structured, explained)
-    explained = max(explained - _unsure(accepted[0]), 0.0)
+    faint = accepted[0].stands < Gates.stands
+    # What differs between repeated trials may be the effect itself: of a faint one the noise of a trial is asked.
+    explained = min(accepted[0].of_noise, 1.0) if faint else max(explained - _unsure(accepted[0]), 0.0)
     rivals = _rivals(accepted[0], steps[0].ranking)
     ambiguous = bool(rivals) or renamed[0] is not None
     twins = tuple(_second_name(item, attribution.final) for item in rivals)

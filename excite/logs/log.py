@@ -203,6 +203,21 @@ class Log:
     folder: Path | None = None
     robot_text: str | None = None
 
+    def __post_init__(self) -> None:
+        # What a log in memory says in its header alone would else be known only once it has been saved and read.
+        entries = {Path(entry.file).stem: entry for entry in self.header.trials}
+        trials = tuple(_as_stated(trial, entries.get(trial.name)) for trial in self.trials)
+        object.__setattr__(self, "trials", trials)
+
     def role(self, role: str) -> tuple[Trial, ...]:
         """The trials of one role."""
         return tuple(trial for trial in self.trials if trial.role == role)
+
+
+def _as_stated(trial: Trial, entry: TrialHeader | None) -> Trial:
+    """A trial with what its entry in the header says of its session and of what it repeats."""
+    if entry is None:
+        return trial
+    start = entry.start_s if trial.start_s is None else trial.start_s
+    repeats = trial.repeats or (None if entry.repeats is None else Path(entry.repeats).stem)
+    return replace(trial, session=trial.session or entry.session, start_s=start, repeats=repeats)

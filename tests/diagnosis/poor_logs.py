@@ -106,7 +106,6 @@ class Case:
                 tau=recording.tau_motor,
                 q_cmd=recording.q_cmd,
                 start_s=start,
-                repeats=repeats,
             )
         )
 

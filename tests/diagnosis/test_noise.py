@@ -153,9 +153,7 @@ def test_jumps_of_friction_do_not_pass_for_noise(clean: Log) -> None:
 
 
 def test_without_repeats_nothing_is_known_of_what_they_do_not_show() -> None:
-    samples = SimpleNamespace(
-        trials=(SimpleNamespace(name="a", repeats=None),), trial_of_row=np.zeros(10, dtype=np.int64)
-    )
+    samples = SimpleNamespace(repeats=(), trial_of_row=np.zeros(10, dtype=np.int64))
     np.testing.assert_array_equal(unrepeated(samples, np.ones((3, 10))), np.zeros(3))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
+from excite.diagnosis.horizontal import level_axes
 from excite.diagnosis.units import slides
 from excite.robot.robot import Array
 
@@ -20,7 +21,7 @@ _LEAST = 0.02
 
 
 class BaseTilt(Effect):
-    """Gravity in the base frame has components that the model does not have.
+    """Gravity in the base frame has level components that the model does not have: along x and y on a level base.
 
     Two columns are the torques of a horizontal gravity; two more, cos q₁ and sin q₁ on the first row, are
     the first moments of link 1, invisible while its axis is upright. They are no larger than the tilt and the
@@ -55,17 +56,12 @@ class BaseTilt(Effect):
         q = samples.stacked("q")
         still = np.zeros((len(q), model.nv))
         columns = np.zeros((len(q), len(context.joints), len(self.linear)))
-        gravity = model.gravity.linear.copy()
-        down = gravity / max(float(np.linalg.norm(gravity)), 1e-9)
-        across = np.cross(down, np.eye(3)[int(np.argmin(np.abs(down)))])
-        across /= np.linalg.norm(across)
-        axes = {0: across, 1: np.cross(down, across), 4: down}
-        for k, axis in axes.items():
+        for k, axis in zip((0, 1, 4), level_axes(model.gravity.linear), strict=True):
             if k < len(self.linear):
                 model.gravity.linear = axis
                 columns[:, :, k] = context.torques(q, still, still, model)
-        # A slide has no first moments.
-        if not slides(samples.robot, context.joints[0]):
+        # A slide has no first moments; those of links further out are the identifier's.
+        if samples.index[0] == 0 and not slides(samples.robot, context.joints[0]):
             first = context.q[:, 0]
             columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
         return Shape({j: columns[:, j] for j in range(len(context.joints))})

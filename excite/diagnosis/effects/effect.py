@@ -199,9 +199,10 @@ class Effect(ABC):
         return True
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        """Its parameters, for people."""
+        """Its parameters, for people; without those that nothing in the record shows."""
         found = {
             p.name: Estimate(float(b), float(s), p.unit)
             for p, b, s in zip(self.linear, fit.extra, fit.extra_std, strict=True)
+            if np.isfinite(s)
         }
         return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}

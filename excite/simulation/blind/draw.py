@@ -91,4 +91,7 @@ def draft(number: int, rng: np.random.Generator, robots: tuple[str, ...] = ROBOT
         # A wrist that is nearly all rotor needs one; what is hidden, or changes what is hidden, stays.
         taken = {*effects} & {absent, "friction_drift", "joint_elasticity", "backlash"}
         absent = "" if taken or robot in _ROTORS else absent
+    # Servos that are stiff for such light wrists ring with a drive that lags twice.
+    if ("actuator_lag", "second_order") in forms and robot in _ROTORS:
+        robot = "iiwa14"
     return Draft(robot, kind, forms, fixed, noise, faults, bristles, absent)

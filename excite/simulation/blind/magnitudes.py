@@ -153,9 +153,12 @@ def _ripple(s: Site) -> Hidden:
 
 
 def _lag(s: Site) -> Hidden:
+    """A servo with it keeps its distance from where it would ring (Routh's criterion for one joint by itself)."""
     order = 2 if s.form == "second_order" else 1
-    most = float(np.min(s.virtual.drives.kd / s.virtual.drives.kp))
-    value = min(s.size * s.rng.uniform(0.3, 0.5), 0.6) * most / order
+    kp, kd = s.virtual.drives.kp, s.virtual.drives.kd
+    inertia = s.arm.inertia + s.virtual.drives.armature
+    most = kd / kp if order == 1 else inertia * kd / (0.5 * kd**2 + 2.0 * inertia * kp)
+    value = min(s.size * s.rng.uniform(0.3, 0.5), 0.6) * float(np.min(most))
     return s.virtual.with_change(disconnect).with_law(LagLaw(value, order)), s.found(value, "torque")
 
 
