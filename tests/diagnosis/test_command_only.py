@@ -11,7 +11,7 @@ import pytest
 from excite.diagnosis.baseline import fit_baseline
 from excite.diagnosis.command_only.cycle import Cycle, acting, later, servo_cycle
 from excite.diagnosis.command_only.gains import known_servo
-from excite.diagnosis.command_only.levels import trial_levels
+from excite.diagnosis.command_only.levels import error_integral, trial_levels
 from excite.diagnosis.command_only.noise import servo_floor
 from excite.diagnosis.command_only.servo import Servo, read_signals
 from excite.diagnosis.command_only.servo_drive import servo_drive
@@ -325,6 +325,28 @@ def test_noise_of_a_servos_torque_grows_with_the_frequency(gap_dir: Path):
     assert servo_floor(samples, servo, list(range(7))) == pytest.approx(there, rel=0.15)
     # A floor that takes the noise for white is three times too high.
     assert (spectral_floor(samples) > 2.5 * there).all()
+
+
+def test_noise_that_an_integral_part_gathers_is_noise(gap_dir: Path):
+    """The same with an integral part, each trial's mean taken off: walks differ, their mean square does less."""
+    log = load_log(gap_dir / "arm" / "case_012")
+    robot = nominal_robot(log)
+    rng = np.random.default_rng(4)
+    servo = Servo(np.full(7, 800.0), np.full(7, 20.0), "none", True, ki=np.full(7, 6000.0))
+    made = []
+    for trial in log.trials[:4]:
+        still = np.tile(robot.rest, (len(trial.time), 1))
+        noisy = replace(trial, q=still + 3e-5 * rng.standard_normal(still.shape), q_cmd=still)
+        signals = read_signals(robot, log, noisy)
+        gathered = servo.ki * error_integral(signals)
+        torque = replace(signals, integral=gathered - gathered.mean(axis=0)).torque(servo)
+        made.append(replace(noisy, tau=torque))
+    samples = arm_samples(robot, log, made)
+    there = samples.rows([t.tau for t in samples.trials]).std(axis=0)
+    floor = servo_floor(samples, servo, list(range(7)))
+    assert np.sqrt(np.mean(floor**2)) == pytest.approx(np.sqrt(np.mean(there**2)), rel=0.25)
+    without = servo_floor(samples, replace(servo, ki=None), list(range(7)))
+    assert (without < 0.6 * floor).all()
 
 
 def test_what_an_integral_part_began_with_is_found(gap_dir: Path):

@@ -18,7 +18,8 @@ def servo_floor(samples: ArmSamples, servo: Servo, order: list[int]) -> Array:
 
     Above the band the noise is measured; below it is what the servo makes of encoders whose noise is white: it
     grows with the frequency as ``|kp + i 2πf kd|``, by several times within a decade where kd/kp is long. A floor
-    that took it for flat would hide all that is weak.
+    that took it for flat would hide all that is weak. An integral part makes a random walk of it, of which each trial's
+    mean is taken off: ``ki² S T/12`` is left of it after a time T, S the density of the encoders' noise.
 
     Args:
         samples: trials with torques rebuilt with this servo.
@@ -37,8 +38,11 @@ def servo_floor(samples: ArmSamples, servo: Servo, order: list[int]) -> Array:
     low = min(_ABOVE[0] * rows_hz, 0.7 * high)
     above = np.median(grown[(f > low) & (f < high)], axis=0)
     passed = _passed(f, rows_hz, rate)[:, None]
-    share = (grown * passed).sum(axis=0) / (above * passed.sum())
-    return np.asarray(spectral_floor(samples) * np.sqrt(np.minimum(share, 1.0)))
+    share = np.minimum((grown * passed).sum(axis=0) / (above * passed.sum()), 1.0)
+    if servo.ki is not None:
+        seconds = np.mean([t.time[-1] - t.time[0] for t in samples.trials])
+        share += servo.ki[order] ** 2 * seconds / 12.0 / (above * passed.sum() * (f[1] - f[0]))
+    return np.asarray(spectral_floor(samples) * np.sqrt(share))
 
 
 def _passed(f: Array, cutoff_hz: float, rate_hz: float) -> Array:
