@@ -26,7 +26,7 @@ class Derived:
     Attributes:
         trials: the motion.
         phi: the parameters.
-        values: by row of the joint and name, full rate.
+        values: by row of the joint and name, full rate; what is of no joint has the row −1.
     """
 
     trials: tuple[ArmTrial, ...] = ()

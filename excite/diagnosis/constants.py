@@ -28,7 +28,7 @@ def beyond_constants(baseline: Baseline, passing: Sequence[Scored]) -> Scored:
         passing: effects that pass the gates, the likeliest first.
 
     Returns:
-        The first; of a body, the one that leads it once constants are explained.
+        The first; where it has a parameter for each joint, the one that leads it once constants are explained.
     """
     first = passing[0]
     solver = baseline.solver

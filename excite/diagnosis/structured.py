@@ -14,8 +14,8 @@ _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0
 _MATTERS, _FAR = 0.02, 8.0
 # The same against the white floor alone, for gaps that do not repeat.
 _WILD, _WILD_SHARE = 10.0, 0.1
-# A joint whose own repeats differ by so many times its noise, and more than those of most joints of three or more,
-# has something that does not repeat; where that is this share of the torque's deviation, fewer times will do.
+# A joint whose own repeats differ by so many times its noise, and of what the middle one's of all joints do, has
+# something that does not repeat; where that is this share of the torque's deviation, fewer times will do.
 _UNREPEATED, _UNREPEATED_LARGE, _LARGE = 3.0, 1.5, 0.05
 
 

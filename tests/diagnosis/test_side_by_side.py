@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
 
 import pytest
 
 from excite.diagnosis import side_by_side as module
+from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.side_by_side import side_by_side
 
 
@@ -30,3 +32,11 @@ def test_results_come_in_the_order_of_their_items(monkeypatch: pytest.MonkeyPatc
 def test_what_one_item_raises_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda item: 1 / item, [2, 1, 0])
+
+
+def test_a_diagnosis_does_not_depend_on_the_cores(monkeypatch: pytest.MonkeyPatch, gap_dir: Path) -> None:
+    said = []
+    for cores in (1, 4):
+        monkeypatch.setattr(module, "_cores", lambda cores=cores: cores)
+        said.append(diagnose(gap_dir / "arm" / "case_023").to_json())
+    assert said[0] == said[1]

@@ -157,7 +157,7 @@ class Effect(ABC):
 
     @property
     def richer(self) -> tuple[Effect, ...]:
-        """Other forms of the same physics with more parameters, tried once the effect has been named."""
+        """Other forms of the same physics with more parameters, tried once the effect is named, or where none is."""
         return ()
 
     @property

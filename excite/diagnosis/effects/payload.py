@@ -17,7 +17,7 @@ _SURELY = 6.0
 
 def link_columns(context: Context, joint: int) -> Array:
     """Torques per unit of the ten inertial parameters of the body after a joint, ``(n, n_joints, 10)``."""
-    key, kept = (0, "regressor"), context.baseline.derived.values
+    key, kept = (-1, "regressor"), context.baseline.derived.values
     if key not in kept:
         s = context.baseline.samples
         motion = (s.stacked(name) for name in ("q", "v", "a"))
