@@ -12,7 +12,8 @@ from excite.diagnosis.accepted_values import found_effects
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
-from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context, Effect
@@ -26,7 +27,7 @@ from excite.diagnosis.result import Diagnosis, Rollout
 from excite.diagnosis.rollout_compare import simulated
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
-from excite.diagnosis.standstill import held_power
+from excite.diagnosis.standing_joints import held_power
 from excite.diagnosis.units import at_joint
 from excite.diagnosis.unnamed import in_words
 from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn

@@ -11,14 +11,9 @@ import numpy as np
 
 from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.attribution import Scored
-from excite.diagnosis.baseline import (
-    Baseline,
-    model_phi,
-    own_names,
-    own_signals,
-    prior_spread,
-    standstill_weights,
-)
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import model_phi, prior_spread, standstill_weights
+from excite.diagnosis.drive_terms import own_names, own_signals
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.hypotheses import Columns, Hypothesis, at_rows
 from excite.diagnosis.samples import ArmSamples

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.diagnosis.arm_trial import ArmTrial
-from excite.diagnosis.baseline import model_phi
+from excite.diagnosis.baseline_fit import model_phi
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences

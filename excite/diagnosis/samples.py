@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from excite.diagnosis.arm_trial import ArmTrial, Bands
 from excite.diagnosis.repeats import Repeat, repeats_of
-from excite.diagnosis.standstill import moving_span, standstill_speed
+from excite.diagnosis.standstill import span_of_motion, standstill_speed
 from excite.errors import LogError
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial
@@ -223,7 +223,7 @@ def _arm_trial(
         commanded[:, columns] = q_cmd[:, order]
     edge = max(3, settling_samples(rate, bands.rows_hz))
     step = max(1, round(rate / bands.rate_hz))
-    first, last = moving_span(v, 4 * edge)
+    first, last = span_of_motion(v, 4 * edge)
     first = max(first, round(min(_REMEMBERED_S * rate, _REMEMBERED * n)))
     # All trials have rows at the same times after their starts: what is repeated is compared row by row.
     rows = np.arange(-(-(first + edge) // step) * step, last + 1 - edge, step)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import (
     BREAKAWAY_BOUNDS,
     SIGNS,
@@ -15,9 +14,6 @@ from excite.diagnosis.drive_terms import (
     refined,
 )
 from excite.robot.robot import Array
-
-if TYPE_CHECKING:
-    from excite.diagnosis.baseline import Baseline
 
 # A stop in passing is over after that, and what the filter makes of it [s].
 _LONGEST = 0.02

@@ -10,14 +10,16 @@ import numpy as np
 from excite.diagnosis.accepted_values import fitted_sizes
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Attribution
-from excite.diagnosis.baseline import Baseline, fit_baseline, own_names, own_signals
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.doctor import examine
+from excite.diagnosis.drive_terms import own_names, own_signals
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.noise_floor import other_postures, repeat_floor, spectral_floor, unrepeated, white_floor
 from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.diagnosis.shrink import gap_of
-from excite.diagnosis.standstill import held_power, standing_share
+from excite.diagnosis.standing_joints import HELD, held_power, standing_share
 from excite.diagnosis.verdict import judge
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
@@ -173,7 +175,7 @@ def _diagnosed(robot: Robot, log: Log, noisy: tuple[Trial, ...], clean: tuple[Tr
     power = np.array(
         [
             [(rest[:, of_trial == k] ** 2).mean(axis=1) for k in range(len(clean))]
-            for rest in (old, new, new * (standing_share(quiet) > 0.3))
+            for rest in (old, new, new * (standing_share(quiet) > HELD))
         ]
     )
     noise = kinematic_noise(_on(baseline, everywhere), sigma, np.random.default_rng(0))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.command_only.cycle import Cycle, acting, later, servo_cycle
 from excite.diagnosis.command_only.gains import known_servo
 from excite.diagnosis.command_only.levels import error_integral, trial_levels

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.command_only.encoders import servo_effects
 from excite.diagnosis.command_only.servo import Servo, read_signals
 from excite.diagnosis.command_only.transport import clearly_lags

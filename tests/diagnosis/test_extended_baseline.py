@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.attribute import Attributor
-from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.hypotheses import Search

@@ -12,7 +12,8 @@ import pytest
 from excite.diagnosis.augmented import augmented_model
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.augmented_plant import fitted_plant, physical_plant
-from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.next_experiment_candidates import within_record
 from excite.diagnosis.next_experiment_paths import retraced
 from excite.diagnosis.noise_floor import spectral_floor

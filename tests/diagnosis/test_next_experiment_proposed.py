@@ -12,7 +12,8 @@ import pytest
 
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Scored
-from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.registry import EFFECTS

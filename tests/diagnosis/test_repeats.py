@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.noise_floor import repeat_floor, spectral_floor
 from excite.diagnosis.samples import arm_samples

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.baseline import Baseline, fit_baseline
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import arm_samples
 from excite.logs.files import load_log, save_log

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.command_only.servo import Servo, Signals
 from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.effects.actuator_lag import ActuatorLag

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.command_only.servo import Signals
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import ArmSamples

@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.atomic import atomic_path
 from excite.diagnosis.attribute import Attributor
-from excite.diagnosis.baseline import fit_baseline
+from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.doctor import examine
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import arm_samples
