@@ -33,7 +33,7 @@ from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
 from tests.benchmarks.table import Row
 
-SEED, CASES, PAIRS = 71077, 24, 8
+SEED, CASES, PAIRS = 606707, 40, 8
 
 
 @dataclass(frozen=True, eq=False)
