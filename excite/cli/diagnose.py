@@ -10,6 +10,7 @@ import typer
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit
+from excite.diagnosis.result import Diagnosis
 from excite.json_document import write_json
 
 NAME = "diagnose"
@@ -25,5 +26,17 @@ def command(
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
     result = excite.diagnose(log, seed=seed, out=out)
     if out is not None:
-        write_json(result.to_json(), out / "diagnosis.json")
+        _save(result, out)
     emit(result.summary(), result.to_json(), as_json=as_json)
+
+
+def _save(result: Diagnosis, out: Path) -> None:
+    """Write the curves, the document, and the page that shows both."""
+    from excite.report.data import ForceComparison, ReportData, save_report_data
+
+    c = result.curves
+    if c is not None:
+        curves = ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after)
+        save_report_data(ReportData(gap=curves), out / "report_data.npz")
+    write_json(result.to_json(), out / "diagnosis.json")
+    excite.report(out)

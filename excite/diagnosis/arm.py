@@ -15,6 +15,7 @@ from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.candidate import Candidate
+from excite.diagnosis.curves import trial_curves
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
@@ -114,7 +115,8 @@ def diagnose_torques(
     # Of an unknown gap nobody can say what part of it friction holds.
     if judgement.verdict != "unknown":
         floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
-    gap = gap_of(samples, before, after if attribution.accepted else before, floor, attribution.scale, rng)
+    closed = after if attribution.accepted else before
+    gap = gap_of(samples, before, closed, floor, attribution.scale, rng)
     effects = tuple(
         _together(_candidate(item, Context(item.hypothesis.baseline), gap, attribution, tied), found)
         for item, tied, found in zip(
@@ -157,6 +159,7 @@ def diagnose_torques(
         next_experiment=advice(baseline, attribution, judgement, out),
         faults=chart.faults,
         warnings=tuple(warnings),
+        curves=trial_curves(samples, before, closed),
     )
 
 

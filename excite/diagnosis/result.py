@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from excite.diagnosis.candidate import Candidate, in_words, sized
 from excite.diagnosis.gap import Gap, Where
+
+if TYPE_CHECKING:
+    # With it come the samples, which a diagnosis of wrenches has no use for.
+    from excite.diagnosis.curves import Curves
 
 SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
 # Up to so many times the noise floor a model is said to reach it.
 _AT_FLOOR = 1.3
+# Share of a channel's gap from which it is said to follow something.
+_FOLLOWS = 0.3
 
 
 @dataclass(frozen=True)
@@ -119,6 +125,7 @@ class Diagnosis:
         next_experiment: what would settle what is open, None where nothing is.
         faults: what was wrong with the record.
         warnings: limits of what was said, one sentence each.
+        curves: a validation trial before and after, for figures; no part of the document. None where there are none.
     """
 
     robot: str
@@ -135,6 +142,7 @@ class Diagnosis:
     next_experiment: NextExperiment | None = None
     faults: tuple[LogFault, ...] = ()
     warnings: tuple[str, ...] = ()
+    curves: Curves | None = field(default=None, compare=False, repr=False)
 
     @property
     def ambiguous_with(self) -> tuple[Candidate, ...]:
@@ -167,7 +175,7 @@ class Diagnosis:
     def sentence(self) -> str:
         """The one sentence that a person would repeat to a colleague."""
         gap = f"{100 * self.gap.before:.1f} % of the signal"
-        closes = f"adding it closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
+        closes = f"closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
         if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
             return f"{self.robot}: the model explains the record to its noise floor ({gap})."
         if self.verdict == "none":
@@ -177,23 +185,25 @@ class Diagnosis:
             )
         if self.verdict == "unknown":
             place = self.location or (self.where[0].channel if self.where else "the robot")
-            there = [item for item in self.where if item.channel == place] or list(self.where)
-            follows = there[0].depends_on if there else "nothing known"
-            return (
-                f"{self.robot}: there is a gap at {place} that follows {follows} and that no effect "
-                f"in the library explains ({gap})."
-            )
+            there = [item for item in self.where if item.channel == place]
+            follows = "".join(f" follows {w.depends_on} and that" for w in there if _follows(w))
+            return f"{self.robot}: there is a gap at {place} that{follows} no effect in the library explains ({gap})."
         if self.verdict == "ambiguous":
             either = " or ".join(sized(item) for item in self.ambiguous_with)
-            return f"{self.robot}: the gap is {either}; this record cannot say which; {closes}."
+            return f"{self.robot}: the gap is {either}; this record cannot say which; adding one {closes}."
         named = " and ".join(sized(item) for item in self.effects) or in_words(self.effect, self.location)
-        return f"{self.robot}: the gap is {named}; {closes}."
+        them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
+        return f"{self.robot}: the gap is {named}; adding {them} {closes}."
 
     def summary(self) -> str:
         """The diagnosis in words and tables, for a terminal; starts with the sentence."""
         from excite.diagnosis.summary import summary_of
 
         return summary_of(self)
+
+
+def _follows(item: Where) -> bool:
+    return item.dependence.get(item.depends_on, 0.0) >= _FOLLOWS
 
 
 def _finite(value: Any) -> Any:

@@ -29,7 +29,7 @@ class ForceComparison:
         time: ``(n,)`` [s].
         measured: ``(n, n_channels)``.
         nominal: prediction of the nominal model, ``(n, n_channels)``.
-        identified: prediction of the identified model, ``(n, n_channels)``.
+        identified: prediction of the identified model, ``(n, n_channels)``; of a diagnosis, the model with the effects.
     """
 
     trial: str
@@ -85,17 +85,19 @@ class ConditioningComparison:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything in ``report_data.npz``; a part that there is nothing to say about is None."""
+    """Everything in ``report_data.npz``; what there is nothing to say about is None; ``gap`` is a diagnosis's."""
 
     forces: ForceComparison | None = None
     masses: MassComparison | None = None
     conditioning: ConditioningComparison | None = None
+    gap: ForceComparison | None = None
 
 
 _PARTS: dict[str, type] = {
     "forces": ForceComparison,
     "masses": MassComparison,
     "conditioning": ConditioningComparison,
+    "gap": ForceComparison,
 }
 
 

@@ -22,6 +22,7 @@ _SCHEMAS = {
     "identification": "excite.identification/1",
     "campaign": "excite.campaign/1",
     "signals": "excite.signals/1",
+    "diagnosis": "excite.diagnosis/1",
 }
 _ABSENT = {
     "plan": "the plan (plan.json: candidates, chosen motions)",
@@ -42,6 +43,7 @@ class Findings:
         identification: of ``identification.json``, else the one inside ``campaign.json``.
         campaign: of ``campaign.json``.
         signals: of ``signals.json``, which only ``identify --explain-signals`` writes.
+        diagnosis: of ``diagnosis.json``, which only ``diagnose`` writes.
         data: of ``report_data.npz``; empty where there is none.
         robot: the robot, None where it cannot be found.
         motions: the plan's chosen motions that could be read, in the plan's order.
@@ -55,11 +57,19 @@ class Findings:
     identification: Document | None
     campaign: Document | None
     signals: Document | None
+    diagnosis: Document | None
     data: ReportData
     robot: Robot | None
     motions: tuple[Motion, ...]
     files: tuple[str, ...]
     left_out: tuple[str, ...]
+
+    @property
+    def of_diagnosis(self) -> bool:
+        """Whether a diagnosis is all that the folder holds."""
+        return self.diagnosis is not None and not (
+            self.plan or self.check or self.identification or self.campaign
+        )
 
 
 def read_folder(folder: Path) -> Findings:
@@ -76,20 +86,27 @@ def read_folder(folder: Path) -> Findings:
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
         documents["identification"] = documents["campaign"].get("identification")
-    left_out = [_ABSENT[name] for name, content in documents.items() if content is None and name in _ABSENT]
+    # A diagnosis stands by itself: what belongs to excitation and identification is not missed beside it.
+    alone = documents["diagnosis"] is not None and not any(documents[name] for name in _ABSENT)
+    left_out = [
+        _ABSENT[name] for name in documents if documents[name] is None and name in _ABSENT and not alone
+    ]
     if arrays.is_file():
         data = load_report_data(arrays)
         files.append(arrays.name)
     else:
         data = ReportData()
-        left_out.append("measured forces, masses and the conditioning before and after (report_data.npz)")
+        what = (
+            "curves of a trial" if alone else "measured forces, masses and the conditioning before and after"
+        )
+        left_out.append(f"{what} (report_data.npz)")
     if not files:
         raise InputError(
-            "holds none of plan.json, check.json, identification.json, campaign.json, report_data.npz",
+            "holds none of plan.json, check.json, identification.json, campaign.json, diagnosis.json, report_data.npz",
             source=folder,
             remedy="give the --out folder of another command",
         )
-    robot = _robot(folder, documents, left_out)
+    robot = None if alone else _robot(folder, documents, left_out)
     return Findings(
         folder=folder,
         data=data,

@@ -47,6 +47,9 @@ th { text-align: left; font-weight: 600; color: var(--muted); vertical-align: bo
 th, td { padding: 4px 16px 4px 0; border-bottom: 1px solid var(--grid); }
 .number { text-align: right; } td.number { white-space: nowrap; }
 th:last-child, td:last-child { padding-right: 0; }
+td.map { text-align: center; padding: 4px 10px; }
+#effects td:not(:last-child) { white-space: nowrap; }
+p.verdict { font-size: 1.15rem; color: var(--ink); }
 details { margin: 10px 0; }
 summary { cursor: pointer; color: var(--identified); }
 footer { padding-bottom: 48px; font-size: .88rem; }
@@ -81,12 +84,13 @@ def render(findings: Findings) -> str:
         f'<a href="#{part.identifier}">{escape(part.title)}</a>' for part, _ in shown if part.title
     )
     robot = robot_title(findings)
-    title = f"{robot}: excitation and identification"
+    what = "Diagnosis of the gap" if findings.of_diagnosis else "Excitation and identification"
+    title = f"{robot}: {what[0].lower()}{what[1:]}"
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
-        f"<header><p>Excitation and identification</p><h1>{escape(robot)}</h1><nav>{links}</nav></header>\n"
+        f"<header><p>{what}</p><h1>{escape(robot)}</h1><nav>{links}</nav></header>\n"
         f"<main>{''.join(html for _, html in shown)}</main>\n{_footer(findings)}\n</body>\n</html>\n"
     )
 
@@ -95,7 +99,7 @@ def robot_title(findings: Findings) -> str:
     """The robot's full title, or the name that the files give it."""
     if findings.robot is not None:
         return findings.robot.description.title
-    documents = (findings.plan, findings.identification, findings.check)
+    documents = (findings.plan, findings.identification, findings.check, findings.diagnosis)
     return next(
         (str(document["robot"]) for document in documents if document and "robot" in document), "a robot"
     )

@@ -80,7 +80,7 @@ def test_the_page_is_well_formed_and_needs_no_network(page):
 def test_every_section_and_every_figure_is_there(page):
     outline = _outline(page)
     assert {part.identifier for part in SECTIONS} <= set(outline.ids)
-    assert outline.drawings == 7
+    assert outline.drawings == 9
     assert "Left out" not in page
 
 

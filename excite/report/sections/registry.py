@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from excite.report.sections.certainty import Certainty
+from excite.report.sections.diagnosis import Verdict
+from excite.report.sections.diagnosis_curves import Curves
+from excite.report.sections.diagnosis_effects import Effects
+from excite.report.sections.diagnosis_gap import GapByChannel
+from excite.report.sections.diagnosis_record import Record
+from excite.report.sections.diagnosis_where import Where
 from excite.report.sections.differences import Differences
 from excite.report.sections.excitation import Excitation
 from excite.report.sections.forces import Forces
@@ -16,7 +22,13 @@ from excite.report.sections.signals import Signals
 from excite.report.sections.stages import Stages
 
 SECTIONS: tuple[Section, ...] = (
+    Verdict(),
     Overview(),
+    Effects(),
+    GapByChannel(),
+    Where(),
+    Curves(),
+    Record(),
     Motions(),
     Safety(),
     Excitation(),

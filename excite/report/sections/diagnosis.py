@@ -1,0 +1,58 @@
+"""What a diagnosis says, in one sentence and a row of key figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from excite.report.folder import Document, Findings
+from excite.report.html import paragraph, tile
+from excite.report.sections.section import Section
+
+_VERDICTS = {
+    "effect": "an effect is named and placed",
+    "ambiguous": "several effects explain it alike",
+    "unknown": "no effect of the library explains it",
+    "none": "nothing stands above the noise",
+}
+
+
+class Verdict(Section):
+    """The sentence, the gap before and after, how far it closes, what roll-outs say."""
+
+    identifier = "verdict"
+    title = ""
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        found = findings.diagnosis
+        if found is None:
+            return ""
+        said = f'<section id="{self.identifier}">{paragraph(found["sentence"], "verdict")}</section>'
+        return f'{said}<div class="tiles">{"".join(_tiles(found))}</div>'
+
+
+def _tiles(found: Document) -> Iterator[str]:
+    verdict, gap = found["verdict"], found["gap"]
+    yield tile(verdict, _VERDICTS.get(verdict, ""))
+    closed = bool(found["effects"])
+    size = f"{_percent(gap['before'])} → {_percent(gap['after'])}" if closed else _percent(gap["before"])
+    yield tile(size, f"of the signal is not explained; {_percent(gap['noise_floor'])} is noise")
+    if closed:
+        bounds = gap["share_closed_90"]
+        within = f"; 90 % interval {_whole(bounds[0])} to {_whole(bounds[1])} %" if bounds else ""
+        yield tile(f"{_whole(gap['share_closed'])} %", "of the gap above the noise is closed" + within)
+    rollouts = found["simulation"]
+    if closed and rollouts and rollouts["before"]:
+        ratios = sorted(rollouts["after"][c] / max(rollouts["before"][c], 1e-300) for c in rollouts["before"])
+        label = (
+            f"of the error of {rollouts['horizon_s']:g} s roll-outs is left with the effects, median channel"
+        )
+        yield tile(f"{_whole(ratios[len(ratios) // 2])} %", label)
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100.0 * share:.3g} %"
+
+
+def _whole(share: float) -> str:
+    return f"{100.0 * share:.0f}".replace("-", "−")

@@ -1,0 +1,36 @@
+"""A trial as it was measured, and as the model tells it before and after the effects."""
+
+from __future__ import annotations
+
+from excite.report.folder import Findings
+from excite.report.html import figure, section
+from excite.report.plots.left_over import plot_left_over
+from excite.report.sections.section import Section
+from excite.report.theme import to_svg
+
+_SHOWN = 4
+
+
+class Curves(Section):
+    """The channels with the largest shares of the gap."""
+
+    identifier = "curves"
+    title = "A trial before and after"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        found, data = findings.diagnosis, findings.data.gap
+        if found is None or data is None:
+            return ""
+        order = [row["channel"] for row in found["where"] if row["channel"] in data.channels]
+        shown = (order or list(data.channels))[:_SHOWN]
+        closed = bool(found["effects"])
+        lead = (
+            f"Trial {data.trial}: what was measured and what the model says, and the difference between them."
+        )
+        if closed:
+            lead += " With the effects, the blue difference should be no more than noise."
+        if len(shown) < len(data.channels):
+            lead += f" The {len(shown)} channels with the largest shares of the gap."
+        svg = to_svg(plot_left_over(data, shown, closed), "curves", "Measured and modelled, before and after")
+        return section(self.identifier, self.title, lead, figure(svg))

@@ -1,0 +1,57 @@
+"""The map of the gap: which channels, and what each one's follows."""
+
+from __future__ import annotations
+
+from html import escape
+
+from excite.report.folder import Findings
+from excite.report.html import section
+from excite.report.plots.forces import channel_label
+from excite.report.sections.section import Section
+
+
+class Where(Section):
+    """A row a channel, a column for each thing that its gap may follow; the fuller the colour, the more it does."""
+
+    identifier = "where"
+    title = "Where it lies"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        found = findings.diagnosis
+        if found is None or not found["where"]:
+            return ""
+        lead = (
+            "Before any effect is added. Each cell says what share of the channel's gap functions of that one thing "
+            "would explain; several may look alike. The band holds the middle 80 % of the gap's power."
+        )
+        what = list(dict.fromkeys(name for row in found["where"] for name in row["dependence"]))
+        head = "".join(
+            f"<th>{escape(text)}</th>"
+            for text in (
+                "channel",
+                "share of the gap",
+                *(name.replace("_", " ") for name in what),
+                "band [Hz]",
+            )
+        )
+        body = "".join(_row(row, what) for row in found["where"])
+        map_ = f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        return section(self.identifier, self.title, lead, map_)
+
+
+def _row(row: dict, what: list[str]) -> str:
+    low, high = row["band_hz"]
+    cells = "".join(_shaded(row["dependence"].get(name)) for name in what)
+    return (
+        f"<tr><td>{escape(channel_label(row['channel']))}</td>{_shaded(row['share'])}{cells}"
+        f"<td>{low:.2g} to {high:.2g}</td></tr>"
+    )
+
+
+def _shaded(share: float | None) -> str:
+    if share is None:
+        return '<td class="map">–</td>'
+    depth = round(60.0 * min(max(share, 0.0), 1.0))
+    colour = f"color-mix(in srgb, var(--identified) {depth}%, transparent)"
+    return f'<td class="map" style="background: {colour}">{100.0 * share:.0f} %</td>'
