@@ -187,6 +187,25 @@ def test_columns_in_closed_form_are_finite_differences(footed: FloatingRecord, n
             np.testing.assert_allclose(columns[:, :, i], expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
 
 
+def test_a_bent_joint_leans_further(footed: FloatingRecord) -> None:
+    state, name, largest = State.logged(footed), "waist_pitch_joint", 0.03
+    joint = state.tree.names.index(name)
+    iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
+    torque = state.smooth_torques[:, iv]
+    compliance = largest / np.abs(torque).max()
+    bend = compliance * torque
+    rate = np.gradient(bend, 1.0 / footed.rate_hz)
+    q, v, a = footed.q.copy(), footed.v.copy(), footed.a.copy()
+    q[:, iq] += bend
+    v[:, iv] += rate
+    a[:, iv] += np.gradient(rate, 1.0 / footed.rate_hz)
+    logged = State.logged(replace(footed, q=q, v=v, a=a))
+    found = FLOATING_EFFECTS["joint_elasticity"].apply(logged, name, np.array([compliance, 0.0]))
+    off, as_logged = found.q[:, iq] - footed.q[:, iq], compliance * logged.smooth_torques[:, iv] - bend
+    assert off.std() < 0.05 * bend.std()
+    assert off.std() < 0.6 * as_logged.std()
+
+
 def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> None:
     thin = record.thinned()
     link = "arm_left_7_link"

@@ -20,24 +20,35 @@ class JointTurn:
     """Derivatives of the residual, each ``(n, 6)``, with respect to one joint's motion at each instant.
 
     Attributes:
-        state: where to linearise.
+        state: where to linearise; its readings do not matter.
         joint: index in the tree.
     """
 
     state: State
     joint: int
 
+    def by_q(self, readings: dict[str, Array]) -> Array:
+        """With respect to its position; sensors that it carries turn too, and what they read.
+
+        Args:
+            readings: by sensor, ``(n, 6)``.
+        """
+        change, levers = self._by_q
+        for name, lever in levers.items():
+            change = change + np.einsum("nij,nj->ni", lever, readings[name])
+        return change
+
     @cached_property
-    def by_q(self) -> Array:
-        """With respect to its position; sensors that it carries turn too."""
+    def _by_q(self) -> tuple[Array, dict[str, Array]]:
+        """Of minus the predicted wrench; of the levers of the sensors that it carries."""
         turned = self._changed("q", int(self.state.tree.idx_q[self.joint]), _STEP_Q)
-        change = self.state.predicted - turned.predicted
-        if any(
-            sensor.joint in branch(self.state.tree.parents, self.joint)
+        carried = branch(self.state.tree.parents, self.joint)
+        levers = {
+            sensor.name: (turned.levers[sensor.name] - self.state.levers[sensor.name]) / _STEP_Q
             for sensor in self.state.record.robot.sensors
-        ):
-            change = change + turned.measured - self.state.measured
-        return change / _STEP_Q
+            if sensor.joint in carried
+        }
+        return (self.state.predicted - turned.predicted) / _STEP_Q, levers
 
     @cached_property
     def by_v(self) -> Array:
@@ -51,9 +62,9 @@ class JointTurn:
         moved = self._changed("a", int(self.state.tree.idx_v[self.joint]), _STEP_A)
         return (self.state.predicted - moved.predicted) / _STEP_A
 
-    def columns(self, q: Array, v: Array, a: Array) -> Array:
+    def columns(self, readings: dict[str, Array], q: Array, v: Array, a: Array) -> Array:
         """Minus the derivative along ``k`` changes of the joint's motion, each ``(n, k)``: ``(n, 6, k)``."""
-        parts = ((self.by_q, q), (self.by_v, v), (self.by_a, a))
+        parts = ((self.by_q(readings), q), (self.by_v, v), (self.by_a, a))
         return -np.sum([by[:, :, None] * change[:, None, :] for by, change in parts], axis=0)
 
     def _changed(self, what: str, column: int, step: float) -> State:

@@ -77,10 +77,11 @@ class Problem:
     def state(self, delta: Array) -> State:
         """The logged state with errors ``delta (10·n_segments,)`` of the inertial parameters.
 
-        What the nominal state has computed of kinematics and sensors is handed on: it does not depend on them.
+        What the nominal state has computed and does not depend on them is handed on: the regressor in any case.
         """
         if not delta.any():
             return self.nominal
+        _ = self.nominal.regressor
         return self.nominal.but(phi=self.record.tree.phi + delta)
 
     @cached_property

@@ -88,14 +88,14 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     screened = [s for s in screen(*linearised(coarse, current)) if (s.effect.name, s.location) not in known]
     places = {name: max(1, sum(s.effect.name == name for s in screened)) for name in FLOATING_EFFECTS}
     rough = [_refined(coarse, current, item) for item in _shortlist(screened)]
-    top = min(rough, key=lambda f: f.power, default=None)
-    if top is not None:
+    top, before = min(rough, key=lambda f: f.power, default=None), judged_by(coarse, current)
+    if top is not None and _worth(top, top.power / n) > _worth(before, top.power / n):
         rough += [_refined(coarse, current, item) for item in _neighbours(screened, rough, top)]
     open_after = (min(f.power for f in rough) if rough else current.power) / n
     if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
-        gain = 0.5 * (current.power - min((f.power for f in rough), default=np.inf))
+        gain = 0.5 * (before.power - min((f.power for f in rough), default=np.inf))
         rough += _contacts(problem, coarse, current, places, _WORTH_A_LOOK * gain)
-    fits = _in_full(problem, rough)
+    fits = _in_full(problem, rough, before)
     fits = [f for f in fits if current.power - f.power > f.placed[-1].effect.least_shrink * n]
     if not fits:
         return ()
@@ -127,17 +127,22 @@ def _overdispersion(problem: Problem, fitted: Fitted) -> float:
     return float(fitted.power / min(n, effective))
 
 
-def _in_full(problem: Problem, rough: list[Fitted]) -> list[Fitted]:
-    """Fits to every other sample, those that may lead repeated on all of them."""
+def _in_full(problem: Problem, rough: list[Fitted], before: Fitted) -> list[Fitted]:
+    """Fits to every other sample, those that may lead, and are worth their price, repeated on all of them."""
     if not rough:
         return []
-    over = max(1.0, min(f.power for f in rough) / len(problem.nominal_rows))
-    worth = [-0.5 * f.power / over - f.price for f in rough]
-    leading = max(worth) - _LEADING * DECISIVE
+    over = min(f.power for f in rough) / len(problem.nominal_rows)
+    worth = [_worth(f, over) for f in rough]
+    leading = max(max(worth) - _LEADING * DECISIVE, _worth(before, over))
     return [
         refine(problem, fit.placed, fit.theta, fit) if value > leading else judged_by(problem, fit)
         for value, fit in zip(worth, rough, strict=True)
     ]
+
+
+def _worth(fit: Fitted, over: float) -> float:
+    """What a fit explains less what it costs, but for a constant, where noise is ``over`` times as loud [nats]."""
+    return -0.5 * fit.power / max(1.0, over) - fit.price
 
 
 def _shortlist(screened: list[Screened]) -> list[Screened]:

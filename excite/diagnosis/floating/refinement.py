@@ -138,6 +138,8 @@ def linearised(problem: Problem, fitted: Fitted) -> tuple[Problem, State, Array]
 
 def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
     """A fit, as it is, judged by another problem, as one with more samples of the same record."""
+    if not fitted.placed:
+        return nominal_fit(problem)
     counts = [len(values) for values in fitted.theta]
     scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
     theta = np.concatenate(fitted.theta)

@@ -29,7 +29,7 @@ _DEPENDS: dict[str, set[str]] = {
     "regressor": _MOTION | {"v", "a"},
     "smooth_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
     "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
-    "turns": _MOTION | {"v", "a", "phi", "readings", "placements"},
+    "turns": _MOTION | {"v", "a", "phi", "placements"},
 }
 
 
@@ -75,9 +75,14 @@ class State:
 
     def but(self, **changes: Any) -> State:
         """A copy with fields replaced; what was computed and does not depend on them is kept."""
-        other = replace(self, **changes)
+        other, changed = replace(self, **changes), set(changes)
+        # The base's equation holds nothing of segments beyond the sensors.
+        if "phi" in changed and np.array_equal(other.measured_phi, self.measured_phi):
+            changed.remove("phi")
+        # Whoever finds a joint's turn first, all states of the same motion have it.
+        self.__dict__.setdefault("turns", {})
         for name, depends in _DEPENDS.items():
-            if name in self.__dict__ and not depends & changes.keys():
+            if name in self.__dict__ and not depends & changed:
                 other.__dict__[name] = self.__dict__[name]
         return other
 
@@ -143,7 +148,7 @@ class State:
 
     @cached_property
     def turns(self) -> dict[int, JointTurn]:
-        """By joint, what :func:`~excite.diagnosis.floating.joint_turns.joint_turn` has found for this state."""
+        """By joint, what :func:`~excite.diagnosis.floating.joint_turns.joint_turn` has found for this motion."""
         return {}
 
     @cached_property
@@ -167,5 +172,11 @@ class State:
     @cached_property
     def smooth_torques(self) -> Array:
         """The same without what is above 4 Hz, where they hold noise of accelerations."""
-        rate = self.record.rate_hz
-        return np.concatenate([lowpass(self.joint_torques[span], rate, 4.0) for span in self.record.spans])
+        return self._smooth(self.joint_torques)
+
+    def smooth_torque(self, iv: int) -> Array:
+        """``(n,)`` the same of one joint, by its index in the velocities, where no other is asked for."""
+        return self._smooth(self.joint_torques[:, iv])
+
+    def _smooth(self, values: Array) -> Array:
+        return np.concatenate([lowpass(values[s], self.record.rate_hz, 4.0) for s in self.record.spans])

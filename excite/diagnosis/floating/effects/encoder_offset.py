@@ -36,7 +36,7 @@ class EncoderOffset(FloatingEffect):
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's own column: it turns, and no more."""
         turned = self.apply(state, location, theta) if theta.any() else state
-        return -joint_turn(turned, joint_of(state, location)).by_q[:, :, None]
+        return -joint_turn(turned, joint_of(state, location)).by_q(state.readings)[:, :, None]
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Logged less true, as the contract counts it."""

@@ -12,9 +12,12 @@ from excite.diagnosis.floating.joint_turns import joint_turn
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
+# A turn by which the torque's change is measured [rad], and the most that bending may add to itself.
+_TURN, _MOST_ADDED = 1e-3, 0.8
+
 
 class JointElasticity(FloatingEffect):
-    """True angle = logged − (compliance + stiffening · |τ|/τ₀) · τ, the torque τ with what the feet carry.
+    """True angle = logged − (compliance + stiffening · |τ|/τ₀) · τ, the bent joint's τ with what the feet carry.
 
     τ₀ is the largest torque of the record. Gears with flexsplines and rubber stiffen under load
     (Tuttle and Seering 1996); a straight line is the case without it.
@@ -37,31 +40,24 @@ class JointElasticity(FloatingEffect):
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Bend the joint, with the rates that this brings."""
+        if not theta.any():
+            return state
         joint = joint_of(state, location)
-        iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
-        bend, rate, rate_of_rate = (change @ theta for change in self._yields(state, iv))
+        bend = _bend(state, joint, theta)[0]
+        iq, iv, rate = state.tree.idx_q[joint], state.tree.idx_v[joint], _rates(state, bend)
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
         q[:, iq] += bend
         v[:, iv] += rate
-        a[:, iv] += rate_of_rate
+        a[:, iv] += _rates(state, rate)
         return state.but(q=q, v=v, a=a)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's columns along what each parameter lets it yield."""
         joint = joint_of(state, location)
-        bent = self.apply(state, location, theta) if theta.any() else state
-        return joint_turn(bent, joint).columns(*self._yields(state, state.tree.idx_v[joint]))
-
-    def _yields(self, state: State, iv: int) -> tuple[Array, Array, Array]:
-        """Angle, velocity and acceleration for a unit of each parameter, ``(n, 2)``."""
-        torque = state.smooth_torques[:, iv]
-        load = np.abs(torque) / max(float(np.abs(torque).max()), 1e-9)
-        bend = -np.column_stack([torque, load * torque])
-        rate, again = np.empty_like(bend), np.empty_like(bend)
-        for span in state.record.spans:
-            rate[span] = np.gradient(bend[span], 1.0 / state.record.rate_hz, axis=0)
-            again[span] = np.gradient(rate[span], 1.0 / state.record.rate_hz, axis=0)
-        return bend, rate, again
+        yields = _bend(state, joint, theta)[1]
+        rates = _rates(state, yields)
+        bent = self.apply(state, location, theta)
+        return joint_turn(bent, joint).columns(state.readings, yields, rates, _rates(state, rates))
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Stiffness of the unloaded joint, and the parameters."""
@@ -73,3 +69,31 @@ class JointElasticity(FloatingEffect):
             "stiffness": Estimate(stiffness, spread, "N·m/rad"),
             **super().report(state, location, theta, std),
         }
+
+
+def _bend(state: State, joint: int, theta: Array) -> tuple[Array, Array]:
+    """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``.
+
+    A bent joint leans further, which changes its torque: to first order by what a turn of the joint alone makes
+    of it. Rates are left out, since they would bring noise of accelerations into the torque a second time.
+    """
+    iv = state.tree.idx_v[joint]
+    torque = state.smooth_torques[:, iv]
+    largest = max(float(np.abs(torque).max()), 1e-9)
+    yields = -np.column_stack([torque, np.abs(torque) / largest * torque])
+    if not theta.any():
+        return np.zeros(len(torque)), yields
+    q = state.q.copy()
+    q[:, state.tree.idx_q[joint]] += _TURN
+    leaning = (state.but(q=q).smooth_torque(iv) - torque) / _TURN
+    adds = -leaning[:, None] * np.column_stack([np.ones_like(torque), 2.0 * np.abs(torque) / largest])
+    # Beyond the limit a joint would buckle.
+    more = 1.0 / (1.0 - np.minimum(adds @ theta, _MOST_ADDED))
+    bend = more * (yields @ theta)
+    return bend, more[:, None] * (yields + bend[:, None] * adds)
+
+
+def _rates(state: State, values: Array) -> Array:
+    """Derivative with respect to time within each trial, ``(n, …)``."""
+    spans, rate = state.record.spans, state.record.rate_hz
+    return np.concatenate([np.gradient(values[span], 1.0 / rate, axis=0) for span in spans])

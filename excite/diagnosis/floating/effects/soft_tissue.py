@@ -64,7 +64,7 @@ class SoftTissue(FloatingEffect):
         own, shared = [], np.zeros((len(state.q), 6, len(tissue)))
         for joint, by in zip(turned, each, strict=True):
             changes = np.concatenate([here, *((moved @ by)[..., None] for moved in tissue)], axis=2)
-            columns = joint_turn(there, joint).columns(*changes)
+            columns = joint_turn(there, joint).columns(state.readings, *changes)
             own.append(columns[:, :, :3])
             shared = shared + columns[:, :, 3:]
         return np.concatenate([*own, shared], axis=2)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
+from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -28,14 +30,27 @@ class TimeDelay(FloatingEffect):
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Read ahead, trial by trial, by cubic Hermite interpolation."""
-        from scipy.interpolate import CubicHermiteSpline
-
-        record, readings = state.record, {}
+        record = state.record
+        first, u = _ahead(record, float(theta[0]) * record.rate_hz)
+        readings = {}
         for name, logged in record.readings.items():
-            change = np.empty_like(logged)
-            for span in record.spans:
-                t = np.arange(span.stop - span.start) / record.rate_hz
-                spline = CubicHermiteSpline(t, logged[span], record.readings_rate[name][span])
-                change[span] = spline(np.clip(t + theta[0], t[0], t[-1])) - logged[span]
-            readings[name] = state.readings[name] + change
+            rise = logged[first + 1] - logged[first]
+            slope = record.readings_rate[name] / record.rate_hz
+            bend = slope[first] * (1.0 - u) - slope[first + 1] * u + (2.0 * u - 1.0) * rise
+            there = logged[first] + u * rise + u * (1.0 - u) * bend
+            readings[name] = state.readings[name] + there - logged
         return state.but(readings=readings)
+
+
+def _ahead(record: FloatingRecord, samples: float) -> tuple[NDArray[np.int64], Array]:
+    """For each sample, the one before where it is read, ``(n,)``, and how far after that, ``(n, 1)`` from 0 to 1.
+
+    Beyond a trial's ends nothing is known: there the ends are read.
+    """
+    first, u = np.empty(record.n_samples, dtype=int), np.empty(record.n_samples)
+    for span in record.spans:
+        n = span.stop - span.start
+        place = np.clip(np.arange(n) + samples, 0, n - 1)
+        before = np.minimum(place.astype(int), n - 2)
+        first[span], u[span] = span.start + before, place - before
+    return first, u[:, None]
