@@ -193,13 +193,17 @@ def test_the_servos_cycle_is_found_where_it_is_one(gap_dir: Path):
     robot = nominal_robot(log)
     trials = list(log.trials)
 
-    def found(early: float) -> float:
+    def found(early: float, rate_hz: float | None = None) -> Cycle:
         moved = [replace(t, tau=later(t.time, t.tau, -early)) for t in trials]
-        return servo_cycle(arm_samples(robot, log, moved), log.header.modelled, np.ones(7)).lag
+        return servo_cycle(arm_samples(robot, log, moved), log.header.modelled, np.ones(7), rate_hz)
 
-    assert found(0.002) == pytest.approx(0.002, abs=5e-4)
-    assert found(0.008) == pytest.approx(0.008, abs=1e-3)
-    assert found(0.03) == 0.0
+    assert found(0.002).lag == pytest.approx(0.002, abs=5e-4)
+    assert found(0.03).lag == 0.0
+    # A lag that is longer than a servo of that rate has is said not to be all its own.
+    long = found(0.008, 1000.0)
+    assert long.lag == pytest.approx(0.008, abs=1e-3)
+    assert "no more than 2.0 ms" in long.sentences()[1]
+    assert len(found(0.008, 200.0).sentences()) == 1
 
 
 def test_a_velocity_that_is_newer_than_the_logs_is_no_rotor(gap_dir: Path):
@@ -265,6 +269,8 @@ def test_one_gain_may_stand_for_all_joints():
         ({"kp": {"a": "soft"}}, r"controller\.kp.*no number.*write one number"),
         ({"kp": [1.0, 2.0]}, r"controller\.kp.*no number.*one for each joint"),
         ({"mode": "torque"}, r"controller\.mode.*no position servo.*tau_cmd"),
+        ({"kp": 3.0, "rate_hz": "fast"}, r"controller\.rate_hz.*no rate.*cycles per second"),
+        ({"kp": 3.0, "rate_hz": 0}, r"controller\.rate_hz.*no rate.*leave it out"),
         ({"ki": {"a": 2.0}}, r"controller\.ki.*without kp.*state controller\.kp"),
     ],
 )

@@ -30,10 +30,12 @@ class Cycle:
     Attributes:
         lag: between the torque that commands and positions speak for and the one that acts [s].
         newer: how much newer than the log's the velocity is that its damping acts on [s]; negative where it is older.
+        longest: what two of the servo's cycles are, where the lag is surely longer [s].
     """
 
     lag: float
     newer: float = 0.0
+    longest: float = np.inf
 
     def sentences(self) -> tuple[str, ...]:
         """What cannot be seen beside it."""
@@ -42,6 +44,11 @@ class Cycle:
             said.append(
                 f"torques act {1e3 * self.lag:.1f} ms after commands and positions ask for them, taken for the "
                 "servo's cycle: a lag of the drive that is as short cannot be seen"
+            )
+        if self.lag > self.longest:
+            said.append(
+                f"of these, no more than {1e3 * self.longest:.1f} ms are cycles of the servo at its rate: the rest is "
+                "a filter of the positions or a lag of the drives; what tells them apart: log positions unfiltered"
             )
         if self.newer != 0.0:
             said.append(
@@ -52,7 +59,9 @@ class Cycle:
         return tuple(said)
 
 
-def servo_cycle(samples: ArmSamples, modelled: tuple[str, ...], kd: Array) -> Cycle:
+def servo_cycle(
+    samples: ArmSamples, modelled: tuple[str, ...], kd: Array, rate_hz: float | None = None
+) -> Cycle:
     """When the servo's torques act.
 
     A digital servo reads its encoders, computes for a cycle and holds its torque for another one (Franklin,
@@ -67,6 +76,7 @@ def servo_cycle(samples: ArmSamples, modelled: tuple[str, ...], kd: Array) -> Cy
         samples: trials with the torques that were asked for.
         modelled: what the baseline has.
         kd: ``(n_joints,)`` damping by joint of the samples [N·m·s/rad].
+        rate_hz: the servo's rate where it is known [Hz].
 
     Returns:
         The cycle; a lag is 0 where it is none or longer than ``LONGEST_SAMPLES``, T where it is longer than
@@ -80,6 +90,9 @@ def servo_cycle(samples: ArmSamples, modelled: tuple[str, ...], kd: Array) -> Cy
     apart = Shape({j: column * np.eye(n)[j] for j, column in common.items()})
     lags = baseline.solver.fit(at_rows(context, apart).extra).extra
     lag, newer = float(np.median(lags)), 0.0
+    # Of a median, from the median of what is off it (Huber 1981, section 1.2).
+    unsure = 1.25 * 1.48 * float(np.median(np.abs(lags - lag))) / np.sqrt(n)
+    own_s = LONGEST_SAMPLES / rate_hz if rate_hz else np.inf
     # The median over fewer joints would be a rotor of one of them.
     if "armature" not in modelled and (kd > 0.0).all() and n >= _JOINTS:
         rotors = np.array([values[own.index("armature")] for values in baseline.fit.own])
@@ -87,6 +100,7 @@ def servo_cycle(samples: ArmSamples, modelled: tuple[str, ...], kd: Array) -> Cy
     return Cycle(
         lag if 0.0 < lag <= LONGEST_SAMPLES / samples.rate_hz else 0.0,
         newer if abs(newer) <= _NEWEST_S else 0.0,
+        own_s if lag - 2.0 * unsure > own_s else np.inf,
     )
 
 

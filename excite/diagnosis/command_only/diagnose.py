@@ -62,15 +62,14 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         signals = _wound(robot, log, trials, signals, servo, servo.ki, modelled)
     asked = tuple(replace(t, tau=signals[t.name].torque(servo)) for t in trials)
     samples = arm_samples(robot, log, asked)
-    cycle = servo_cycle(
-        samples, modelled, servo.kd[[log.header.joints.index(name) for name in samples.joints]]
-    )
+    order = [log.header.joints.index(name) for name in samples.joints]
+    cycle = servo_cycle(samples, modelled, servo.kd[order], servo.rate_hz)
     asked = tuple(replace(t, tau=acting(signals[t.name], servo, cycle)) for t in trials)
     closed = ClosedLoop(servo, signals, cycle, out, order=log.header.joints)
     chart = Chart(asked, chart.faults, chart.warnings)
 
     def floor_of(samples: ArmSamples) -> Array:
-        return servo_floor(samples, servo, [log.header.joints.index(name) for name in samples.joints])
+        return servo_floor(samples, servo, order)
 
     library = servo_effects(servo, log.header.joints)
     result = diagnose_torques(robot, log, chart, modelled, rng, closed, out, floor_of, library)

@@ -63,7 +63,7 @@ def known_servo(robot: Robot, log: Log, trials: dict[str, Signals]) -> Servo:
             field="controller",
             remedy="state controller.kp, controller.kd and controller.feedforward",
         )
-    return replace(best.servo, ki=stated.ki, estimated=stated.missing)
+    return replace(best.servo, ki=stated.ki, estimated=stated.missing, rate_hz=stated.rate_hz)
 
 
 def _error(signals: Signals, slow: Array) -> Array:

@@ -29,6 +29,7 @@ class Servo:
         follows_velocity: s: whether the damping acts on the velocity's error or on the velocity itself.
         ki: ``(n_joints,)`` [N·m/(rad·s)], 0 where there is no integral part.
         estimated: what was estimated and not stated.
+        rate_hz: its cycles per second, None where they are not stated.
     """
 
     kp: Array
@@ -37,6 +38,7 @@ class Servo:
     follows_velocity: bool
     ki: Array | None = None
     estimated: tuple[str, ...] = ()
+    rate_hz: float | None = None
 
     @property
     def damping_share(self) -> float:

@@ -44,6 +44,7 @@ class Stated:
         feedforwards: forms that it may have.
         follows: whether damping acts on the velocity's error; both where that is open.
         missing: what is not stated, in words.
+        rate_hz: of the servo, None where it is not stated [Hz].
     """
 
     kp: Array
@@ -52,6 +53,7 @@ class Stated:
     feedforwards: tuple[str, ...]
     follows: tuple[bool, ...]
     missing: tuple[str, ...]
+    rate_hz: float | None = None
 
 
 def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) -> Stated:
@@ -65,7 +67,7 @@ def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) 
         What it says.
 
     Raises:
-        LogError: it is no position servo; a gain is no number; ki is stated without kp.
+        LogError: it is no position servo; a gain or the rate is no number; ki is stated without kp.
     """
     said = dict(controller or {})
     mode = said.get("mode", "position")
@@ -96,7 +98,25 @@ def stated_servo(controller: Mapping[str, Any] | None, joints: tuple[str, ...]) 
         (_WORDS[word],) if word in _WORDS else FEEDFORWARDS,
         (True, False) if reference is None else (reference not in _NO_REFERENCE,),
         tuple(missing),
+        _rate(said.get("rate_hz")),
     )
+
+
+def _rate(value: Any) -> float | None:
+    """The servo's rate [Hz]; None where it is not stated."""
+    if value is None:
+        return None
+    try:
+        rate = float(value)
+    except (TypeError, ValueError):
+        rate = 0.0
+    if not 0.0 < rate < np.inf:
+        raise LogError(
+            f"{value!r} is no rate",
+            field="controller.rate_hz",
+            remedy="write cycles per second, or leave it out",
+        )
+    return rate
 
 
 def _gains(value: Any, name: str, joints: tuple[str, ...]) -> Array:
