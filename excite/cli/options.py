@@ -8,6 +8,23 @@ from typing import Annotated
 
 import typer
 
+from excite.errors import InputError
+
+
+def _usable(folder: Path | None) -> Path | None:
+    """The folder of results, refused before any work is done for it."""
+    if folder is None:
+        return None
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise InputError("is a file, not a folder", source=there, remedy="give another --out")
+    if not os.access(there, os.W_OK):
+        raise InputError(
+            "may not be written to", source=there, remedy="give another --out, or change its permissions"
+        )
+    return folder
+
+
 RobotArgument = Annotated[
     str, typer.Argument(metavar="ROBOT", help="Bundled robot (see `excite robots`) or path to a robot.yaml.")
 ]
@@ -23,7 +40,8 @@ JobsOption = Annotated[
     int, typer.Option("--jobs", min=1, help="Processes to use; the result does not depend on it.")
 ]
 OutOption = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Folder that results are written to.")
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder that results are written to.", callback=_usable),
 ]
 
 DEFAULT_JOBS = os.cpu_count() or 1

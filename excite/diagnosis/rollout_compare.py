@@ -55,7 +55,6 @@ def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) ->
         return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
     if out is None:
         return comparison.rollout
-    out.mkdir(parents=True, exist_ok=True)
     write_text(out / MODEL, comparison.xml)
     return replace(comparison.rollout, model=MODEL)
 
