@@ -65,7 +65,8 @@ def make(
             progress=progress,
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
-    emit(f"{cases} cases in {folder}, answers in {answers}", document, as_json=as_json)
+    count = f"{cases} case{'s' if cases > 1 else ''}"
+    emit(f"{count} in {folder}, answers in {answers}", document, as_json=as_json)
 
 
 @app.command("score")

@@ -25,13 +25,14 @@ def command(
 ) -> None:
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
     result = excite.diagnose(log, seed=seed, out=out)
+    summary = result.summary()
     if out is not None:
-        _save(result, out)
-    emit(result.summary(), result.to_json(), as_json=as_json)
+        summary += f"\nreport: {_save(result, out)}"
+    emit(summary, result.to_json(), as_json=as_json)
 
 
-def _save(result: Diagnosis, out: Path) -> None:
-    """Write the curves, the document, and the page that shows both."""
+def _save(result: Diagnosis, out: Path) -> Path:
+    """Write the curves, the document, and the page that shows both; returns the page."""
     from excite.report.data import ForceComparison, ReportData, save_report_data
 
     c = result.curves
@@ -39,4 +40,4 @@ def _save(result: Diagnosis, out: Path) -> None:
         curves = ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after)
         save_report_data(ReportData(gap=curves), out / "report_data.npz")
     write_json(result.to_json(), out / "diagnosis.json")
-    excite.report(out)
+    return excite.report(out)

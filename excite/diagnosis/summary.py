@@ -67,7 +67,8 @@ def _fault_lines(faults: Sequence[LogFault]) -> list[str]:
     for item in faults:
         alike.setdefault((item.kind, item.cause, item.repaired), []).append(item)
     lines = []
-    for (_, cause, _), items in alike.items():
+    for (_, cause, repaired), items in alike.items():
         others = f", and {len(items) - 1} more like it" if len(items) > 1 else ""
-        lines.append(f"log: {items[0].what}{others} ({cause})")
+        mended = "; repaired" if repaired else ""
+        lines.append(f"log: {items[0].what}{others} ({cause}{mended})")
     return lines

@@ -63,7 +63,7 @@ def test_what_cannot_be_told_apart_stands_alike(two_effects: Diagnosis):
 def test_a_fault_of_every_trial_is_said_once(two_effects: Diagnosis):
     lines = [line for line in two_effects.summary().splitlines() if line.startswith("log:")]
     assert lines == [
-        "log: trial_00: stamps jitter by 10 %, and 3 more like it (packets)",
+        "log: trial_00: stamps jitter by 10 %, and 3 more like it (packets; repaired)",
         "log: trial_01: a clips (a limit)",
     ]
 

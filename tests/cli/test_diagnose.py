@@ -1,0 +1,38 @@
+"""``excite diagnose``: what it writes beside what it prints."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from typer.testing import CliRunner
+
+from excite.cli.main import app
+from excite.logs.files import save_log
+from tests.diagnosis.two_joints import moved, two_joint_log
+
+
+def test_a_diagnosis_ends_in_a_page_with_its_sentence(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    trials = (
+        moved("a", "identification", 8.0, rng, np.eye(2)),
+        moved("b", "validation", 5.0, rng, np.eye(2)),
+    )
+    log = save_log(two_joint_log(trials), tmp_path / "log")
+    out = tmp_path / "out"
+    found = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(out)])
+    assert found.exit_code == 0, found.exception
+    document = json.loads((out / "diagnosis.json").read_text())
+    assert found.stdout.startswith(document["sentence"])
+    assert found.stdout.endswith(f"report: {out / 'report.html'}\n")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert document["sentence"] in page
+    # Nothing was fitted on the trial that is shown, and its difference is the gap that is stated.
+    with np.load(out / "report_data.npz") as data:
+        left = data["gap/measured"] - data["gap/nominal"]
+        assert str(data["gap/trial"]) == "b"
+        stated = [item["before"] for item in document["gap"]["per_channel"].values()]
+        np.testing.assert_allclose(np.sqrt((left**2).mean(axis=0)), stated, rtol=1e-6)
+    hidden = [path.name for path in out.iterdir() if path.name.startswith(".")]
+    assert not hidden and [path.name for path in tmp_path.iterdir() if path != out] == ["log"]
