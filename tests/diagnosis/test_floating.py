@@ -23,9 +23,11 @@ from excite.diagnosis.floating.refinement import Placed, nominal_fit, refine
 from excite.diagnosis.floating.search import needed
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.floating.unloaded import find_unloaded
+from excite.diagnosis.floating.where import free_force_links
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
+from excite.logs.signals.butterworth import lowpass
 
 # Nominal inertials given and right; plates under a TALOS; nothing hidden.
 _CLEAN = "case_013"
@@ -220,6 +222,17 @@ def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> N
     assert found.accepted.placed[0].effect.name == "unlogged_contact"
     assert link in found.tied[0]
     assert found.overdispersion < 1.2
+
+
+def test_what_is_unknown_is_placed_beside_inertials_that_would_imitate_it(record: FloatingRecord) -> None:
+    thin, link = replace(record.thinned(), inertials_free=True), "arm_right_5_link"
+    point = State.logged(thin).poses.point([s.link for s in thin.robot.segments].index(link) + 1, np.zeros(3))
+    wild = np.random.default_rng(4).standard_normal((thin.n_samples, 3))
+    force = np.concatenate([lowpass(wild[span], thin.rate_hz, 0.8) for span in thin.spans])
+    problem = build_problem(with_relief(thin, point, 40.0 * force))
+    tied = free_force_links(problem, nominal_fit(problem))
+    assert link in tied
+    assert len(tied) <= 3
 
 
 def test_a_cord_to_an_anchor_is_one_effect(record: FloatingRecord) -> None:

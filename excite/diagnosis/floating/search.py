@@ -25,7 +25,7 @@ _BEGINNINGS, _CLOSES = 2, 0.5
 # Share of the open power below which what was found is not worth a second look.
 _HOPEFUL = 0.7
 # Where a form is seen to be wrong, others that leave this share more are as wrong as it is.
-_FORM_DOUBT = 0.1
+FORM_DOUBT = 0.1
 # Share of the noise's power by which noise in the regressors' kinematics prefers one place to another.
 _LITTLE_OF_NOISE = 0.1
 
@@ -168,5 +168,5 @@ def rivals(step: Step, n: int) -> tuple[Ranked, ...]:
 def _untold(item: Ranked, best: Ranked, n: int) -> bool:
     """Whether evidence does not decide between two, or what the form of the better one leaves is larger."""
     left = best.fitted.power - n
-    misfit = _FORM_DOUBT * left if best.fitted.power > NOISE_SLACK * n else 0.0
+    misfit = FORM_DOUBT * left if best.fitted.power > NOISE_SLACK * n else 0.0
     return item.evidence > best.evidence - DECISIVE or item.fitted.power - best.fitted.power < misfit
