@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.accepted_values import found_effects
+from excite.diagnosis.arm_curves import trial_curves
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.candidate import Candidate
-from excite.diagnosis.curves import trial_curves
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from excite.diagnosis.candidate import Candidate, in_words, sized
+from excite.diagnosis.curves import Curves
 from excite.diagnosis.gap import Gap, Where
-
-if TYPE_CHECKING:
-    # With it come the samples, which a diagnosis of wrenches has no use for.
-    from excite.diagnosis.curves import Curves
 
 SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]

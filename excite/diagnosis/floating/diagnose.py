@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.floating.attribution import Attribution, attribute
+from excite.diagnosis.floating.curves import trial_curves
 from excite.diagnosis.floating.gap import gap_of
 from excite.diagnosis.floating.held_out import refit
 from excite.diagnosis.floating.problem import Problem, build_problem
@@ -89,6 +90,7 @@ def diagnosis_of(analysis: Analysis, rng: np.random.Generator | None = None) -> 
         n_tied=len(found.rivals) if found.verdict == "ambiguous" else 0,
         next_experiment=_next(found),
         warnings=_warnings(problem, found),
+        curves=trial_curves(problem, analysis.before, analysis.after),
     )
 
 
