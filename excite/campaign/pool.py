@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -127,18 +126,6 @@ class Pool:
                 break
             taken.append(index)
         return sorted(taken)
-
-
-def make_pool(robot: Robot, motions: Sequence[Motion]) -> Pool:
-    """A pool of motions that were found safe elsewhere.
-
-    Raises:
-        MotionError: a motion is not the robot's, or holds NaN.
-        InputError: the temporary folder cannot be written.
-    """
-    folder = TemporaryFolder()
-    keeper = Keeper(folder.path)
-    return Pool(tuple(keeper(robot, motion) for motion in motions), folder)
 
 
 @lru_cache(maxsize=4)
