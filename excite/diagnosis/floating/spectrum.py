@@ -9,6 +9,7 @@ covariance matrix a frequency (Whittle 1953).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.signal.windows import tukey
@@ -47,16 +48,29 @@ class Whitening:
         """Whiten ``(n, 6)`` or ``(n, 6, k)``."""
         flat = values.reshape(len(values), 6, -1)
         out = np.empty((self.n_rows, flat.shape[2]))
-        for span, factor, taper, rows in zip(
-            self.record.spans, self.factors, self.tapers, self.rows, strict=True
+        for span, factor, transform, rows in zip(
+            self.record.spans, self.factors, self._transforms, self.rows, strict=True
         ):
-            spectrum = np.fft.rfft(flat[span] * taper[:, None, None], axis=0)[: len(factor)]
-            white = factor @ spectrum
-            n = white.shape[0] * 6
-            out[rows.start : rows.start + n] = white.real.reshape(n, -1)
+            samples = flat[span].reshape(transform.shape[1], -1)
+            parts = (transform @ samples).reshape(2, len(factor), 6, -1)
+            n = len(factor) * 6
+            out[rows.start : rows.start + n] = (factor @ parts[0]).reshape(n, -1)
             # A constant has no imaginary part.
-            out[rows.start + n : rows.stop] = white.imag[1:].reshape(n - 6, -1)
+            out[rows.start + n : rows.stop] = (factor[1:] @ parts[1, 1:]).reshape(n - 6, -1)
         return out.reshape(self.n_rows, *values.shape[2:])
+
+    @cached_property
+    def _transforms(self) -> tuple[Array, ...]:
+        """By trial, ``(2·n_bins, n_samples)`` real and imaginary rows of the tapered Fourier transform.
+
+        Of its bins only those in the band are wanted, which a product gives sooner than a fast transform of all.
+        """
+        transforms = []
+        for taper, factor in zip(self.tapers, self.factors, strict=True):
+            n = len(taper)
+            angle = 2.0 * np.pi / n * (np.outer(np.arange(len(factor)), np.arange(n)) % n)
+            transforms.append(np.vstack([np.cos(angle), -np.sin(angle)]) * taper)
+        return tuple(transforms)
 
     def validation_rows(self) -> Array:
         """``(m,)`` which whitened numbers are of validation trials."""
