@@ -36,7 +36,8 @@ class Gates:
         evidence_faint_again: nats of such a further effect.
         validation_faint_again: nats of such a further effect on validation trials alone.
         stands_alone: power over the floor's at the place of a further effect that needs no comparison with the rest.
-        stands_apart: the same where all effects act on joints of their own.
+        stands_apart: the same where all effects act on joints of their own, and the least for a further effect that
+            does not.
         closed_alone: share that such an effect removes there.
         evidence_alone: nats of such an effect.
         validation_alone: nats of such an effect on validation trials alone.
@@ -124,6 +125,9 @@ class Gates:
         if effect.timing and any(a.hypothesis.effect.timing for a in accepted):
             return False
         if (item.name, item.location) in {(a.name, a.location) for a in accepted}:
+            return False
+        # What acts on several joints takes up a little of what each of them has left.
+        if effect.moves and item.stands < self.stands_apart:
             return False
         # Bodies and geometry act on all joints alike: what one of them leaves another can take up.
         bodies = effect.moves and any(a.hypothesis.effect.moves for a in accepted)

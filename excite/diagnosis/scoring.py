@@ -19,6 +19,8 @@ from excite.robot.robot import Array
 # Hypotheses that remove this share of the power that another removes are compared by their likelihood.
 _ALIKE = 0.7
 _HARDLY = 0.3
+# Share of all that is left from which it does not matter where an effect closes it.
+_NEARLY_ALL = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +94,11 @@ class Scorer:
         of_rest = strength**2 / max(rest, strength**2, 1e-300)
         place = int(np.argmax(ratio.sum(axis=1)))
         effect = item.effect
-        # What acts on one joint alone has its place there, whatever the fit of all makes of other joints.
+        # What acts on one joint alone has its place there, whatever the fit of all makes of other joints; unless that
+        # fit had put nearly all of the gap elsewhere.
         if effect.own_joint and item.location in samples.joints:
-            place = samples.joints.index(item.location)
+            own = samples.joints.index(item.location)
+            place = place if of_rest >= _NEARLY_ALL and closed[own] < _HARDLY else own
         left = int(np.sum((old > 2.0 * floor**2) & (closed < _HARDLY)))
         # Without validation trials there are the fitted ones alone to judge by.
         side = int(not samples.identification.all())

@@ -20,6 +20,8 @@ _LONGEST = 0.02
 # Lead that is not told from none, step of its derivative, and of the search's end [s].
 _LEAST, _STEP, _NEAR = 1e-3, 1e-3, 3e-4
 _ITERATIONS = 6
+# A lead that joints have where they have one [s], and by how much it has to lower the loss where none was found.
+_TYPICAL, _CLEARLY = 5e-3, 0.05
 
 
 def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
@@ -34,10 +36,15 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
     """
     for _ in range(2):
         baseline = _chosen(baseline, keep=False)
-    led = _with_lead(baseline) if leads else baseline
+    if not leads:
+        return _refined(baseline)
+    led = _with_lead(baseline)
     if led is not baseline:
-        baseline = _chosen(led, keep=False)
-    return _refined(baseline)
+        return _refined(_chosen(led, keep=False))
+    # Signs that were chosen without a lead may hide one.
+    begun = _fitted(baseline.with_signs(baseline.widths, baseline.breakaways, _TYPICAL))
+    again = _chosen(_with_lead(_chosen(begun, keep=False)), keep=False)
+    return _refined(again if _loss(again) < _loss(baseline) - _CLEARLY else baseline)
 
 
 def signs_again(baseline: Baseline) -> Baseline:

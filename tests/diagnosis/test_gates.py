@@ -132,3 +132,10 @@ def test_a_further_effect_closes_its_own_place():
 def test_what_is_below_the_floor_is_no_gap():
     assert named(scored("stribeck", "a", stands=1.2))
     assert not named(scored("stribeck", "a", stands=0.5, closed=5.4))
+
+
+def test_a_further_body_is_not_named_for_a_trace():
+    """Ten parameters take up a little of what friction's law leaves at every joint."""
+    rotor = scored("armature", "a", strength=0.3)
+    assert named(scored("payload", "b", moves=True, stands=3.0), rotor)
+    assert not named(scored("payload", "b", moves=True, stands=1.6), rotor)

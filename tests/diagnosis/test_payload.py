@@ -26,3 +26,18 @@ def test_a_body_that_leaves_its_link_less_than_no_mass_cannot_be(share: float, s
     # Where the record hardly tells the mass, it may be anything.
     unsure = SimpleNamespace(extra=extra, extra_std=np.full(10, mass))
     assert Payload().physical(context, link, unsure)
+
+
+@pytest.mark.parametrize(("modelled", "may"), [((), False), (("armature",), True)])
+def test_a_body_without_weight_is_a_rotor_that_the_model_lacks(modelled: tuple[str, ...], may: bool) -> None:
+    robot = load_robot("panda")
+    rng = np.random.default_rng(0)
+    motion = {name: rng.normal(size=(50, robot.n_joints)) for name in ("q", "v", "a")}
+    samples = SimpleNamespace(robot=robot, stacked=motion.get, of_joints=lambda values: values)
+    context = SimpleNamespace(
+        baseline=SimpleNamespace(modelled=modelled, samples=samples, derived=SimpleNamespace(values={}))
+    )
+    link = Payload().locations(context)[1]
+    flywheel = 0.5 * np.eye(10)[9]
+    assert Payload().admissible(context, link, (), flywheel) is may
+    assert Payload().admissible(context, link, (), flywheel + 0.5 * np.eye(10)[1])

@@ -13,6 +13,8 @@ from excite.robot.robot import Array
 
 # Standard deviations, told for white residuals, by which a mass is below zero that cannot be.
 _SURELY = 6.0
+# Share of its torques that a body's mass and first moments have at least.
+_WEIGHTLESS = 0.05
 
 
 def link_columns(context: Context, joint: int) -> Array:
@@ -57,7 +59,12 @@ class Payload(Effect):
         return Shape({j: columns[:, j] for j in range(columns.shape[1]) if used[j].any()})
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
-        return True
+        """Whether it has weight: one that has inertia alone is a rotor that the model lacks."""
+        if "armature" in context.baseline.modelled:
+            return True
+        columns = link_columns(context, self.locations(context).index(location) + 1)
+        torque, weight = columns @ beta, columns[:, :, :4] @ beta[:4]
+        return float(np.linalg.norm(weight)) > _WEIGHTLESS * float(np.linalg.norm(torque))
 
     def physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether link and body together may have their mass: less than none is another effect's doing."""
