@@ -72,15 +72,13 @@ class BaseTilt(Effect):
         return float(np.hypot(*beta[2:4])) <= most and super().admissible(context, location, theta, beta)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
-        x, y = fit.extra[:2]
-        std = float(np.hypot(*fit.extra_std[:2]) / np.sqrt(2.0) / _G)
-        return {
-            "angle": Estimate(float(np.arcsin(min(np.hypot(x, y) / _G, 1.0))), std, "rad"),
-            **{
-                p.name: Estimate(float(b), float(s), p.unit)
-                for p, b, s in zip(self.linear[:2], fit.extra, fit.extra_std, strict=False)
-            },
-        }
+        # A slide that is level shows one of the two, or none.
+        shown = np.isfinite(fit.extra_std[:2])
+        aside, spread = fit.extra[:2][shown], fit.extra_std[:2][shown]
+        std = float(np.sqrt((spread**2).mean())) / _G if shown.any() else None
+        angle = Estimate(float(np.arcsin(min(float(np.linalg.norm(aside)) / _G, 1.0))), std, "rad")
+        found = super().estimates(context, location, theta, fit)
+        return {"angle": angle, **{p.name: found[p.name] for p in self.linear[:2] if p.name in found}}
 
 
 class SteepTilt(BaseTilt):
