@@ -35,32 +35,6 @@ class PushLaw:
 
 
 @dataclass(frozen=True)
-class TableLaw:
-    """A soft plane that a link's centre of mass runs into.
-
-    Attributes:
-        link: its name.
-        height: of the plane, from above [m].
-        stiffness: [N/m]
-    """
-
-    link: str
-    height: float
-    stiffness: float
-
-    def start(self, plant: Plant) -> Callable[[], None]:
-        """The law as a step."""
-        body = plant.model.body(self.link).id
-
-        def step() -> None:
-            depth = self.height - float(plant.data.xipos[body, 2])
-            if depth > 0.0:
-                plant.force[body, 2] += self.stiffness * depth
-
-        return step
-
-
-@dataclass(frozen=True)
 class PokeLaw:
     """Smooth random torque on a joint, as of somebody who leans on the arm.
 
