@@ -28,12 +28,13 @@ def beyond_constants(baseline: Baseline, passing: Sequence[Scored]) -> Scored:
         passing: effects that pass the gates, the likeliest first.
 
     Returns:
-        The first; where it has a parameter for each joint, the one that leads it once constants are explained.
+        The first; of a body or what has as many parameters, the one that leads it once constants are explained.
     """
     first = passing[0]
     solver = baseline.solver
-    few = len(first.hypothesis.effect.linear) < solver.equations.n_joints
-    if few or len(passing) == 1 or "torque_bias" in own_names(baseline.modelled):
+    effect = first.hypothesis.effect
+    body = effect.moves and len(effect.linear) >= solver.equations.n_joints
+    if not body or len(passing) == 1 or "torque_bias" in own_names(baseline.modelled):
         return first
     for j, own in enumerate(solver.equations.own):
         solver = solver.with_own(j, np.column_stack([own, baseline.root_weight[j]]))
