@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
-from excite.diagnosis.effects.deflection import link_inertia
+from excite.diagnosis.effects.deflection import contact_stiffness, gear_damping
 from excite.diagnosis.effects.effect import Context
 from excite.robot.robot import Array
 
@@ -48,12 +48,12 @@ def _found(item: Scored, beta: Array) -> Found:
     values |= {p.name: float(b) for p, b in zip(h.effect.linear, beta, strict=True)}
     values |= {p.name: float(t) for p, t in zip(h.effect.searched, h.theta, strict=True)}
     if item.name == "joint_elasticity":
-        inertia = float(link_inertia(context, context.row(h.location)).mean())
-        values["damping"] = 2.0 * values["damping_ratio"] * float(np.sqrt(values["stiffness"] * inertia))
+        ratio = values["damping_ratio"]
+        values["damping"] = gear_damping(context, context.row(h.location), values["stiffness"], ratio)
     if "softness" in values:
-        inertia = float(link_inertia(context, context.row(h.location)).mean())
-        values["stiffness"] = inertia * (2.0 * np.pi * values["contact_hz"]) ** 2
-        values["damping"] = 2.0 * inertia * 2.0 * np.pi * values["contact_hz"]
+        j = context.row(h.location)
+        values["stiffness"] = contact_stiffness(context, j, values["contact_hz"])
+        values["damping"] = gear_damping(context, j, values["stiffness"], 1.0)
     if item.name == "friction_drift":
         values["session_end"] = float(context.session.max())
     return Found(item.name, item.location, values)

@@ -46,5 +46,5 @@ def beyond_constants(baseline: Baseline, passing: Sequence[Scored]) -> Scored:
 
 def _again(solver: Solver, item: Hypothesis) -> Hypothesis:
     """The same columns, fitted to other equations."""
-    widths = np.array([p.width for p in item.effect.linear])
-    return replace(item, fit=solver.fit(item.columns.extra, item.columns.offset, widths=widths))
+    fit = solver.fit(item.columns.extra, item.columns.offset, widths=item.effect.widths)
+    return replace(item, fit=fit)

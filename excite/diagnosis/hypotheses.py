@@ -67,8 +67,9 @@ class Hypothesis:
     @property
     def told(self) -> Fit:
         """The fit with the deviations that are told: those by which trials disagree."""
-        widths = np.array([p.width for p in self.effect.linear])
-        return replace(self.fit, extra_std=self.baseline.solver.std_between_trials(self.fit, widths))
+        return replace(
+            self.fit, extra_std=self.baseline.solver.std_between_trials(self.fit, self.effect.widths)
+        )
 
     @property
     def n_parameters(self) -> int:
@@ -127,8 +128,7 @@ class Search:
         for values in (columns.extra, columns.offset):
             if values is not None and not np.isfinite(values).all():
                 return None
-        widths = np.array([p.width for p in effect.linear])
-        fit = self.solver.fit(columns.extra, columns.offset, iterations, widths)
+        fit = self.solver.fit(columns.extra, columns.offset, iterations, effect.widths)
         if not effect.admissible(self.context, location, theta, fit.extra):
             return None
         return Hypothesis(effect, location, theta, columns, fit, self.context.baseline)

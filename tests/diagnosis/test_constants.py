@@ -20,7 +20,8 @@ def scored(baseline: SimpleNamespace, columns: np.ndarray, name: str, *, moves: 
         name=name,
         moves=moves,
         timing=False,
-        linear=[SimpleNamespace(width=np.inf)] * columns.shape[2],
+        linear=(name,) * columns.shape[2],
+        widths=np.full(columns.shape[2], np.inf),
         searched=(),
     )
     fit = baseline.solver.fit(columns)

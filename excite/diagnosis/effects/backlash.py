@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-
-from excite.diagnosis.effects.deflection import link_inertia, response
+from excite.diagnosis.effects.deflection import contact_stiffness, response
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 
 
@@ -72,6 +70,5 @@ def _between_contacts(
     context: Context, location: str, width: float, hertz: float, ratio: float, soft: float = 0.0
 ) -> Shape:
     j = context.row(location)
-    inertia = float(link_inertia(context, j).mean())
-    stiffness = inertia * (2.0 * np.pi * hertz) ** 2
+    stiffness = contact_stiffness(context, j, hertz)
     return Shape(offset=response(context, j, stiffness, ratio, 0.5 * width, 0.0, soft))

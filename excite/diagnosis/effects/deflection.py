@@ -109,6 +109,16 @@ def link_inertia(context: Context, j: int) -> Array:
     return kept[key]
 
 
+def contact_stiffness(context: Context, j: int, hertz: float) -> float:
+    """Stiffness at which the mean inertia behind a joint swings so often a second [N·m/rad]."""
+    return float(link_inertia(context, j).mean()) * (2.0 * math.pi * hertz) ** 2
+
+
+def gear_damping(context: Context, j: int, stiffness: float, ratio: float) -> float:
+    """Damping of a gear whose ratio is told at the mean inertia behind it [N·m·s/rad]."""
+    return 2.0 * ratio * math.sqrt(stiffness * float(link_inertia(context, j).mean()))
+
+
 def response(
     context: Context,
     j: int,
@@ -136,7 +146,7 @@ def response(
     mass = context.gradient(j, "a")
     inertia = link_inertia(context, j)
     starts = context.baseline.samples.starts
-    damping = 2.0 * ratio * math.sqrt(stiffness * float(inertia.mean()))
+    damping = gear_damping(context, j, stiffness, ratio)
     rate = context.baseline.samples.rate_hz
     x, s, acc = deflect(load, inertia, starts, 1.0 / rate, stiffness, damping, gap, cubic, soft)
     by_q, by_v = context.gradient(j, "q"), context.gradient(j, "v")

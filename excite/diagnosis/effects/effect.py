@@ -151,6 +151,11 @@ class Effect(ABC):
     smooths: ClassVar[bool] = False
 
     @property
+    def widths(self) -> Array:
+        """Standard deviations that its linear parameters have a priori, ``(n_linear,)``."""
+        return np.array([p.width for p in self.linear])
+
+    @property
     def own_joint(self) -> bool:
         """Whether it acts on the torque of its own joint alone."""
         return not (self.moves or self.timing)
