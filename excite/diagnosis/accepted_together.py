@@ -31,7 +31,7 @@ def searched_together(
     Returns:
         The effects and the baseline with all of them; those given where no search lowers the loss.
     """
-    start = first.with_signs(current.widths, current.breakaways, current.samples.lead)
+    start = first.with_signs(current.signs, current.samples.lead)
     start = start.updated(start.solver.fit()) if start.solver is not first.solver else first
     items = [scored.hypothesis for scored in accepted]
     moved = False

@@ -82,9 +82,13 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
 
 def _formed(draft: Draft, baseline: Baseline, effects: Sequence[Found]) -> None:
     """Presliding of the baseline's friction, and what effects change in the XML."""
-    for joint, breakaway in zip(baseline.samples.joints, baseline.breakaways, strict=True):
-        if breakaway > 0.0 and "coulomb_friction" in baseline.modelled:
-            presliding(draft, joint, float(breakaway))
+    for j, (joint, sign) in enumerate(zip(baseline.samples.joints, baseline.signs, strict=True)):
+        if sign.bent and "coulomb_friction" in baseline.modelled:
+            values = {"breakaway": sign.breakaway}
+            if sign.damped:
+                damping = max(float(baseline.fit.own[j][-1]), 0.0)
+                values |= {"damping": damping, "damped_below": sign.damped_below}
+            presliding(draft, joint, values)
     for item in effects:
         form = FORMS.get(item.effect)
         if form is not None and form.model is not None:

@@ -119,12 +119,15 @@ def _spring(draft: Draft, item: Found) -> None:
 
 def _dry(draft: Draft, item: Found) -> None:
     if "breakaway" in item.values:
-        presliding(draft, item.location, item.value("breakaway"))
+        presliding(draft, item.location, {"breakaway": item.value("breakaway")})
 
 
-def presliding(draft: Draft, joint: str, breakaway: float) -> None:
-    """Leave to the runner that a joint's dry friction builds up over a deflection [rad]."""
-    draft.note(Found(PRESLIDING, joint, {"breakaway": breakaway}), "breakaway")
+def presliding(draft: Draft, joint: str, values: Mapping[str, float]) -> None:
+    """Leave to the runner that a joint's dry friction builds up over a deflection: ``breakaway`` [rad].
+
+    Its ``damping`` [N·m·s] and the speed ``damped_below`` which there is some [rad/s] where it has any.
+    """
+    draft.note(Found(PRESLIDING, joint, values), "breakaway", "damping", "damped_below")
 
 
 def _gain(draft: Draft, item: Found) -> None:
@@ -238,7 +241,7 @@ FORMS: dict[str, Form] = {
     "base_tilt": Form(model=_tilt, noted=True),
     "joint_elasticity": Form(model=_soft),
     "backlash": Form(model=_loose),
-    "stribeck": _noted("excess", "velocity", "exponent", "presliding", "breakaway"),
+    "stribeck": _noted("excess", "velocity", "exponent", "presliding", "breakaway", "bristle_damping"),
     "load_dependent_friction": _noted("coefficient"),
     "friction_drift": _noted("coulomb_change", "viscous_change", "time_constant", "session_end"),
     "torque_ripple": _noted(

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.drive_terms import own_names, sign_of_motion
+from excite.diagnosis.drive_terms import own_names
+from excite.diagnosis.sign_change import sign_of_motion
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Array
@@ -48,7 +49,7 @@ def fitted_plant(baseline: Baseline) -> Plant:
     """The plant as fitted: possibly no physical one."""
     own = dict.fromkeys(("viscous_friction", "coulomb_friction", "armature", "torque_bias"))
     names = own_names(baseline.modelled)
-    values = np.array([o for o in baseline.fit.own]).reshape(baseline.n_joints, len(names))
+    values = np.array([o[: len(names)] for o in baseline.fit.own]).reshape(baseline.n_joints, len(names))
     found = {name: values[:, names.index(name)] if name in names else np.zeros(len(values)) for name in own}
     return Plant(
         baseline.phi,
@@ -176,7 +177,7 @@ def _rows(baseline: Baseline, gravity: Array | None) -> Array:
     bodies = joint_torque_regressor(model, q, v, a)[:, index]
     drives = np.zeros((len(q), n, 3, n))
     for j, i in enumerate(index):
-        signs = s.split(sign_of_motion(s, j, baseline.widths[j], baseline.breakaways[j]))
+        signs = s.split(sign_of_motion(s, j, baseline.signs[j]))
         dry = np.concatenate([x[t.rows] for x, t in zip(signs, s.trials, strict=True) if t.identification])
         drives[:, j, 0, j], drives[:, j, 1, j] = v[:, i], dry[take]
         drives[:, j, 2, j] = a[:, i]

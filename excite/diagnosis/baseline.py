@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.drive_terms import own_names, own_signals
 from excite.diagnosis.equations import Fit, Solver
 from excite.diagnosis.samples import ArmSamples
+from excite.diagnosis.sign_change import SignChange
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array
 
@@ -37,9 +39,7 @@ class Baseline:
         samples: the samples.
         modelled: words of ``modelled``.
         free: whether inertial parameters are fitted.
-        widths: ``(n_joints,)`` width of each joint's sign change [rad/s].
-        breakaways: ``(n_joints,)`` deflection over which dry friction builds up [rad]; 0 where it follows the
-            velocity alone, over ``widths``.
+        signs: how the dry friction of each joint changes sign.
         solver: the equations, ready for hypotheses.
         fit: the baseline's own fit.
         phi: ``(10·n_segments,)`` inertial parameters after the fit, nominal in blind directions.
@@ -58,8 +58,7 @@ class Baseline:
     samples: ArmSamples
     modelled: tuple[str, ...]
     free: bool
-    widths: Array
-    breakaways: Array
+    signs: tuple[SignChange, ...]
     solver: Solver
     fit: Fit
     phi: Array
@@ -87,15 +86,16 @@ class Baseline:
             rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index] + self.added
         names = own_names(self.modelled)
         own = [
-            own_signals(s, names, j, self.widths[j], self.breakaways[j]) @ o for j, o in enumerate(fit.own)
+            own_signals(s, names, j, sign) @ o
+            for j, (sign, o) in enumerate(zip(self.signs, fit.own, strict=True))
         ]
         total = rigid + np.column_stack(own) + self.added_drive
         return replace(self, fit=fit, phi=phi, rigid=rigid, total=total)
 
-    def own_rows(self, names: tuple[str, ...], joint: int, width: float, breakaway: float = 0.0) -> Array:
+    def own_rows(self, names: tuple[str, ...], joint: int, sign: SignChange) -> Array:
         """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
         s = self.samples
-        columns = own_signals(s, names, joint, width, breakaway)
+        columns = own_signals(s, names, joint, sign)
         return s.rows(columns) * self.root_weight[joint][:, None]
 
     def plain(self, residual: Array) -> Array:
@@ -106,15 +106,15 @@ class Baseline:
         """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""
         return residual / self.root_weight * self.strict
 
-    def with_signs(self, widths: Array, breakaways: Array, lead: float) -> Baseline:
-        """The equations with other widths, breakaways and lead of the joints' sign changes, not fitted again."""
+    def with_signs(self, signs: Sequence[SignChange], lead: float) -> Baseline:
+        """The equations with other sign changes of the joints, and another lead of them, not fitted again."""
         names, samples = own_names(self.modelled), self.samples
         if lead != samples.lead:
             samples = replace(samples, lead=lead)
-        moved = replace(self, samples=samples, widths=widths, breakaways=breakaways)
-        for j, sign in enumerate(zip(widths, breakaways, strict=True)):
-            if samples is not self.samples or sign != (self.widths[j], self.breakaways[j]):
-                own = moved.own_rows(names, j, float(sign[0]), float(sign[1]))
+        moved = replace(self, samples=samples, signs=tuple(signs))
+        for j, sign in enumerate(moved.signs):
+            if samples is not self.samples or sign != self.signs[j]:
+                own = moved.own_rows(names, j, sign)
                 moved = replace(moved, solver=moved.solver.with_own(j, own))
         return moved
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.drive_terms import WIDTHS, own_names, own_signals
+from excite.diagnosis.drive_terms import own_names, own_signals
 from excite.diagnosis.equations import Equations, Solver
 from excite.diagnosis.samples import ArmSamples
+from excite.diagnosis.sign_change import WIDTHS, SignChange
 from excite.diagnosis.sign_changes import first_signs
 from excite.diagnosis.standing_joints import standing_share
 from excite.identification.inertia import central_inertia_matrices
@@ -44,26 +45,23 @@ def fit_baseline(
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
     shared = shared * root[:, :, None]
     names = own_names(modelled)
-    widths, breakaways = np.full(len(index), WIDTHS[2]), np.zeros(len(index))
+    sign = SignChange(WIDTHS[2])
     own = tuple(
-        samples.rows(own_signals(samples, names, j, WIDTHS[2])) * root[j][:, None] for j in range(len(index))
+        samples.rows(own_signals(samples, names, j, sign)) * root[j][:, None] for j in range(len(index))
     )
     solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
     fit = solver.fit()
     basis = np.zeros((len(phi), 0)) if basis is None else basis
     phi_hat = phi + basis @ fit.shared
     torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
-    friction = np.column_stack(
-        [own_signals(samples, names, j, widths[j], breakaways[j]) @ fit.own[j] for j in range(len(index))]
-    )
+    friction = np.column_stack([own_signals(samples, names, j, sign) @ fit.own[j] for j in range(len(index))])
     nothing = np.zeros_like(torque)
     total = torque + friction
     baseline = Baseline(
         samples,
         modelled,
         free,
-        widths,
-        breakaways,
+        (sign,) * len(index),
         solver,
         fit,
         phi_hat,

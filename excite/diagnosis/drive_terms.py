@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.diagnosis.presliding import bend
 from excite.diagnosis.samples import ArmSamples
+from excite.diagnosis.sign_change import SignChange, damping_of_bristles, sign_of_motion
 from excite.robot.robot import Array
 
-# Widths of the sign change of Coulomb friction that are tried [rad/s].
-WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
-# Deflections over which dry friction builds up before it slips that are tried [rad]; 0: friction of the velocity.
-BREAKAWAYS = (1.5e-4, 5e-4, 1.5e-3, 4e-3)
 # Presliding is believed where it lowers the loss to this share.
 _BETTER = 0.95
 # How a joint's friction changes sign is only thought over for a loss below this share.
@@ -23,8 +19,7 @@ _CHANGED = 0.98
 _FIRST_STEP, _LAST_STEP = 1.5, 1.06
 
 # What the search may reach: no velocity of a log tells less apart, nor deflections.
-WIDTH_BOUNDS, BREAKAWAY_BOUNDS = (1e-3, 0.06), (5e-5, 2e-2)
-SIGNS = (*((w, 0.0) for w in WIDTHS), *((6e-3, b) for b in BREAKAWAYS))
+WIDTH_BOUNDS, BREAKAWAY_BOUNDS, DAMPED_BOUNDS = (1e-3, 0.06), (5e-5, 2e-2), (0.01, 0.3)
 
 
 def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
@@ -35,46 +30,47 @@ def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def sign_of_motion(samples: ArmSamples, joint: int, width: float, breakaway: float = 0.0) -> Array:
-    """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
-    v = samples.of_motor("v", joint)
-    if breakaway <= 0.0:
-        return samples.led(np.tanh(v / width))
-    return samples.led(bend(np.ascontiguousarray(v), samples.starts, 1.0 / samples.rate_hz, breakaway))
-
-
-def own_signals(
-    samples: ArmSamples, names: tuple[str, ...], joint: int, width: float, breakaway: float = 0.0
-) -> Array:
+def own_signals(samples: ArmSamples, names: tuple[str, ...], joint: int, sign: SignChange) -> Array:
     """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``.
 
-    Of its motor first; then the friction and rotor inertia of other motors that turn with it.
+    Of its motor first; then the friction and rotor inertia of other motors that turn with it; last the damping of
+    its bristles, where dry friction has some.
     """
     columns = []
     for motor in samples.motors(joint):
         made = {
             "viscous_friction": lambda m=motor: samples.of_motor("v", m),
-            "coulomb_friction": lambda m=motor: sign_of_motion(samples, m, width, breakaway),
+            "coulomb_friction": lambda m=motor: sign_of_motion(samples, m, sign),
             "armature": lambda m=motor: samples.of_motor("a", m),
             "torque_bias": lambda m=motor: np.ones(len(samples.of_motor("v", m))),
         }
         # Constants of two motors on one joint are one constant.
         columns += [made[n]() for n in names if motor == joint or n != "torque_bias"]
+    if sign.damped and "coulomb_friction" in names:
+        columns.append(damping_of_bristles(samples, joint, sign))
     return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
 
 
-def best_sign(target: Array, columns: list[Array], kept: int | None = None) -> int:
-    """Index of the best of the sign changes: presliding only where it is clearly better, no change without a gain.
+def best_sign(
+    target: Array, columns: list[Array], tried: Sequence[SignChange], kept: int | None = None
+) -> int:
+    """Index of the best of the sign changes: bristles only where they are clearly better, no change without a gain.
 
     Args:
         target: ``(n_rows,)`` what a joint's own terms have to explain.
-        columns: ``(n_rows, n_own)`` own terms, one for each of ``SIGNS`` in order, and others with presliding.
+        columns: ``(n_rows, n_own)`` own terms, one for each of ``tried``.
+        tried: the sign changes, those without bristles among them.
         kept: index of the sign change so far.
     """
-    losses = [_loss(target, c) for c in columns]
-    plain = int(np.argmin(losses[: len(WIDTHS)]))
-    best = int(np.argmin(losses))
-    found = best if losses[best] < _BETTER * losses[plain] else plain
+    losses = np.array(
+        [_loss(target, c, positive=sign.damped) for c, sign in zip(columns, tried, strict=True)]
+    )
+    kinds = np.array([int(sign.bent) + int(sign.damped) for sign in tried])
+    found = int(np.argmin(np.where(kinds == 0, losses, np.inf)))
+    # The plainer one unless what it lacks is seen.
+    for kind in (1, 2):
+        best = int(np.argmin(np.where(kinds == kind, losses, np.inf)))
+        found = best if losses[best] < _BETTER * losses[found] else found
     return found if kept is None or losses[found] < _CHANGED * losses[kept] else kept
 
 
@@ -115,6 +111,7 @@ def refined(
     return value
 
 
-def _loss(target: Array, columns: Array) -> float:
+def _loss(target: Array, columns: Array, *, positive: bool = False) -> float:
+    """Sum of squares that is left; infinite where the last coefficient has to be positive and is not."""
     x = np.linalg.lstsq(columns, target, rcond=None)[0]
-    return float(((target - columns @ x) ** 2).sum())
+    return np.inf if positive and x[-1] <= 0.0 else float(((target - columns @ x) ** 2).sum())

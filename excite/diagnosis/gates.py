@@ -24,7 +24,9 @@ class Gates:
         same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and
             for timing.
         left: joints well above the floor that a further effect may leave as they are: where every joint has a
-            little of something, naming one of them would be arbitrary.
+            little of something, naming one of them would be arbitrary. Those that a first one may leave that
+            removes next to nothing.
+        trifle: share of all normalised power above the floor that is next to nothing.
         most_of_rest: share of all normalised power above the floor from which it is not.
         most: effects at most.
         stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
@@ -62,6 +64,7 @@ class Gates:
     of_rest: float = 0.12
     same_joint: float = 0.6
     left: int = 2
+    trifle: float = 0.1
     most_of_rest: float = 0.5
     most: int = 3
     stands: float = 1.5
@@ -94,6 +97,8 @@ class Gates:
             accepted: those that are named already.
             joints: names of the joints with rows.
         """
+        if not item.hypothesis.settled:
+            return False
         closed = float(item.closed[item.place])
         # An effect on its own joint alone leaves nothing at others, however strong.
         places = {joints[item.place], item.location}
@@ -107,7 +112,11 @@ class Gates:
             evidence, validation = self._nats_faint(again=bool(accepted))
         if item.evidence < evidence or item.validation < validation or not item.hypothesis.significant:
             return False
-        return self._further(item, accepted, apart=apart) if accepted else closed >= self.closed
+        if accepted:
+            return self._further(item, accepted, apart=apart)
+        # Where every joint has a little of something, naming one of them would be arbitrary.
+        arbitrary = item.left > self.left and item.of_rest < self.trifle
+        return closed >= self.closed and not arbitrary
 
     def explained_by(self, item: Scored) -> bool:
         """Whether a richer form leaves next to nothing of a clear gap: with enough parameters half of one fits.

@@ -60,6 +60,11 @@ class Hypothesis:
         return self.effect.physical(Context(self.baseline), self.location, self.fit)
 
     @property
+    def settled(self) -> bool:
+        """Whether its search ended within what its name stands for."""
+        return self.effect.settled(self.theta)
+
+    @property
     def significant(self) -> bool:
         """Whether a column of its own is needed, not only the sign change that was searched along with it."""
         return len(self.fit.extra) == 0 or self.baseline.solver.times_std(self.fit) > _SIGNIFICANT

@@ -75,8 +75,8 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
             v, rate = trial.v[:, i], d.first[:, i]
             change[:, j] += own.get("armature", 0.0) * d.second[:, i]
             change[:, j] += own.get("viscous_friction", 0.0) * rate
-            if baseline.breakaways[j] <= 0.0:
-                width = baseline.widths[j]
+            if not baseline.signs[j].bent:
+                width = baseline.signs[j].width
                 change[:, j] += own.get("coulomb_friction", 0.0) * (
                     np.tanh((v + rate) / width) - np.tanh(v / width)
                 )

@@ -147,10 +147,7 @@ class Expectation:
             columns = at_rows(context, h.effect.shape(context, h.location, h.theta))
             parts += _shown(h, columns, bodies.shape[:2])
         names = own_names(baseline.modelled)
-        own = [
-            baseline.own_rows(names, j, baseline.widths[j], baseline.breakaways[j])
-            for j in range(baseline.n_joints)
-        ]
+        own = [baseline.own_rows(names, j, baseline.signs[j]) for j in range(baseline.n_joints)]
         return np.concatenate(parts, axis=2), own
 
     def _moments(self, rows: Array, own: Sequence[Array]) -> Array:
@@ -202,10 +199,7 @@ def on_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
     samples = replace(baseline.samples, trials=(trial,), rate_hz=rate)
     names, index = own_names(baseline.modelled), list(samples.index)
     rigid = inverse_dynamics(samples.robot.model, trial.q, trial.v, trial.a, baseline.phi)[:, index]
-    own = [
-        own_signals(samples, names, j, baseline.widths[j], baseline.breakaways[j]) @ o
-        for j, o in enumerate(baseline.fit.own)
-    ]
+    own = [own_signals(samples, names, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
     root = standstill_weights(samples, 3.0, 0.02)
     nothing = np.zeros_like(rigid)
     return replace(

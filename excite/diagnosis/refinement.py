@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.drive_terms import WIDTH_BOUNDS, WIDTHS
+from excite.diagnosis.drive_terms import WIDTH_BOUNDS
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, Search
+from excite.diagnosis.sign_change import WIDTHS, SignChange
 from excite.robot.robot import Array
 
 # A richer form of an effect has to lower the loss by so much.
@@ -38,22 +39,20 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     if not best.effect.friction or "coulomb_friction" not in base.modelled:
         return best
     j = search.context.row(best.location)
-    if base.breakaways[j] <= 0.0:
-        widths = tuple(float(np.clip(f * base.widths[j], *WIDTH_BOUNDS)) for f in _FACTORS)
-        return _along(search, best, j, tuple((width, 0.0) for width in widths), len(_FACTORS) // 2)
-    width, breakaway = float(base.widths[j]), float(base.breakaways[j])
-    best = _along(search, best, j, tuple((width, f * breakaway) for f in _FACTORS), len(_FACTORS) // 2)
+    sign = base.signs[j]
+    if not sign.bent:
+        widths = (float(np.clip(f * sign.width, *WIDTH_BOUNDS)) for f in _FACTORS)
+        return _along(search, best, j, tuple(SignChange(width) for width in widths), len(_FACTORS) // 2)
+    further = tuple(sign._replace(breakaway=f * sign.breakaway) for f in _FACTORS)
+    best = _along(search, best, j, further, len(_FACTORS) // 2)
     # Bristles that the baseline believed in may have stood in for what it lacked.
     middle = len(WIDTHS) // 2
-    plain = tuple((width, 0.0) for width in WIDTHS)
+    plain = tuple(SignChange(width) for width in WIDTHS)
     other = _along(search, _with_sign(search, best, j, plain[middle]), j, plain, middle)
     return other if other.loss < best.loss - 1e-3 else best
 
 
-_Sign = tuple[float, float]
-
-
-def _along(search: Search, best: Hypothesis, j: int, signs: tuple[_Sign, ...], place: int) -> Hypothesis:
+def _along(search: Search, best: Hypothesis, j: int, signs: tuple[SignChange, ...], place: int) -> Hypothesis:
     """The best of neighbouring widths and breakaways, from the one at ``place`` as far as it gets better."""
     for step in (1, -1):
         k = place + step
@@ -65,12 +64,11 @@ def _along(search: Search, best: Hypothesis, j: int, signs: tuple[_Sign, ...], p
     return best
 
 
-def _with_sign(search: Search, item: Hypothesis, j: int, sign: _Sign) -> Hypothesis:
+def _with_sign(search: Search, item: Hypothesis, j: int, sign: SignChange) -> Hypothesis:
     """A hypothesis on a baseline in which a joint's sign change has another width and breakaway."""
     base = search.context.baseline
-    widths, breakaways = base.widths.copy(), base.breakaways.copy()
-    widths[j], breakaways[j] = sign
-    moved = replace(base, solver=search.solver).with_signs(widths, breakaways, base.samples.lead)
+    signs = (*base.signs[:j], sign, *base.signs[j + 1 :])
+    moved = replace(base, solver=search.solver).with_signs(signs, base.samples.lead)
     return Search(Context(moved), moved.solver).refine(item, evaluations=6, step=0.15)
 
 

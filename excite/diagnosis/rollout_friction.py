@@ -22,12 +22,16 @@ class Bristle:
     Attributes:
         joint: index of its joint.
         breakaway: δ [rad].
+        damping: torque per ``z'`` [N·m·s] (Canudas de Wit et al. 1995, eq. 3).
+        damped_below: speed beyond which it has died out [rad/s].
         z: its state, −1 … 1.
         kept: share of the state that a step at the present speed leaves.
     """
 
     joint: int
     breakaway: float
+    damping: float = 0.0
+    damped_below: float = np.inf
     z: float = 0.0
     kept: float = 1.0
 
@@ -43,9 +47,11 @@ class Bristle:
         self.z = float(bend(v, starts, period, self.breakaway)[-1])
 
     def force(self, level: float, v: float, step: float) -> tuple[float, float]:
-        """Torque [N·m] and damping [N·m·s/rad] of the coming step, together ``−level z`` at its end."""
+        """Torque [N·m] and damping [N·m·s/rad] of the coming step, together ``−level z − damping z'`` at its end."""
         self.kept = 1.0 / (1.0 + step * abs(v) / self.breakaway)
-        return -level * self.kept * self.z, level * self.kept * step / self.breakaway
+        rate = self.damping * float(np.exp(-((v / self.damped_below) ** 2))) / step
+        force = -(level + rate) * self.kept * self.z + rate * self.z
+        return force, (level + rate) * self.kept * step / self.breakaway
 
     def move(self, v: float, step: float) -> None:
         """Bend it by the step that was made."""
@@ -75,9 +81,10 @@ class DryFriction:
         self._taken: dict[int, float] = {}
         for effect, j, _, p in self._notes:
             if effect == "presliding":
-                self._common[j] = Bristle(j, p["breakaway"])
+                damped = p.get("damping", 0.0), p.get("damped_below", np.inf)
+                self._common[j] = Bristle(j, p["breakaway"], *damped)
             elif "breakaway" in p:
-                self._own.append((Bristle(j, p["breakaway"]), p))
+                self._own.append((Bristle(j, p["breakaway"], max(p.get("bristle_damping", 0.0), 0.0)), p))
         self.bristles = (*self._common.values(), *(bristle for bristle, _ in self._own))
         kinds = {effect for effect, *_ in self._notes}
         self.acts, self.loaded = (

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import (
     BREAKAWAY_BOUNDS,
-    SIGNS,
+    DAMPED_BOUNDS,
     WIDTH_BOUNDS,
     best_sign,
     own_names,
     refined,
 )
+from excite.diagnosis.sign_change import SIGNS, SignChange
 from excite.robot.robot import Array
 
 # A stop in passing is over after that, and what the filter makes of it [s].
@@ -39,12 +42,15 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
     if not leads:
         return _refined(baseline)
     led = _with_lead(baseline)
-    if led is not baseline:
-        return _refined(_chosen(led, keep=False))
-    # Signs that were chosen without a lead may hide one.
-    begun = _fitted(baseline.with_signs(baseline.widths, baseline.breakaways, _TYPICAL))
-    again = _chosen(_with_lead(_chosen(begun, keep=False)), keep=False)
-    return _refined(again if _loss(again) < _loss(baseline) - _CLEARLY else baseline)
+    first = baseline if led is baseline else _chosen(led, keep=False)
+    if led is not baseline and not any(sign.damped for sign in first.signs):
+        return _refined(first)
+    # Signs that were chosen without a lead may hide one, as damping of bristles does.
+    begun = _fitted(baseline.with_signs(baseline.signs, _TYPICAL))
+    again = _chosen(begun, keep=False)
+    for _ in range(2):
+        again = _chosen(_with_lead(again), keep=False)
+    return _refined(again if _loss(again) < _loss(first) - _CLEARLY else first)
 
 
 def signs_again(baseline: Baseline) -> Baseline:
@@ -58,31 +64,44 @@ def _chosen(baseline: Baseline, *, keep: bool) -> Baseline:
     """The best of the grid at every joint, fitted; those so far where nothing is clearly better and ``keep``."""
     names, use = own_names(baseline.modelled), baseline.samples.identification
     rest, signs = baseline.fit.before_own, []
-    for j, now in enumerate(zip(baseline.widths.tolist(), baseline.breakaways.tolist(), strict=True)):
+    for j, now in enumerate(baseline.signs):
         tried = SIGNS if now in SIGNS else (*SIGNS, now)
-        bank = [baseline.own_rows(names, j, *sign)[use] for sign in tried]
-        signs.append(tried[best_sign(rest[j][use], bank, tried.index(now) if keep else None)])
-    widths, breakaways = np.array(signs).T
-    if np.array_equal(widths, baseline.widths) and np.array_equal(breakaways, baseline.breakaways):
+        bank = [baseline.own_rows(names, j, sign)[use] for sign in tried]
+        signs.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
+    if tuple(signs) == baseline.signs:
         return baseline
-    return _fitted(baseline.with_signs(widths, breakaways, baseline.samples.lead))
+    return _fitted(baseline.with_signs(signs, baseline.samples.lead))
 
 
 def _refined(baseline: Baseline) -> Baseline:
-    """Widths and breakaways between those of the grid."""
+    """Widths and breakaways between those of the grid, and speeds at which the damping of bristles dies out."""
+    signs = [_finer(baseline, j, sign) for j, sign in enumerate(baseline.signs)]
+    found = _fitted(baseline.with_signs(signs, baseline.samples.lead))
+    # No bristle drives what bends it.
+    passive = [
+        sign._replace(damped_below=0.0) if sign.damped and own[-1] <= 0.0 else sign
+        for sign, own in zip(found.signs, found.fit.own, strict=True)
+    ]
+    return found if tuple(passive) == found.signs else _fitted(found.with_signs(passive, found.samples.lead))
+
+
+def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
+    """One joint's sign change, a number of it after the other."""
     names, use = own_names(baseline.modelled), baseline.samples.identification
-    widths, breakaways = baseline.widths.copy(), baseline.breakaways.copy()
-    for j, rest in enumerate(baseline.fit.before_own):
-        bent = breakaways[j] > 0.0
+    searched = {"breakaway": BREAKAWAY_BOUNDS} if sign.bent else {"width": WIDTH_BOUNDS}
+    if sign.damped and np.isfinite(sign.damped_below):
+        searched["damped_below"] = DAMPED_BOUNDS
+    for name, bounds in searched.items():
 
-        def rows_at(value: float, j: int = j, bent: bool = bent) -> Array:
-            sign = (float(widths[j]), value) if bent else (value, 0.0)
-            return baseline.own_rows(names, j, *sign)
+        def at(value: float, name: str = name, sign: SignChange = sign) -> SignChange:
+            return sign._replace(**{name: value})
 
-        found = breakaways if bent else widths
-        bounds = BREAKAWAY_BOUNDS if bent else WIDTH_BOUNDS
-        found[j] = refined(rest, rows_at, float(found[j]), baseline.solver.equations.own[j], use, bounds)
-    return _fitted(baseline.with_signs(widths, breakaways, baseline.samples.lead))
+        def rows_at(value: float, at: Callable[[float], SignChange] = at) -> Array:
+            return baseline.own_rows(names, j, at(value))
+
+        value = float(getattr(sign, name))
+        sign = at(refined(baseline.fit.before_own[j], rows_at, value, rows_at(value), use, bounds))
+    return sign
 
 
 def _with_lead(baseline: Baseline) -> Baseline:
@@ -91,7 +110,7 @@ def _with_lead(baseline: Baseline) -> Baseline:
     use = baseline.samples.identification
     for _ in range(_ITERATIONS):
         lead = baseline.samples.lead
-        later = baseline.with_signs(baseline.widths, baseline.breakaways, lead + _STEP)
+        later = baseline.with_signs(baseline.signs, lead + _STEP)
         up = down = 0.0
         for j, own in enumerate(baseline.fit.own):
             old, new = (b.solver.equations.own[j][use] for b in (baseline, later))
@@ -104,7 +123,7 @@ def _with_lead(baseline: Baseline) -> Baseline:
         best = best if best >= _LEAST else 0.0
         if abs(best - lead) < _NEAR:
             break
-        moved = _fitted(baseline.with_signs(baseline.widths, baseline.breakaways, best))
+        moved = _fitted(baseline.with_signs(baseline.signs, best))
         if _loss(moved) >= _loss(baseline):
             break
         baseline = moved

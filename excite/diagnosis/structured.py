@@ -41,5 +41,6 @@ def structured_joints(attribution: Attribution, spectral: Array) -> tuple[str, .
     much = np.sqrt(np.maximum(attribution.floor**2 - spectral**2, 0.0)) > _LARGE * attribution.scale
     alone |= (differs > _UNREPEATED_LARGE) & much
     found = np.flatnonzero((likely & matters) | wild | alone)
-    stands = power / np.minimum(floor, spectral**2)
+    # A small rest of a quiet joint may stand furthest above its noise: what is much of the torque comes first.
+    stands = power / np.minimum(floor, spectral**2) * np.sqrt(power) / attribution.scale
     return tuple(samples.joints[j] for j in sorted(found, key=lambda j: -stands[j]))

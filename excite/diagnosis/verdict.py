@@ -204,7 +204,8 @@ def _rivals(best: Scored, ranking: tuple[Scored, ...]) -> tuple[Scored, ...]:
     found: dict[str, Scored] = {}
     for item in ranking:
         contains = set(_columns(best)) <= set(_columns(item)) and item.location == best.location
-        if item.name == best.name or contains or not _close(best, item) or not item.hypothesis.physical:
+        can_be = item.hypothesis.physical and item.hypothesis.settled
+        if item.name == best.name or contains or not _close(best, item) or not can_be:
             continue
         found.setdefault(item.name, item)
     return tuple(found.values())

@@ -225,10 +225,7 @@ def _on(
     q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
     rigid = inverse_dynamics(samples.robot.model, q, v, a, baseline.phi)[:, list(samples.index)] + added
     names = own_names(baseline.modelled)
-    own = [
-        own_signals(samples, names, j, baseline.widths[j], baseline.breakaways[j]) @ o
-        for j, o in enumerate(baseline.fit.own)
-    ]
+    own = [own_signals(samples, names, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
     total = rigid + np.column_stack(own) + drive
     nothing = np.zeros_like(total)
     return replace(

@@ -22,8 +22,8 @@ from excite.diagnosis.floating.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.refinement import Placed, nominal_fit, refine
 from excite.diagnosis.floating.search import needed
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.unknown_place import unknown_places
 from excite.diagnosis.floating.unloaded import find_unloaded
-from excite.diagnosis.floating.where import free_force_links
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -230,9 +230,24 @@ def test_what_is_unknown_is_placed_beside_inertials_that_would_imitate_it(record
     wild = np.random.default_rng(4).standard_normal((thin.n_samples, 3))
     force = np.concatenate([lowpass(wild[span], thin.rate_hz, 0.8) for span in thin.spans])
     problem = build_problem(with_relief(thin, point, 40.0 * force))
-    tied = free_force_links(problem, nominal_fit(problem))
+    tied = unknown_places(problem, nominal_fit(problem))
     assert link in tied
     assert len(tied) <= 3
+
+
+def test_a_channel_that_is_cut_off_is_unknown_and_placed(record: FloatingRecord) -> None:
+    """Steps of a load that a plate does not show look like a contact that comes and goes."""
+    thin = record.thinned()
+    top = float(np.quantile(thin.readings["left_plate"][:, 2], 0.6))
+
+    def cut(reading: np.ndarray) -> np.ndarray:
+        reading = reading.copy()
+        reading[:, 2] = np.minimum(reading[:, 2], top + 0.1 * (reading[:, 2] - top))
+        return reading
+
+    problem = build_problem(with_readings(thin, "left_plate", cut))
+    assert attribute(problem).verdict == "unknown"
+    assert unknown_places(problem, nominal_fit(problem))[0] == "left_plate.fz"
 
 
 def test_a_cord_to_an_anchor_is_one_effect(record: FloatingRecord) -> None:

@@ -41,7 +41,13 @@ def scored(
         "left": 0,
     }
     return Scored(
-        hypothesis=SimpleNamespace(effect=effect, location=joint, physical=True, significant=True),
+        hypothesis=SimpleNamespace(
+            effect=effect,
+            location=joint,
+            physical=True,
+            settled=numbers.pop("settled", True),
+            significant=True,
+        ),
         place=place,
         closed=closed,
         power=np.ones((3, 2)),
@@ -139,3 +145,14 @@ def test_a_further_body_is_not_named_for_a_trace():
     rotor = scored("armature", "a", strength=0.3)
     assert named(scored("payload", "b", moves=True, stands=3.0), rotor)
     assert not named(scored("payload", "b", moves=True, stands=1.6), rotor)
+
+
+def test_a_search_that_ends_at_its_end_names_nothing():
+    assert named(scored("stribeck", "a"))
+    assert not named(scored("stribeck", "a", settled=False))
+
+
+def test_a_trifle_at_one_joint_of_many_with_a_little_of_something_is_not_named():
+    assert named(scored("torque_ripple", "a", of_rest=0.05, left=2))
+    assert not named(scored("torque_ripple", "a", of_rest=0.05, left=3))
+    assert named(scored("torque_ripple", "a", of_rest=0.2, left=3))

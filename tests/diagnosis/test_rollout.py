@@ -79,6 +79,27 @@ def test_bristles_bend_before_they_slip_and_remember_the_past():
     assert back[-1, 0] == pytest.approx(-0.5 * level / INERTIA * 0.01**2, rel=0.15)
 
 
+def test_bristles_are_damped_at_low_speed_alone():
+    """A carriage on a bent bristle that never slips is a damped spring: its decrement tells the damping."""
+    level, breakaway, damping = 50.0, 0.5, 2.0
+    stiffness, push = level / breakaway, 0.5
+    note = f"breakaway={breakaway} damping={damping}"
+    swing = simulator(f'frictionloss="{level}"', presliding=note).run(
+        window(duration=2.0), constant(push), 1
+    )[:, 0]
+    turn = np.sqrt(stiffness / INERTIA)
+    decay = 0.5 * damping / breakaway / INERTIA
+    time = np.arange(len(swing)) * 1e-3
+    rest = push / stiffness
+    ringing = np.sqrt(complex(turn**2 - decay**2))
+    wave = (np.cos(ringing * time) + decay / ringing * np.sin(ringing * time)).real
+    assert swing == pytest.approx(rest * (1.0 - np.exp(-decay * time) * wave), abs=0.03 * rest)
+    fading = simulator(f'frictionloss="{level}"', presliding=note + " damped_below=1e-6")
+    free = simulator(f'frictionloss="{level}"', presliding=f"breakaway={breakaway}")
+    first, last = (sim.run(window(duration=2.0), constant(push), 1)[:, 0] for sim in (fading, free))
+    assert first == pytest.approx(last, abs=0.01 * rest)
+
+
 def test_stribeck_with_bristles_takes_over_its_share_of_the_level():
     excess, velocity, speed, level = 0.3, 0.2, 0.1, 0.4
     note = f"excess={excess} velocity={velocity} presliding={level} breakaway=0.0005"

@@ -85,7 +85,7 @@ def left(baseline: Baseline) -> float:
 def test_friction_leads_the_velocity_of_a_joint_that_sticks(tmp_path: Path):
     baseline = fitted(tmp_path, on_servo(sticks=True))
     assert 3e-3 < baseline.samples.lead < 2e-2
-    without = baseline.with_signs(baseline.widths, baseline.breakaways, 0.0)
+    without = baseline.with_signs(baseline.signs, 0.0)
     assert left(baseline) < 0.88 * left(without.updated(without.solver.fit()))
     assert float(baseline.fit.own[0][1]) == pytest.approx(COULOMB, rel=0.03)
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.candidate import Estimate
-from excite.diagnosis.drive_terms import sign_of_motion
 from excite.diagnosis.equations import Fit
+from excite.diagnosis.sign_change import sign_of_motion
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array
 
@@ -98,7 +98,7 @@ class Context:
         """What a joint's dry friction follows, ``(n_samples,)``."""
         if j not in self._signs:
             base = self.baseline
-            self._signs[j] = sign_of_motion(base.samples, j, base.widths[j], base.breakaways[j])
+            self._signs[j] = sign_of_motion(base.samples, j, base.signs[j])
         return self._signs[j]
 
     def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
@@ -201,6 +201,10 @@ class Effect(ABC):
 
     def physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether a fit says something that can be, within what the record tells of it."""
+        return True
+
+    def settled(self, theta: Theta) -> bool:
+        """Whether a search ended within what the effect's name stands for, not at the end of it."""
         return True
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:

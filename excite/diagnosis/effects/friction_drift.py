@@ -40,6 +40,10 @@ class FrictionDrift(Effect):
     def richer(self) -> tuple[Effect, ...]:
         return (HeatedFriction(),)
 
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return (DriftInTrial(),)
+
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return self.name not in modelled and bool({"coulomb_friction", "viscous_friction"} & set(modelled))
 
@@ -70,6 +74,30 @@ class FrictionDrift(Effect):
             return found
         share = Estimate(float(fit.extra[0]) / level, float(fit.extra_std[0]) / level, "1")
         return {"relative_change": share, **found}
+
+
+class DriftInTrial(FrictionDrift):
+    """The same in every trial anew: a joint that cools between trials, as where it waits for the next one."""
+
+    searched = (Parameter("time_constant", "s", 0.5, 100.0),)
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return ()
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(t,) for t in (2.0, 8.0)]
+
+    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+        time = np.concatenate([trial.time for trial in context.baseline.samples.trials])
+        return np.expm1(-time / theta[0]) / np.expm1(-float(time.max()) / theta[0])
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        return super().estimates(context, location, theta, fit) | {"in_each_trial": Estimate(1.0, None, "1")}
 
 
 class HeatedFriction(FrictionDrift):

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.drive_terms import sign_of_motion
+import numpy as np
+
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.presliding import bend, bend_further
+from excite.diagnosis.sign_change import SignChange, rate_of_bristles, sign_of_motion
 from excite.robot.robot import Array
+
+# Static over Coulomb friction, less one, that is typical.
+_RATIO = 0.7
 
 
 def hysteretic_sign(context: Context, j: int, breakaway: float) -> Array:
@@ -15,4 +23,36 @@ def hysteretic_sign(context: Context, j: int, breakaway: float) -> Array:
         j: row of the joint.
         breakaway: deflection over which friction builds up [rad].
     """
-    return sign_of_motion(context.baseline.samples, j, 1.0, breakaway)
+    return sign_of_motion(context.baseline.samples, j, SignChange(0.0, breakaway))
+
+
+def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exponent: float) -> Array:
+    """What static friction adds while bristles bend, ``(n_samples,)``, per unit of its excess.
+
+    How far it bends them hardly shows in a motion: the difference between bristles of a typical ratio of static to
+    Coulomb friction and those of none stands for any ratio. It is damped as they are.
+
+    Args:
+        context: the context.
+        j: row of the joint.
+        sign: with bristles.
+        velocity: Stribeck velocity [rad/s].
+        exponent: of its decay.
+    """
+    base = context.baseline
+    samples = base.samples
+    v, dt = np.ascontiguousarray(samples.of_motor("v", j)), 1.0 / samples.rate_hz
+    further = bend_further(v, samples.starts, dt, sign.breakaway, velocity, exponent, _RATIO)
+    excess = (further - bend(v, samples.starts, dt, sign.breakaway)) / _RATIO
+    level = level_of(base, j)
+    if level > 0.0 and base.signs[j].damped:
+        damping = max(float(base.fit.own[j][-1]), 0.0)
+        excess = excess + damping / level * rate_of_bristles(samples, v, excess, sign)
+    return samples.led(excess)
+
+
+def level_of(baseline: Baseline, j: int) -> float:
+    """Coulomb level of a joint as fitted, not negative; 0 where it is not modelled [N·m]."""
+    names = own_names(baseline.modelled)
+    place = names.index("coulomb_friction") if "coulomb_friction" in names else None
+    return 0.0 if place is None else max(float(baseline.fit.own[j][place]), 0.0)

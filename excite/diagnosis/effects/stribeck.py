@@ -8,14 +8,21 @@ import numpy as np
 
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.presliding import hysteretic_sign
+from excite.diagnosis.effects.presliding import bent_excess, level_of
 from excite.diagnosis.equations import Fit
+from excite.diagnosis.sign_change import SignChange, damping_of_bristles, sign_of_motion
 from excite.robot.robot import Array
 
 # A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
 _APART = 2.5
 # Nor does one that is over while bristles still bend, which takes joints to about this speed [rad/s].
 _BENT = 0.03
+# Share of the Coulomb level below which an excess says that bristles are not quite what the model has them be.
+_TRIFLE = 0.05
+# Most of the Coulomb level that bristles may take over; the fit without them is off by a little.
+_SHARE = 1.5
+# Share of the greatest Stribeck velocity that a search has to end below.
+_SETTLED = 0.9
 
 
 class Stribeck(Effect):
@@ -37,13 +44,19 @@ class Stribeck(Effect):
         return [(v,) for v in (0.015, 0.03, 0.06, 0.12, 0.25)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        return Shape({j: (context.sign(j) * np.exp(-((context.v[:, j] / theta[0]) ** 2)))[:, None]})
+        return _excess(context, location, theta[0])
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         base, j = context.baseline, context.row(location)
-        least = _BENT if base.breakaways[j] > 0.0 else _APART * float(base.widths[j])
-        return theta[0] >= least and super().admissible(context, location, theta, beta)
+        if not base.signs[j].bent:
+            apart = theta[0] >= _APART * base.signs[j].width
+            return apart and super().admissible(context, location, theta, beta)
+        trifle = beta[0] < _TRIFLE * level_of(base, j)
+        return theta[0] >= _BENT and not trifle and super().admissible(context, location, theta, beta)
+
+    def settled(self, theta: Theta) -> bool:
+        """Friction that falls with speed up to the fastest that is searched is no matter of low speed."""
+        return theta[0] < _SETTLED * self.searched[0].high
 
 
 class StribeckExponential(Stribeck):
@@ -57,8 +70,7 @@ class StribeckExponential(Stribeck):
         return [theta, (0.6 * theta[0],)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        return Shape({j: (context.sign(j) * np.exp(-np.abs(context.v[:, j]) / theta[0]))[:, None]})
+        return _excess(context, location, theta[0], exponent=1.0)
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         return super().estimates(context, location, theta, fit) | {"exponent": Estimate(1.0, None, "1")}
@@ -77,15 +89,16 @@ class StribeckExponent(Stribeck):
         return [(theta[0], 1.2), (0.7 * theta[0], 0.7)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        j = context.row(location)
-        decay = np.exp(-((np.abs(context.v[:, j]) / theta[0]) ** theta[1]))
-        return Shape({j: (context.sign(j) * decay)[:, None]})
+        return _excess(context, location, theta[0], exponent=theta[1])
 
 
 class StribeckBristles(Stribeck):
-    """Stribeck friction that builds up over a deflection, as Coulomb friction then does as well."""
+    """Stribeck friction that builds up over a deflection, as Coulomb friction then does as well.
 
-    linear = (*Stribeck.linear, Parameter("presliding", "N·m", 0.0))
+    The LuGre model (Canudas de Wit et al. 1995), for joints whose dry friction was not seen to have bristles.
+    """
+
+    linear = (*Stribeck.linear, Parameter("presliding", "N·m", 0.0), Parameter("bristle_damping", "N·m·s"))
     searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
 
     @property
@@ -95,8 +108,27 @@ class StribeckBristles(Stribeck):
     def starts(self, theta: Theta) -> list[Theta]:
         return [(theta[0], 5e-4), (theta[0], 2e-3)]
 
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        """Bristles that bend nearly like the baseline's can have any share of the level: no more than there is."""
+        base, j = context.baseline, context.row(location)
+        too_much = "coulomb_friction" in base.modelled and beta[1] > _SHARE * level_of(base, j)
+        return not too_much and super().admissible(context, location, theta, beta)
+
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
-        sign = hysteretic_sign(context, j, theta[1])
-        decay = np.exp(-((context.v[:, j] / theta[0]) ** 2))
-        return Shape({j: np.column_stack([sign * decay, sign - context.sign(j)])})
+        velocity, breakaway = theta
+        samples, bristles = context.baseline.samples, SignChange(0.0, breakaway, np.inf)
+        sign = sign_of_motion(samples, j, bristles)
+        excess = bent_excess(context, j, bristles, velocity, 2.0)
+        damped = damping_of_bristles(samples, j, bristles)
+        return Shape({j: np.column_stack([excess, sign - context.sign(j), damped])})
+
+
+def _excess(context: Context, location: str, velocity: float, exponent: float = 2.0) -> Shape:
+    """More friction at low speed; while bristles bend, where the joint's friction has some."""
+    j = context.row(location)
+    sign = context.baseline.signs[j]
+    if sign.bent:
+        return Shape({j: bent_excess(context, j, sign, velocity, exponent)[:, None]})
+    decay = np.exp(-((np.abs(context.v[:, j]) / velocity) ** exponent))
+    return Shape({j: (context.sign(j) * decay)[:, None]})

@@ -14,10 +14,13 @@ from excite.diagnosis.floating.refinement import (
 )
 from excite.diagnosis.floating.search import Step, rivals, search, tied_places
 from excite.diagnosis.floating.spectrum import NOT_NOISE, repeat_levels
+from excite.diagnosis.floating.unknown_place import misread_channels
 from excite.diagnosis.result import Verdict
 
 # Share of the power above the noise that the accepted effects must explain.
 EXPLAINED = 0.85
+# Power left, over the noise's, from which one wrong reading that would leave none is the likelier.
+_WRONG_FORM = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,8 @@ def attribute(problem: Problem) -> Attribution:
     tied = tuple(tied_places(step, n) for step in steps)
     close = rivals(steps[0], n) if steps else ()
     verdict = _verdict(problem, baseline, steps, close, explained, n)
-    if current.power > NOISE_SLACK * n and _patches(steps, tied):
+    patched = current.power > NOISE_SLACK * n and _patches(steps, tied)
+    if patched or (steps and current.power > _WRONG_FORM * n and misread_channels(problem, baseline)):
         verdict = "unknown"
     return Attribution(verdict, baseline, steps, _partial(problem, current), close, tied, over, explained)
 

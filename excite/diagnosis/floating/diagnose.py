@@ -15,7 +15,8 @@ from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.refinement import Fitted
-from excite.diagnosis.floating.where import free_force_links, locate
+from excite.diagnosis.floating.unknown_place import unknown_places
+from excite.diagnosis.floating.where import locate
 from excite.diagnosis.gap import Gap
 from excite.diagnosis.result import Diagnosis, NextExperiment
 from excite.logs.log import Log
@@ -76,7 +77,7 @@ def diagnosis_of(analysis: Analysis, rng: np.random.Generator | None = None) -> 
     first = found.steps[0] if found.steps and accepted.placed else ()
     tied = found.tied[0] if first else ()
     if found.verdict == "unknown":
-        tied = free_force_links(problem, found.baseline)
+        tied = unknown_places(problem, found.baseline)
     return Diagnosis(
         robot=problem.record.robot.name,
         verdict=found.verdict,

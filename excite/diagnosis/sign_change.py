@@ -1,0 +1,70 @@
+"""How the dry friction of a motor changes sign: with its velocity, or with bristles that bend."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from excite.diagnosis.presliding import bend
+from excite.diagnosis.samples import ArmSamples
+from excite.robot.robot import Array
+
+# Widths of the sign change of Coulomb friction that are tried [rad/s].
+WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
+# Deflections over which dry friction builds up before it slips that are tried [rad]; 0: friction of the velocity.
+BREAKAWAYS = (1.5e-4, 5e-4, 1.5e-3, 4e-3)
+# Speeds beyond which bristles are not damped that are tried [rad/s]: never, soon, at any speed.
+_DAMPED_BELOW = (0.0, 0.03, np.inf)
+
+
+class SignChange(NamedTuple):
+    """How dry friction changes sign.
+
+    Attributes:
+        width: of the sign change where friction follows the velocity alone [rad/s].
+        breakaway: deflection over which it builds up [rad] (Dahl 1968); 0 where it follows the velocity.
+        damped_below: speed beyond which the damping of bristles has died out [rad/s]; 0 without damping, infinite
+            where it never does (Canudas de Wit et al. 1995, eqs. 3 and 6).
+    """
+
+    width: float
+    breakaway: float = 0.0
+    damped_below: float = 0.0
+
+    @property
+    def bent(self) -> bool:
+        """Whether there are bristles."""
+        return self.breakaway > 0.0
+
+    @property
+    def damped(self) -> bool:
+        """Whether they are damped."""
+        return self.bent and self.damped_below > 0.0
+
+
+SIGNS = (
+    *(SignChange(width) for width in WIDTHS),
+    *(SignChange(WIDTHS[2], breakaway, speed) for speed in _DAMPED_BELOW for breakaway in BREAKAWAYS),
+)
+
+
+def sign_of_motion(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
+    """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
+    v = samples.of_motor("v", motor)
+    if not sign.bent:
+        return samples.led(np.tanh(v / sign.width))
+    return samples.led(bend(np.ascontiguousarray(v), samples.starts, 1.0 / samples.rate_hz, sign.breakaway))
+
+
+def damping_of_bristles(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
+    """How fast the bristles of a motor bend while they are damped, ``(n_samples,)`` [1/s]."""
+    v = samples.of_motor("v", motor)
+    return rate_of_bristles(samples, v, sign_of_motion(samples, motor, sign), sign)
+
+
+def rate_of_bristles(samples: ArmSamples, v: Array, bent: Array, sign: SignChange) -> Array:
+    """Rate of a deflection ``bent (n_samples,)`` while it is damped, at velocities ``v (n_samples,)`` [1/s]."""
+    rate = np.diff(bent, prepend=0.0) * samples.rate_hz
+    rate[samples.starts] = 0.0
+    return rate * np.exp(-((v / sign.damped_below) ** 2))

@@ -1,0 +1,52 @@
+"""Stribeck friction is more friction at low speed; what bends the law at high speed is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.diagnose import diagnose
+from excite.logs.files import save_log
+from excite.logs.log import Log, Trial, TrialHeader
+from tests.diagnosis.test_one_joint import URDF, axis_header
+
+RATE_HZ, NOISE = 200, 0.3
+
+
+TRIALS = (("a", "identification", 0.7), ("b", "validation", 1.9), ("c", "identification", 0.7))
+
+
+def logged(folder: Path, further: Callable[[np.ndarray], np.ndarray]) -> Path:
+    """Trials of a carriage with mass, viscous and Coulomb friction and more by velocity, up to 1.6 m/s.
+
+    The last one repeats the first.
+    """
+    rng, t, trials = np.random.default_rng(6), np.arange(20 * RATE_HZ) / RATE_HZ, []
+    for name, role, phase in TRIALS:
+        waves = [(0.4, 0.31, phase), (0.12, 0.83, 2.0 * phase), (0.015, 2.3, 3.0 * phase)]
+        v = sum(a * 2.0 * np.pi * f * np.cos(2.0 * np.pi * f * t + p) for a, f, p in waves)
+        q = sum(a * np.sin(2.0 * np.pi * f * t + p) for a, f, p in waves)
+        acceleration = sum(-a * (2.0 * np.pi * f) ** 2 * np.sin(2.0 * np.pi * f * t + p) for a, f, p in waves)
+        force = 90.0 * acceleration + 60.0 * v + 25.0 * np.tanh(v / 0.02) + further(v)
+        force += NOISE * rng.standard_normal(len(t))
+        trials.append(Trial(name, role, t, q[:, None], tau=force[:, None]))
+    header = axis_header(RATE_HZ, ("rigid_body", "viscous_friction", "coulomb_friction"), ("a", "b"))
+    again = TrialHeader(file="c.parquet", role="identification", repeats="a.parquet")
+    header = header.model_copy(update={"trials": (*header.trials, again)})
+    return save_log(Log(header, tuple(trials), robot_text=URDF), folder / "axis")
+
+
+def test_friction_that_falls_with_speed_is_named(tmp_path: Path) -> None:
+    result = diagnose(logged(tmp_path, lambda v: 15.0 * np.exp(-((v / 0.09) ** 2)) * np.tanh(v / 0.02)))
+    assert (result.verdict, result.effect) == ("effect", "stribeck")
+    values = result.effects[0].parameters
+    assert values["excess"].value == pytest.approx(15.0, rel=0.2)
+    assert values["velocity"].value == pytest.approx(0.09, rel=0.15)
+
+
+def test_drag_that_sets_in_at_high_speed_is_no_stribeck_friction(tmp_path: Path) -> None:
+    result = diagnose(logged(tmp_path, lambda v: 90.0 * np.maximum(np.abs(v) - 0.5, 0.0) ** 2 * np.sign(v)))
+    assert (result.verdict, result.location) == ("unknown", "slide")
