@@ -30,6 +30,12 @@ def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def coulomb_level(modelled: tuple[str, ...], own: Array) -> float:
+    """Coulomb friction among a joint's own coefficients ``own (n_own,)`` [N·m]; 0 where it is not modelled."""
+    names = own_names(modelled)
+    return float(own[names.index("coulomb_friction")]) if "coulomb_friction" in names else 0.0
+
+
 def own_signals(samples: ArmSamples, names: tuple[str, ...], joint: int, sign: SignChange) -> Array:
     """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``.
 

@@ -66,7 +66,7 @@ class Gates:
     left: int = 2
     trifle: float = 0.1
     most_of_rest: float = 0.5
-    most: int = 3
+    most: int = 4
     stands: float = 1.5
     stands_least: float = 0.8
     stands_rough: float = 2.0

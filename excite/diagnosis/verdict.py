@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.gates import Gates
 from excite.diagnosis.result import Verdict
 from excite.diagnosis.structured import structured_joints
@@ -223,5 +224,5 @@ def _second_name(item: Scored, final: Baseline) -> str | None:
     if item.name != "torque_bias" or "coulomb_friction" not in final.modelled:
         return None
     own = final.fit.own[final.samples.joints.index(item.location)]
-    level = abs(float(own[1 if "viscous_friction" in final.modelled else 0]))
+    level = abs(coulomb_level(final.modelled, own))
     return "coulomb_asymmetry" if abs(float(item.hypothesis.fit.extra[0])) <= 1.1 * level else None

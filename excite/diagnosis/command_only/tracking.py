@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.command_only.servo import Servo, Signals
-from excite.diagnosis.drive_terms import own_names
+from excite.diagnosis.drive_terms import coulomb_level
 from excite.robot.robot import Array
 
 # Less than this is not worth a sentence [rad]: a step of a 12-bit encoder.
@@ -74,10 +74,6 @@ def tracking(baseline: Baseline, servo: Servo, signals: dict[str, Signals], orde
         late.append((s.measured.value - s.commanded.value)[:, columns])
         given = s.feedforward(servo.feedforward) + s.integral
         weight.append(given[: len(rigid), columns] - rigid[: len(s.time)])
-    names = own_names(baseline.modelled)
-    dry = np.zeros(len(kp))
-    if "coulomb_friction" in names:
-        at = names.index("coulomb_friction")
-        dry = np.array([max(float(own[at]), 0.0) for own in baseline.fit.own])
+    dry = np.array([max(coulomb_level(baseline.modelled, own), 0.0) for own in baseline.fit.own])
     hangs, weighs = (np.concatenate(x).mean(axis=0) for x in (late, weight))
     return Tracking(samples.joints, hangs, weighs / kp, dry / kp)

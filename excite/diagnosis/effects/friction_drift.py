@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
 from excite.lazy_kernel import LazyKernel
@@ -66,10 +67,7 @@ class FrictionDrift(Effect):
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         found = super().estimates(context, location, theta, fit)
-        if "coulomb_friction" not in context.baseline.modelled:
-            return found
-        own = fit.own[context.row(location)]
-        level = float(own[1 if "viscous_friction" in context.baseline.modelled else 0])
+        level = coulomb_level(context.baseline.modelled, fit.own[context.row(location)])
         if level <= 0.0:
             return found
         share = Estimate(float(fit.extra[0]) / level, float(fit.extra_std[0]) / level, "1")

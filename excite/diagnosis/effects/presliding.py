@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.drive_terms import own_names
+from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.presliding import bend, bend_further
 from excite.diagnosis.sign_change import SignChange, rate_of_bristles, sign_of_motion
@@ -44,15 +43,8 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     v, dt = np.ascontiguousarray(samples.of_motor("v", j)), 1.0 / samples.rate_hz
     further = bend_further(v, samples.starts, dt, sign.breakaway, velocity, exponent, _RATIO)
     excess = (further - bend(v, samples.starts, dt, sign.breakaway)) / _RATIO
-    level = level_of(base, j)
+    level = coulomb_level(base.modelled, base.fit.own[j])
     if level > 0.0 and base.signs[j].damped:
         damping = max(float(base.fit.own[j][-1]), 0.0)
         excess = excess + damping / level * rate_of_bristles(samples, v, excess, sign)
     return samples.led(excess)
-
-
-def level_of(baseline: Baseline, j: int) -> float:
-    """Coulomb level of a joint as fitted, not negative; 0 where it is not modelled [N·m]."""
-    names = own_names(baseline.modelled)
-    place = names.index("coulomb_friction") if "coulomb_friction" in names else None
-    return 0.0 if place is None else max(float(baseline.fit.own[j][place]), 0.0)

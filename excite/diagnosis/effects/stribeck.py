@@ -7,8 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
-from excite.diagnosis.effects.presliding import bent_excess, level_of
+from excite.diagnosis.effects.presliding import bent_excess
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.sign_change import SignChange, damping_of_bristles, sign_of_motion
 from excite.robot.robot import Array
@@ -51,7 +52,7 @@ class Stribeck(Effect):
         if not base.signs[j].bent:
             apart = theta[0] >= _APART * base.signs[j].width
             return apart and super().admissible(context, location, theta, beta)
-        trifle = beta[0] < _TRIFLE * level_of(base, j)
+        trifle = beta[0] < _TRIFLE * coulomb_level(base.modelled, base.fit.own[j])
         return theta[0] >= _BENT and not trifle and super().admissible(context, location, theta, beta)
 
     def settled(self, theta: Theta) -> bool:
@@ -111,7 +112,8 @@ class StribeckBristles(Stribeck):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Bristles that bend nearly like the baseline's can have any share of the level: no more than there is."""
         base, j = context.baseline, context.row(location)
-        too_much = "coulomb_friction" in base.modelled and beta[1] > _SHARE * level_of(base, j)
+        level = coulomb_level(base.modelled, base.fit.own[j])
+        too_much = "coulomb_friction" in base.modelled and beta[1] > _SHARE * max(level, 0.0)
         return not too_much and super().admissible(context, location, theta, beta)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
