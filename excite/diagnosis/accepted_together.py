@@ -69,4 +69,4 @@ def _searched_beside(base: Baseline, item: Hypothesis, others: Sequence[Hypothes
         return None
     # It may have gone far, either way, to stand in for what was missing.
     best = min((search.refine(now, step=step) for step in (-1.0, 1.0)), key=price)
-    return best if price(best) < price(now) - _BETTER else None
+    return best if best.settled and price(best) < price(now) - _BETTER else None

@@ -125,7 +125,7 @@ def _dry(draft: Draft, item: Found) -> None:
 def presliding(draft: Draft, joint: str, values: Mapping[str, float]) -> None:
     """Leave to the runner that a joint's dry friction builds up over a deflection: ``breakaway`` [rad].
 
-    Its ``damping`` [N·m·s] and the speed ``damped_below`` which there is some [rad/s] where it has any.
+    Where that is damped, by how much (``damping`` [N·m·s]) and up to which speed (``damped_below`` [rad/s]).
     """
     draft.note(Found(PRESLIDING, joint, values), "breakaway", "damping", "damped_below")
 
@@ -243,7 +243,9 @@ FORMS: dict[str, Form] = {
     "backlash": Form(model=_loose),
     "stribeck": _noted("excess", "velocity", "exponent", "presliding", "breakaway", "bristle_damping"),
     "load_dependent_friction": _noted("coefficient"),
-    "friction_drift": _noted("coulomb_change", "viscous_change", "time_constant", "session_end"),
+    "friction_drift": _noted(
+        "coulomb_change", "viscous_change", "time_constant", "session_end", "in_each_trial"
+    ),
     "torque_ripple": _noted(
         "cosine", "sine", "periods_per_rev", "cosine_2", "sine_2", "cosine_load", "sine_load"
     ),

@@ -11,11 +11,11 @@ from excite.diagnosis.samples import ArmSamples
 from excite.diagnosis.sign_change import SignChange, damping_of_bristles, sign_of_motion
 from excite.robot.robot import Array
 
-# Presliding is believed where it lowers the loss to this share.
+# Bristles are believed where they lower the loss to this share, and so is their damping.
 _BETTER = 0.95
 # How a joint's friction changes sign is only thought over for a loss below this share.
 _CHANGED = 0.98
-# Factors between neighbouring widths or breakaways of the search, first and last.
+# Factors between neighbouring values of the search, first and last.
 _FIRST_STEP, _LAST_STEP = 1.5, 1.06
 
 # What the search may reach: no velocity of a log tells less apart, nor deflections.
@@ -88,18 +88,18 @@ def refined(
     use: NDArray[np.bool_],
     bounds: tuple[float, float],
 ) -> float:
-    """A width or breakaway searched between those of the grid: bisection of steps on a logarithmic scale.
+    """A number of a sign change searched between those of the grid: bisection of steps on a logarithmic scale.
 
     Args:
         target: ``(n_rows,)`` what a joint's own terms have to explain.
-        rows_at: own terms ``(n_rows, n_own)`` at a width [rad/s] or breakaway [rad].
+        rows_at: own terms ``(n_rows, n_own)`` at a value of it.
         value: where to begin.
         columns: the own terms there.
         use: ``(n_rows,)`` rows that are fitted.
-        bounds: of the width or breakaway.
+        bounds: of it.
 
     Returns:
-        The width or breakaway.
+        The value.
     """
     low, high = bounds
     best, step = _loss(target[use], columns[use]), _FIRST_STEP

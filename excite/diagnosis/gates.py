@@ -24,10 +24,9 @@ class Gates:
         same_joint: share of a joint's power that is needed where the joint has an accepted effect already, and
             for timing.
         left: joints well above the floor that a further effect may leave as they are: where every joint has a
-            little of something, naming one of them would be arbitrary. Those that a first one may leave that
-            removes next to nothing.
-        trifle: share of all normalised power above the floor that is next to nothing.
-        most_of_rest: share of all normalised power above the floor from which it is not.
+            little of something, naming one of them would be arbitrary. The same for a first effect that is a trifle.
+        trifle: share of all normalised power above the floor below which an effect is one.
+        most_of_rest: share of all normalised power above the floor from which a further effect may leave more joints.
         most: effects at most.
         stands: power at its place over the floor's, before it; a smaller rest would not be called a gap either.
         stands_least: the same that any effect needs: what is below the floor is no gap.

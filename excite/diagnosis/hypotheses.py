@@ -39,7 +39,7 @@ class Hypothesis:
         theta: non-linear parameters.
         columns: at the rows.
         fit: the fit with it.
-        baseline: what it was fitted on; its widths may differ from those that the search began with.
+        baseline: what it was fitted on; its sign changes may differ from those that the search began with.
     """
 
     effect: Effect
@@ -115,13 +115,16 @@ class Search:
 
     context: Context
     solver: Solver
-    kept: dict[tuple[type[Effect], str, Theta, float], Columns] = field(default_factory=dict)
+    kept: dict[tuple[type[Effect], str, Theta, float, tuple[bool, ...]], Columns] = field(
+        default_factory=dict
+    )
 
     def try_at(
         self, effect: Effect, location: str, theta: Theta, iterations: int = 6, *, keep: bool = False
     ) -> Hypothesis | None:
         """One fit; None where its linear parameters are not physical, or no joint feels it, or it is not finite."""
-        key = (type(effect), location, theta, self.context.baseline.samples.lead)
+        base = self.context.baseline
+        key = (type(effect), location, theta, base.samples.lead, tuple(sign.bent for sign in base.signs))
         if keep and key in self.kept:
             columns = self.kept[key]
         else:

@@ -151,8 +151,13 @@ class Expectation:
         return np.concatenate(parts, axis=2), own
 
     def _moments(self, rows: Array, own: Sequence[Array]) -> Array:
-        """Second moments of the joints' own columns and of all others, ``(n_joints, n, n)``, weighted."""
-        joined = [np.hstack([o, r]) / s for o, r, s in zip(own, rows, self._sigma, strict=True)]
+        """Second moments of the joints' own columns and of all others, ``(n_joints, n, n)``, weighted.
+
+        Joints have as many own columns as the one with most, of those that they lack nothing.
+        """
+        most = max(o.shape[1] for o in own)
+        filled = [np.pad(o, ((0, 0), (most - o.shape[1], 0))) for o in own]
+        joined = [np.hstack([o, r]) / s for o, r, s in zip(filled, rows, self._sigma, strict=True)]
         return np.array([x.T @ x for x in joined])
 
     def _without_own(self, moments: Array) -> Array:

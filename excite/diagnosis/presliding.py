@@ -6,6 +6,9 @@ import numpy as np
 
 from excite.lazy_kernel import LazyKernel
 
+# Static over Coulomb friction, less one, that is typical, and that bristles are taken to bend further by.
+RATIO = 0.7
+
 
 @LazyKernel
 def bend(v, starts, dt, breakaway):  # pragma: no cover - compiled

@@ -1,4 +1,4 @@
-"""A hypothesis made finer: its width, its non-linear parameters, its richer forms, and the baseline with it."""
+"""A hypothesis made finer: its sign change, its non-linear parameters, its richer forms, and the baseline with it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from excite.robot.robot import Array
 
 # A richer form of an effect has to lower the loss by so much.
 _RICHER = 0.01
-# Widths and breakaways that are tried with friction, in multiples of the baseline's.
+# Widths or breakaways that are tried with friction, in multiples of the baseline's.
 _FACTORS = (0.25, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.5, 4.0)
 
 
@@ -53,7 +53,7 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
 
 
 def _along(search: Search, best: Hypothesis, j: int, signs: tuple[SignChange, ...], place: int) -> Hypothesis:
-    """The best of neighbouring widths and breakaways, from the one at ``place`` as far as it gets better."""
+    """The best of neighbouring sign changes, from the one at ``place`` as far as it gets better."""
     for step in (1, -1):
         k = place + step
         while 0 <= k < len(signs):
@@ -65,7 +65,7 @@ def _along(search: Search, best: Hypothesis, j: int, signs: tuple[SignChange, ..
 
 
 def _with_sign(search: Search, item: Hypothesis, j: int, sign: SignChange) -> Hypothesis:
-    """A hypothesis on a baseline in which a joint's sign change has another width and breakaway."""
+    """A hypothesis on a baseline in which a joint's friction changes sign otherwise."""
     base = search.context.baseline
     signs = (*base.signs[:j], sign, *base.signs[j + 1 :])
     moved = replace(base, solver=search.solver).with_signs(signs, base.samples.lead)
@@ -82,7 +82,7 @@ def polished(item: Hypothesis) -> Hypothesis:
         if not found:
             continue
         new = search.refine(min(found, key=lambda start: start.loss), evaluations=14)
-        if price(new) < price(item) - _RICHER:
+        if price(new) < price(item) - _RICHER and (new.settled or not item.settled):
             item = _finer(new)
     return item
 
@@ -107,6 +107,8 @@ def _finer(item: Hypothesis) -> Hypothesis:
     for step in (0.15, 0.1, 0.05):
         moved = replace(original.updated(item.fit), solver=original.solver)
         new = Search(Context(moved), original.solver).refine(item, evaluations=12, step=step)
+        if item.settled and not new.settled:
+            return item
         if new.loss > item.loss - 1e-3:
             return item if new.loss > item.loss else new
         item = new

@@ -180,9 +180,12 @@ class Simulator:
         found = {}
         for effect, place, p in self._notes:
             if effect == "friction_drift":
-                session, slow = window.session_s + elapsed, p["time_constant"]
+                start = float(window.time[0]) if "in_each_trial" in p else window.session_s
+                session, slow = start + elapsed, p["time_constant"]
                 clock = np.expm1(-session / slow) / np.expm1(-p["session_end"] / slow)
-                found[place] = float(window.growth.get(place, clock))
+                # Held at what it was when a window began, unless it may be over by its end.
+                known = {} if "in_each_trial" in p else window.growth
+                found[place] = float(known.get(place, clock))
         return found
 
     def _wave(self, j: int, q: float, p: dict[str, float]) -> float:

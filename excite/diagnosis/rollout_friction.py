@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.diagnosis.presliding import bend
+from excite.diagnosis.presliding import RATIO, bend, bend_further
 from excite.diagnosis.rollout_drives import Window
 from excite.robot.robot import Array
 
@@ -15,47 +15,96 @@ from excite.robot.robot import Array
 Note = tuple[str, str, Mapping[str, float]]
 
 
+@dataclass(frozen=True)
+class Static:
+    """Static friction over Coulomb's, ``excess·exp(−|v/velocity|^exponent)``.
+
+    Attributes:
+        excess: at rest [N·m].
+        velocity: Stribeck velocity [rad/s].
+        exponent: of its decay.
+    """
+
+    excess: float
+    velocity: float
+    exponent: float = 2.0
+
+    @staticmethod
+    def of(p: Mapping[str, float]) -> Static:
+        """From the sizes of a Stribeck effect."""
+        return Static(p["excess"], p["velocity"], p.get("exponent", 2.0))
+
+    def share(self, v: float) -> float:
+        """What is left of it at a speed, 0…1."""
+        return float(np.exp(-((abs(v) / self.velocity) ** self.exponent)))
+
+
 @dataclass(eq=False)
 class Bristle:
     """Friction that builds up over a deflection, ``z' = (v − |v| z)/δ`` (Dahl 1968), stepped implicitly.
+
+    With static friction the LuGre model's bristles bend further, ``z' = (v − |v| z/g)/δ``, ``g = 1 + r·share``; per
+    unit of static over Coulomb friction that adds the difference of both over r (Canudas de Wit et al. 1995).
 
     Attributes:
         joint: index of its joint.
         breakaway: δ [rad].
         damping: torque per ``z'`` [N·m·s] (Canudas de Wit et al. 1995, eq. 3).
         damped_below: speed beyond which it has died out [rad/s].
-        z: its state, −1 … 1.
-        kept: share of the state that a step at the present speed leaves.
+        static: static friction on it.
+        z: states, without and with static friction, −1 … 1 + r.
+        kept: shares of the states that a step at the present speed leaves.
     """
 
     joint: int
     breakaway: float
     damping: float = 0.0
     damped_below: float = np.inf
-    z: float = 0.0
-    kept: float = 1.0
+    static: Static | None = None
+    z: tuple[float, float] = (0.0, 0.0)
+    kept: tuple[float, float] = (1.0, 1.0)
 
     def start(self, window: Window) -> None:
         """Bend it as the record before the window did."""
-        self.z = 0.0
+        self.z = (0.0, 0.0)
         if window.past is None:
             return
         v = np.ascontiguousarray(window.past.v[:, self.joint])
         starts = np.zeros(len(v), dtype=np.bool_)
         starts[0] = True
         period = float(window.past.time[1] - window.past.time[0])
-        self.z = float(bend(v, starts, period, self.breakaway)[-1])
+        plain = float(bend(v, starts, period, self.breakaway)[-1])
+        further = plain
+        if self.static is not None:
+            law = self.static.velocity, self.static.exponent
+            further = float(bend_further(v, starts, period, self.breakaway, *law, RATIO)[-1])
+        self.z = (plain, further)
 
     def force(self, level: float, v: float, step: float) -> tuple[float, float]:
-        """Torque [N·m] and damping [N·m·s/rad] of the coming step, together ``−level z − damping z'`` at its end."""
-        self.kept = 1.0 / (1.0 + step * abs(v) / self.breakaway)
+        """Torque [N·m] and damping [N·m·s/rad] of the coming step, together those of its end."""
+        excess = 0.0 if self.static is None else self.static.excess / RATIO
+        slips = 1.0 if self.static is None else 1.0 + RATIO * self.static.share(v)
+        self.kept = (
+            1.0 / (1.0 + step * abs(v) / self.breakaway),
+            1.0 / (1.0 + step * abs(v) / (self.breakaway * slips)),
+        )
         rate = self.damping * float(np.exp(-((v / self.damped_below) ** 2))) / step
-        force = -(level + rate) * self.kept * self.z + rate * self.z
-        return force, (level + rate) * self.kept * step / self.breakaway
+        # Static friction is damped as Coulomb friction is.
+        more = rate / level * excess if level > 0.0 else 0.0
+        torque = damping = 0.0
+        for z, kept, size, slow in zip(
+            self.z, self.kept, (level - excess, excess), (rate - more, more), strict=True
+        ):
+            torque += -(size + slow) * kept * z + slow * z
+            damping += (size + slow) * kept * step / self.breakaway
+        return torque, damping
 
     def move(self, v: float, step: float) -> None:
         """Bend it by the step that was made."""
-        self.z = self.kept * (self.z + step * v / self.breakaway)
+        plain, further = (
+            kept * (z + step * v / self.breakaway) for z, kept in zip(self.z, self.kept, strict=True)
+        )
+        self.z = (plain, further)
 
 
 class DryFriction:
@@ -84,7 +133,13 @@ class DryFriction:
                 damped = p.get("damping", 0.0), p.get("damped_below", np.inf)
                 self._common[j] = Bristle(j, p["breakaway"], *damped)
             elif "breakaway" in p:
-                self._own.append((Bristle(j, p["breakaway"], max(p.get("bristle_damping", 0.0), 0.0)), p))
+                static = Static.of(p) if effect == "stribeck" else None
+                self._own.append(
+                    (Bristle(j, p["breakaway"], p.get("bristle_damping", 0.0), static=static), p)
+                )
+        for effect, j, _, p in self._notes:
+            if effect == "stribeck" and "breakaway" not in p and j in self._common:
+                self._common[j].static = Static.of(p)
         self.bristles = (*self._common.values(), *(bristle for bristle, _ in self._own))
         kinds = {effect for effect, *_ in self._notes}
         self.acts, self.loaded = (
@@ -114,8 +169,9 @@ class DryFriction:
                 # A fit may have bristles take less than none of a level, or more than all.
                 self._taken[j] = float(np.clip(p["presliding"], 0.0, max(level[j], 0.0)))
                 level[j] -= self._taken[j]
-            elif effect == "stribeck":
-                level[j] += _decaying(p, v[j])
+            elif effect == "stribeck" and j not in self._common:
+                static = Static.of(p)
+                level[j] += static.excess * static.share(v[j])
             elif effect == "load_dependent_friction":
                 level[j] += p["coefficient"] * abs(carried[j])
             elif effect == "friction_drift":
@@ -132,8 +188,7 @@ class DryFriction:
         level[list(self._common)] = 0.0
         for bristle, p in self._own:
             j = bristle.joint
-            own = p["rubbing"] if "rubbing" in p else self._taken[j] + _decaying(p, v[j])
-            parts.append((bristle, own))
+            parts.append((bristle, p["rubbing"] if "rubbing" in p else self._taken[j]))
         for bristle, size in parts:
             f, d = bristle.force(max(size, 0.0), float(v[bristle.joint]), step)
             force[bristle.joint] += f
@@ -144,8 +199,3 @@ class DryFriction:
         """Bend all bristles by the step that was made."""
         for bristle in self.bristles:
             bristle.move(float(v[bristle.joint]), step)
-
-
-def _decaying(p: Mapping[str, float], v: float) -> float:
-    """Stribeck's excess at a speed [N·m]."""
-    return float(p["excess"] * np.exp(-((abs(v) / p["velocity"]) ** p.get("exponent", 2.0))))

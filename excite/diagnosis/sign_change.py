@@ -52,19 +52,22 @@ SIGNS = (
 def sign_of_motion(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
     """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
     v = samples.of_motor("v", motor)
-    if not sign.bent:
-        return samples.led(np.tanh(v / sign.width))
-    return samples.led(bend(np.ascontiguousarray(v), samples.starts, 1.0 / samples.rate_hz, sign.breakaway))
+    return samples.led(bent(samples, v, sign) if sign.bent else np.tanh(v / sign.width))
 
 
 def damping_of_bristles(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
-    """How fast the bristles of a motor bend while they are damped, ``(n_samples,)`` [1/s]."""
+    """How fast the bristles of a motor bend, ``(n_samples,)`` [1/s], as far as they are damped at its speed."""
     v = samples.of_motor("v", motor)
-    return rate_of_bristles(samples, v, sign_of_motion(samples, motor, sign), sign)
+    return samples.led(damped_rate(samples, v, bent(samples, v, sign), sign))
 
 
-def rate_of_bristles(samples: ArmSamples, v: Array, bent: Array, sign: SignChange) -> Array:
-    """Rate of a deflection ``bent (n_samples,)`` while it is damped, at velocities ``v (n_samples,)`` [1/s]."""
-    rate = np.diff(bent, prepend=0.0) * samples.rate_hz
+def bent(samples: ArmSamples, v: Array, sign: SignChange) -> Array:
+    """How far bristles are bent at velocities ``v (n_samples,)``, as a share of the breakaway."""
+    return bend(np.ascontiguousarray(v), samples.starts, 1.0 / samples.rate_hz, sign.breakaway)
+
+
+def damped_rate(samples: ArmSamples, v: Array, deflection: Array, sign: SignChange) -> Array:
+    """Rate of a deflection ``(n_samples,)`` [1/s] times how much of the damping there is at velocities ``v``."""
+    rate = np.diff(deflection, prepend=0.0) * samples.rate_hz
     rate[samples.starts] = 0.0
     return rate * np.exp(-((v / sign.damped_below) ** 2))

@@ -42,14 +42,14 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
     if not leads:
         return _refined(baseline)
     led = _with_lead(baseline)
-    first = baseline if led is baseline else _chosen(led, keep=False)
+    first = baseline if led is baseline else _with_lead(_chosen(led, keep=False))
     if led is not baseline and not any(sign.damped for sign in first.signs):
         return _refined(first)
     # Signs that were chosen without a lead may hide one, as damping of bristles does.
     begun = _fitted(baseline.with_signs(baseline.signs, _TYPICAL))
-    again = _chosen(begun, keep=False)
+    again = _with_lead(_chosen(begun, keep=False))
     for _ in range(2):
-        again = _chosen(_with_lead(again), keep=False)
+        again = _with_lead(_chosen(again, keep=False))
     return _refined(again if _loss(again) < _loss(first) - _CLEARLY else first)
 
 

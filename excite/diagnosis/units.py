@@ -14,6 +14,7 @@ _OF_SLIDES = {
     "N·m/rad²": "N/m²",
     "N·m/rad³": "N/m³",
     "N·m·s/rad": "N·s/m",
+    "N·m·s": "N·s",
     "kg·m²": "kg",
     "rad": "m",
     "rad/s": "m/s",

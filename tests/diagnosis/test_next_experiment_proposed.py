@@ -23,6 +23,7 @@ from excite.diagnosis.next_experiment_evidence import Expectation
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.result import Diagnosis
 from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.sign_change import SignChange
 from excite.logs.log import Log, LogHeader, Trial
 from excite.motion.files import load_motion
 from excite.robot.collision import _SHAPES
@@ -137,6 +138,17 @@ def test_a_rival_is_not_told_from_itself(doubt: Doubt):
     twice = Expectation(doubt.baseline, [doubt.rivals[0], doubt.rivals[0]], doubt.floor)
     for offer in beyond(doubt.baseline.samples, doubt.baseline.samples.joints[:1], 0)[:3]:
         assert twice.ratios(twice.information(offer.sketch))[0, 1] < 0.01
+
+
+def test_joints_with_damped_bristles_among_others_change_little(doubt: Doubt):
+    base, samples = doubt.baseline, doubt.baseline.samples
+    bristles = SignChange(6e-3, 1e-4, np.inf)
+    moved = base.with_signs((*base.signs[:-1], bristles), samples.lead)
+    moved = moved.updated(moved.solver.fit())
+    sketch = beyond(samples, samples.joints[:1], 0)[0].sketch
+    few, more = (Expectation(b, doubt.rivals, doubt.floor) for b in (base, moved))
+    few, more = (e.ratios(e.information(sketch))[0, 1] for e in (few, more))
+    assert more == pytest.approx(few, rel=0.2)
 
 
 def test_more_noise_makes_less_evidence_expected(doubt: Doubt):

@@ -7,8 +7,10 @@ import pytest
 
 from excite.diagnosis.augmented_effects import FORMS, Found, tilted
 from excite.diagnosis.augmented_plant import Plant
+from excite.diagnosis.presliding import RATIO, bend, bend_further
 from excite.diagnosis.rollout import Simulator
 from excite.diagnosis.rollout_drives import LoggedTorque, Past, PositionServo, Window
+from excite.diagnosis.rollout_friction import Bristle, Static
 from excite.robot.loading import load_robot
 
 INERTIA = 0.5
@@ -109,6 +111,25 @@ def test_stribeck_with_bristles_takes_over_its_share_of_the_level():
     friction = level + excess * np.exp(-((speed / velocity) ** 2))
     path = sim.run(window(v=speed, duration=0.05, past=past), constant(friction), 10)
     assert np.diff(path[:, 0]) == pytest.approx(np.full(len(path) - 1, speed * 0.01), rel=0.02)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.006])
+def test_static_friction_bends_bristles_in_a_roll_out_as_in_a_fit(damping: float):
+    level, step = 0.4, 1e-3
+    static = Static(excess=0.3, velocity=0.06, exponent=1.6)
+    bristle = Bristle(0, 2e-3, damping, 0.05, static)
+    v = 0.15 * np.sin(np.arange(3000) * step * 7.0) + 0.05 * np.sin(np.arange(3000) * step * 23.0)
+    made = []
+    for speed in v:
+        torque, viscous = bristle.force(level, float(speed), step)
+        bristle.move(float(speed), step)
+        made.append(-(torque - viscous * speed))
+    starts = np.arange(len(v)) == 0
+    plain = bend(v, starts, step, 2e-3)
+    further = bend_further(v, starts, step, 2e-3, static.velocity, static.exponent, RATIO)
+    friction = level * plain + static.excess * (further - plain) / RATIO
+    rate = np.diff(friction, prepend=0.0) / step * np.exp(-((v / 0.05) ** 2))
+    assert np.array(made) == pytest.approx(friction + damping / level * rate, abs=1e-9)
 
 
 def test_bristles_take_no_more_than_there_is_of_a_level():

@@ -50,3 +50,10 @@ def test_friction_that_falls_with_speed_is_named(tmp_path: Path) -> None:
 def test_drag_that_sets_in_at_high_speed_is_no_stribeck_friction(tmp_path: Path) -> None:
     result = diagnose(logged(tmp_path, lambda v: 90.0 * np.maximum(np.abs(v) - 0.5, 0.0) ** 2 * np.sign(v)))
     assert (result.verdict, result.location) == ("unknown", "slide")
+
+
+def test_a_finer_form_does_not_leave_low_speed_either(tmp_path: Path) -> None:
+    """Friction that falls over all speeds: the textbook's form ends within its range, the finer one beyond it."""
+    result = diagnose(logged(tmp_path, lambda v: 20.0 * np.exp(-np.abs(v) / 0.45) * np.tanh(v / 0.02)))
+    stated = [e.parameters["velocity"].value for e in result.effects if e.effect == "stribeck"]
+    assert all(velocity < 0.45 for velocity in stated)

@@ -1,4 +1,4 @@
-"""Friction that changes over the session, with temperature."""
+"""Friction that changes with temperature, over the session or in each trial."""
 
 from __future__ import annotations
 
@@ -104,6 +104,9 @@ class HeatedFriction(FrictionDrift):
     @property
     def richer(self) -> tuple[Effect, ...]:
         return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(max(theta[0], self.searched[0].low),)]
 
     def growth(self, context: Context, j: int, theta: Theta) -> Array:
         samples = context.baseline.samples

@@ -6,12 +6,12 @@ import numpy as np
 
 from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.effects.effect import Context
-from excite.diagnosis.presliding import bend, bend_further
-from excite.diagnosis.sign_change import SignChange, rate_of_bristles, sign_of_motion
+from excite.diagnosis.presliding import RATIO, bend_further
+from excite.diagnosis.sign_change import SignChange, bent, damped_rate, sign_of_motion
 from excite.robot.robot import Array
 
-# Static over Coulomb friction, less one, that is typical.
-_RATIO = 0.7
+# No bristle is damped for longer [s]: where there is hardly any Coulomb friction, its damping tells nothing.
+_LONGEST = 0.1
 
 
 def hysteretic_sign(context: Context, j: int, breakaway: float) -> Array:
@@ -40,11 +40,12 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     """
     base = context.baseline
     samples = base.samples
-    v, dt = np.ascontiguousarray(samples.of_motor("v", j)), 1.0 / samples.rate_hz
-    further = bend_further(v, samples.starts, dt, sign.breakaway, velocity, exponent, _RATIO)
-    excess = (further - bend(v, samples.starts, dt, sign.breakaway)) / _RATIO
+    v = samples.of_motor("v", j)
+    steady, dt = np.ascontiguousarray(v), 1.0 / samples.rate_hz
+    further = bend_further(steady, samples.starts, dt, sign.breakaway, velocity, exponent, RATIO)
+    excess = (further - bent(samples, v, sign)) / RATIO
     level = coulomb_level(base.modelled, base.fit.own[j])
     if level > 0.0 and base.signs[j].damped:
-        damping = max(float(base.fit.own[j][-1]), 0.0)
-        excess = excess + damping / level * rate_of_bristles(samples, v, excess, sign)
+        seconds = min(max(float(base.fit.own[j][-1]), 0.0) / level, _LONGEST)
+        excess = excess + seconds * damped_rate(samples, v, excess, sign)
     return samples.led(excess)

@@ -96,10 +96,15 @@ class StribeckExponent(Stribeck):
 class StribeckBristles(Stribeck):
     """Stribeck friction that builds up over a deflection, as Coulomb friction then does as well.
 
-    The LuGre model (Canudas de Wit et al. 1995), for joints whose dry friction was not seen to have bristles.
+    The LuGre model (Canudas de Wit et al. 1995), for joints whose dry friction was not seen to have bristles, or others
+    where static friction was not thought of.
     """
 
-    linear = (*Stribeck.linear, Parameter("presliding", "N·m", 0.0), Parameter("bristle_damping", "N·m·s"))
+    linear = (
+        *Stribeck.linear,
+        Parameter("presliding", "N·m", 0.0),
+        Parameter("bristle_damping", "N·m·s", 0.0),
+    )
     searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
 
     @property
