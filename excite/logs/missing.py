@@ -17,7 +17,7 @@ _PASSES = 12
 # Half a window of rows on one side makes means so much less certain.
 _AT_END = 1.5
 # So few odd steps are no tail.
-_FEW = 5
+_FEW = 20
 # Index of the window that tells a change of level from a single late stamp.
 _LEVEL = 2
 # Rows that a record lacks before any is found to be missing, for the odds.

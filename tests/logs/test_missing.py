@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from excite.logs.missing import missing_rows
@@ -50,6 +50,8 @@ def test_jitter_alone_is_no_missing_row(kind: str, size: float, seed: int) -> No
     lost=st.integers(0, 60),
     seed=st.integers(0, 2**32 - 1),
 )
+@example(kind="late", size=0.078125, lost=2, seed=0)
+@example(kind="late", size=0.08, lost=3, seed=37)
 def test_under_slight_jitter_every_missing_row_is_counted(
     kind: str, size: float, lost: int, seed: int
 ) -> None:
