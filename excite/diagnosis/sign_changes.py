@@ -42,8 +42,11 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
     if not leads:
         return _refined(baseline)
     led = _with_lead(baseline)
-    first = baseline if led is baseline else _with_lead(_chosen(led, keep=False))
-    if led is not baseline and not any(sign.damped for sign in first.signs):
+    first = baseline if led is baseline else _chosen(led, keep=False)
+    if _damped(first) != _damped(led):
+        # A lead found beside damping is less than without.
+        first = _with_lead(first)
+    if led is not baseline and not any(_damped(first)):
         return _refined(first)
     # Signs that were chosen without a lead may hide one, as damping of bristles does.
     begun = _fitted(baseline.with_signs(baseline.signs, _TYPICAL))
@@ -102,6 +105,10 @@ def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
         value = float(getattr(sign, name))
         sign = at(refined(baseline.fit.before_own[j], rows_at, value, rows_at(value), use, bounds))
     return sign
+
+
+def _damped(baseline: Baseline) -> tuple[bool, ...]:
+    return tuple(sign.damped for sign in baseline.signs)
 
 
 def _with_lead(baseline: Baseline) -> Baseline:
