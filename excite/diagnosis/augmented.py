@@ -86,8 +86,7 @@ def _formed(draft: Draft, baseline: Baseline, effects: Sequence[Found]) -> None:
         if sign.bent and "coulomb_friction" in baseline.modelled:
             values = {"breakaway": sign.breakaway}
             if sign.damped:
-                damping = max(float(baseline.fit.own[j][-1]), 0.0)
-                values |= {"damping": damping, "damped_below": sign.damped_below}
+                values |= {"damping": baseline.bristle_damping(j), "damped_below": sign.damped_below}
             presliding(draft, joint, values)
     for item in effects:
         form = FORMS.get(item.effect)

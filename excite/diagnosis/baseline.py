@@ -98,6 +98,10 @@ class Baseline:
         columns = own_signals(s, names, joint, sign)
         return s.rows(columns) * self.root_weight[joint][:, None]
 
+    def bristle_damping(self, joint: int) -> float:
+        """Damping of a joint's bristles as fitted, not negative; 0 where they have none [N·m·s]."""
+        return max(float(self.fit.own[joint][-1]), 0.0) if self.signs[joint].damped else 0.0
+
     def plain(self, residual: Array) -> Array:
         """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]."""
         return residual / self.root_weight

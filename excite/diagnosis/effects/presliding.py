@@ -46,6 +46,6 @@ def bent_excess(context: Context, j: int, sign: SignChange, velocity: float, exp
     excess = (further - bent(samples, v, sign)) / RATIO
     level = coulomb_level(base.modelled, base.fit.own[j])
     if level > 0.0 and base.signs[j].damped:
-        seconds = min(max(float(base.fit.own[j][-1]), 0.0) / level, _LONGEST)
+        seconds = min(base.bristle_damping(j) / level, _LONGEST)
         excess = excess + seconds * damped_rate(samples, v, excess, sign)
     return samples.led(excess)

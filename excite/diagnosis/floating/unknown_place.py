@@ -73,10 +73,10 @@ def unknown_places(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
     makes three. The moment must be that of the force about a point of the link, which is near its joint, or the
     joint itself: links are listed that either leaves untold from the best.
     """
-    channels = misread_channels(problem, fitted)
+    left = _open(problem, fitted)
+    channels = _misread(problem, fitted, left)
     if channels:
         return channels
-    left = _open(problem, fitted)
     at_joint, near = {}, {}
     for link in links(left.state):
         at_joint[link], delta = left.beside_force(link, np.zeros(3))
@@ -90,7 +90,11 @@ def misread_channels(problem: Problem, fitted: Fitted) -> tuple[str, ...]:
 
     The likeliest first; none where each leaves more.
     """
-    left, state = _open(problem, fitted), explained_state(problem, fitted)
+    return _misread(problem, fitted, _open(problem, fitted))
+
+
+def _misread(problem: Problem, fitted: Fitted, left: _Open) -> tuple[str, ...]:
+    state = explained_state(problem, fitted)
     rest = {
         f"{name}.{axis}": left.beside(arms[left.few][:, :, [k]])[0]
         for name, arms in state.levers.items()
