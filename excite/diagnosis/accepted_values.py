@@ -8,8 +8,8 @@ import numpy as np
 
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
-from excite.diagnosis.effects.deflection import contact_stiffness, gear_damping
 from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.gear import contact_stiffness, gear_damping
 from excite.robot.robot import Array
 
 _SMOOTH = 201

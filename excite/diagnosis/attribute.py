@@ -153,7 +153,8 @@ class Attributor:
         if not others:
             return ()
         first = {form.effect.name: form for form in sorted([item, *others], key=price, reverse=True)}
-        return scorer.scored(context.baseline.fit, sorted(first.values(), key=price))
+        scored = scorer.scored(context.baseline.fit, list(first.values()))
+        return tuple(sorted(scored, key=lambda item: -item.evidence))
 
     def _richer(self, context: Context, joints: tuple[str, ...], scorer: Scorer) -> tuple[Scored, ...]:
         """Richer forms at the joints that have most left to explain, ranked."""

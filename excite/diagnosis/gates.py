@@ -32,6 +32,7 @@ class Gates:
         stands_least: the same that any effect needs: what is below the floor is no gap.
         stands_rough: the same for an effect that may smooth the model's torque, noise in it and all.
         closed_rough: share from which such an effect is named all the same.
+        stands_smooth: what it needs in any case: noise of the encoders is not known better.
         evidence_faint: nats of an effect that stands less than that.
         validation_faint: nats of such an effect on validation trials alone.
         evidence_faint_again: nats of such a further effect.
@@ -70,6 +71,7 @@ class Gates:
     stands_least: float = 0.8
     stands_rough: float = 2.0
     closed_rough: float = 0.7
+    stands_smooth: float = 1.25
     evidence_faint: float = 30.0
     validation_faint: float = 8.0
     evidence_faint_again: float = 80.0
@@ -103,8 +105,9 @@ class Gates:
         places = {joints[item.place], item.location}
         apart = all(a.hypothesis.effect.own_joint and a.location not in places for a in accepted)
         evidence, validation = self._nats(closed, again=bool(accepted))
-        if item.hypothesis.effect.smooths and item.stands < self.stands_rough and closed < self.closed_rough:
-            return False
+        if item.hypothesis.effect.smooths and item.stands < self.stands_rough:
+            if closed < self.closed_rough or item.stands < self.stands_smooth:
+                return False
         if item.stands < self.stands:
             if not apart or item.of_noise < self.closed or item.stands < self.stands_least:
                 return False

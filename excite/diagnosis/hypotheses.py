@@ -62,7 +62,7 @@ class Hypothesis:
     @property
     def settled(self) -> bool:
         """Whether its search ended within what its name stands for."""
-        return self.effect.settled(self.theta)
+        return self.effect.settled(Context(self.baseline), self.location, self.theta, self.fit)
 
     @property
     def significant(self) -> bool:

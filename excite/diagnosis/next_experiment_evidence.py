@@ -236,6 +236,6 @@ def as_trial(samples: ArmSamples, motion: Motion, rate_hz: float = _RATE_HZ) -> 
         q=short.q[:n],
         v=short.v[:n],
         a=short.a[:n],
-        tau=np.zeros((n, len(samples.joints))),
+        tau=np.full((n, len(samples.joints)), np.nan),
         rows=np.arange(edge, n - edge, max(1, round(rate / samples.bands.rate_hz))),
     )

@@ -95,10 +95,14 @@ def in_richer_forms(search: Search, effect: Effect, location: str) -> list[Hypot
     if theta is None:
         return made
     for form in effect.richer:
-        begun = [search.try_at(form, location, start) for start in form.starts(theta)]
-        found = [start for start in begun if start is not None]
+        found = []
+        for starts in (form.starts(theta), form.own_starts(search.context, location)):
+            begun = [search.try_at(form, location, start) for start in starts]
+            likely = [start for start in begun if start is not None]
+            if likely:
+                found.append(search.refine(min(likely, key=lambda start: start.loss)))
         if found:
-            made.append(search.refine(min(found, key=lambda start: start.loss)))
+            made.append(min(found, key=lambda item: item.loss))
     return made
 
 

@@ -88,7 +88,8 @@ def test_deflection_of_a_loaded_spring_and_of_play():
     starts = np.zeros(n, dtype=bool)
     starts[0] = True
     damping = 2.0 * np.sqrt(stiffness * inertia)
-    arguments = (np.full(n, inertia), starts, dt, stiffness, damping)
+    free, rest = np.zeros(n), np.zeros((1, 2))
+    arguments = (free, free, np.full(n, inertia), starts, rest, dt, stiffness, damping)
     still = deflect(np.full(n, load), *arguments, 0.0)
     np.testing.assert_allclose(still[0], -load / stiffness, rtol=1e-9)
     # The load turns over: the link crosses the play and leans on the other side.
@@ -103,7 +104,10 @@ def test_a_hardening_spring_under_a_constant_load_starts_where_it_stays():
     n, load, stiffness, cubic = 200, 20.0, 265.0, 2500.0
     starts = np.zeros(n, dtype=bool)
     starts[0] = True
-    x = deflect(np.full(n, load), np.full(n, 0.5), starts, 0.005, stiffness, 1.0, 0.0, cubic)[0]
+    free, rest = np.zeros(n), np.zeros((1, 2))
+    x = deflect(
+        np.full(n, load), free, free, np.full(n, 0.5), starts, rest, 0.005, stiffness, 1.0, 0.0, cubic
+    )[0]
     np.testing.assert_allclose(stiffness * x * (1.0 + cubic * x**2), -load, rtol=1e-6)
 
 

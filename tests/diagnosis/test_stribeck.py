@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.effects.stribeck import Stribeck
 from excite.logs.files import save_log
 from excite.logs.log import Log, Trial, TrialHeader
 from tests.diagnosis.test_one_joint import URDF, axis_header
@@ -50,6 +52,21 @@ def test_friction_that_falls_with_speed_is_named(tmp_path: Path) -> None:
 def test_drag_that_sets_in_at_high_speed_is_no_stribeck_friction(tmp_path: Path) -> None:
     result = diagnose(logged(tmp_path, lambda v: 90.0 * np.maximum(np.abs(v) - 0.5, 0.0) ** 2 * np.sign(v)))
     assert (result.verdict, result.location) == ("unknown", "slide")
+
+
+def test_what_leaves_no_dry_friction_at_higher_speed_is_none_either() -> None:
+    """Drag above some speed, told by viscous friction and less than no Coulomb friction, looks like it."""
+    names = ("rigid_body", "coulomb_friction")
+    context = SimpleNamespace(baseline=SimpleNamespace(modelled=names), row=lambda location: 0)
+
+    def settled(coulomb: float) -> bool:
+        fit = SimpleNamespace(own=np.array([[coulomb]]), extra=np.array([7.0]))
+        return Stribeck().settled(context, "slide", (0.3,), fit)
+
+    assert settled(5.0)
+    # Below none by no more than the forms of the law differ.
+    assert settled(-0.3)
+    assert not settled(-8.0)
 
 
 def test_a_finer_form_does_not_leave_low_speed_either(tmp_path: Path) -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from excite.diagnosis.effects.deflection import contact_stiffness, response
+import numpy as np
+
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.gear import Gear, contact_stiffness, gear_damping
+from excite.diagnosis.effects.gear_response import response
 
 
 class Backlash(Effect):
@@ -24,7 +27,7 @@ class Backlash(Effect):
 
     @property
     def richer(self) -> tuple[Effect, ...]:
-        return (DampedBacklash(), SoftBacklash())
+        return (DampedBacklash(), SoftBacklash(), RoundBacklash())
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
@@ -46,7 +49,7 @@ class DampedBacklash(Backlash):
         return [(theta[0], theta[1], 1.0), (theta[0], 2.0 * theta[1], 2.0), (theta[0], theta[1], 0.5)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _between_contacts(context, location, *theta)
+        return _between_contacts(context, location, theta[0], theta[1], theta[2])
 
 
 class SoftBacklash(Backlash):
@@ -63,12 +66,41 @@ class SoftBacklash(Backlash):
         return [(w, theta[1], 0.15 * w) for w in (theta[0], 3.0 * theta[0], 0.03)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _between_contacts(context, location, theta[0], theta[1], 1.0, theta[2])
+        return _between_contacts(context, location, theta[0], theta[1], 1.0, soft=theta[2])
+
+
+class RoundBacklash(Backlash):
+    """Round contacts, the stiffer the more they carry: ``contact_hz`` is told at the mean load."""
+
+    searched = (
+        Backlash.searched[0],
+        Parameter("contact_hz", "Hz", 1.0, 150.0),
+        Parameter("damping_ratio", "1", 0.05, 4.0),
+    )
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(w, f, 0.3) for w in (0.7 * theta[0], theta[0]) for f in (2.0, 4.0, 8.0)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        return _between_contacts(context, location, theta[0], theta[1], theta[2], rounded=True)
 
 
 def _between_contacts(
-    context: Context, location: str, width: float, hertz: float, ratio: float, soft: float = 0.0
+    context: Context,
+    location: str,
+    width: float,
+    hertz: float,
+    ratio: float,
+    *,
+    soft: float = 0.0,
+    rounded: bool = False,
 ) -> Shape:
     j = context.row(location)
     stiffness = contact_stiffness(context, j, hertz)
-    return Shape(offset=response(context, j, stiffness, ratio, 0.5 * width, 0.0, soft))
+    damping = gear_damping(context, j, stiffness, ratio)
+    depth = float(np.abs(context.baseline.rigid[:, j]).mean()) / stiffness if rounded else 0.0
+    return Shape(offset=response(context, j, Gear(stiffness, damping, 0.5 * width, soft=soft, depth=depth)))

@@ -1,4 +1,4 @@
-"""The motion of a link behind a soft or loose gear, and what it does to all torques."""
+"""The motion of a link behind a soft or loose gear."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import math
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context
 from excite.lazy_kernel import LazyKernel
-from excite.robot.robot import Array
 
 
 @LazyKernel
 def deflect(
-    load, inertia, starts, dt, stiffness, damping, gap, cubic=0.0, soft=0.0
+    load, by_q, by_v, inertia, starts, begin, dt, stiffness, damping, gap, cubic=0.0, soft=0.0, depth=0.0
 ):  # pragma: no cover - compiled
-    """Integrate ``M δ̈ = −τ − k(δ) − D δ̇`` with a dead band of ±gap, semi-implicitly.
+    """Integrate ``M δ̈ = −τ − ∂τ/∂q δ − ∂τ/∂v δ̇ − k(δ) − D δ̇`` with a dead band of ±gap, semi-implicitly.
 
-    load, inertia: ``(n,)`` torque that the link needs and its inertia; ``starts`` marks the first sample of
-    each trial, the first of all among them, where the deflection is the static one. The spring is
-    ``k x (1 + cubic x²)``; in the dead band there is neither spring nor damper. With ``soft`` each flank of the band
-    is ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s.
+    load, by_q, by_v, inertia: ``(n,)`` torque that the link needs, its change with the joint's angle and speed, and
+    its inertia; ``starts`` marks the first sample of each trial, the first of all among them, where the deflection is
+    the static one and ``begin (n_trials, 2)`` more, angle and speed. The spring is ``k x (1 + cubic x²)``; in the dead
+    band there is neither spring nor damper. With ``soft`` each flank of the band is
+    ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s. With ``depth`` the flanks are round, their force
+    and their damping as those of two spheres: ``k x √(x/depth)`` (Hertz 1881; Hunt, Crossley 1975). Contacts push and
+    do not pull.
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
     n = len(load)
@@ -28,11 +29,15 @@ def deflect(
     first, lengths = _trials(starts)
     count, longest = len(first), 0
     # All trials go side by side: the processor works on several, where one would wait for itself.
-    x, s, mean = np.empty(count), np.zeros(count), np.empty(count)
+    x, s, mean = np.empty(count), np.empty(count), np.empty(count)
     now, then, m = np.empty(count), np.empty(count), np.empty(count)
+    turn, drag = np.empty(count), np.empty(count)
     for k in range(count):
         now[k], longest = load[first[k]], max(longest, lengths[k])
-        x[k] = _settled(-now[k] / stiffness, gap, cubic)
+        # A load that falls as the link gives way softens the gear; it is not let carry all of it.
+        held = max(1.0 + by_q[first[k]] / stiffness, 0.2)
+        x[k] = _settled(-now[k] / (stiffness * held), gap, cubic / held) + begin[k, 0]
+        s[k] = begin[k, 1]
     h = dt / 4
     for i in range(longest):
         for k in range(count):
@@ -41,29 +46,45 @@ def deflect(
             if i < lengths[k]:
                 out[0, here], out[1, here] = x[k], s[k]
             now[k], m[k], mean[k] = load[here], inertia[here], 0.0
+            turn[k], drag[k] = by_q[here], by_v[here]
             then[k] = load[first[k] + min(i + 1, lengths[k] - 1)]
         for part in range(4):
             share = (part + 0.5) / 4
             for k in range(count):
+                held, kk, dd = _gear(x[k], s[k], stiffness, damping, gap, cubic, soft, depth)
+                held, kk, dd = held + turn[k] * x[k], kk + turn[k], dd + drag[k]
                 tau = now[k] * (1.0 - share) + then[k] * share
-                if soft > 0.0:
-                    held, share_held = _flanks(x[k], gap, soft)
-                    kk, dd = stiffness * share_held, damping * share_held
-                    force = -tau - stiffness * held - kk * h * s[k] - dd * s[k]
-                else:
-                    beyond = x[k] - gap if x[k] > gap else (x[k] + gap if x[k] < -gap else 0.0)
-                    kk = stiffness * (1.0 + cubic * beyond * beyond) if beyond != 0.0 else 0.0
-                    dd = damping if beyond != 0.0 else 0.0
-                    force = -tau - kk * (beyond + h * s[k]) - dd * s[k]
-                # Implicit in the spring and the damper: stable for any stiffness.
-                acc = force / (m[k] + h * dd + h * h * kk)
+                # The midpoint's spring and damper lose no energy of their own; those of the step's end are stable
+                # where contacts are stiff for it.
+                at = h if h * h * kk > 0.25 * m[k] else 0.5 * h
+                acc = -(tau + held + kk * at * s[k] + dd * s[k]) / (m[k] + at * dd + at * at * kk)
+                x[k] += h * (s[k] + at * acc)
                 s[k] += h * acc
-                x[k] += h * s[k]
                 mean[k] += acc / 4
         for k in range(count):
             if i < lengths[k]:
                 out[2, first[k] + i] = mean[k]
     return out
+
+
+@LazyKernel
+def _gear(x, s, stiffness, damping, gap, cubic, soft, depth):  # pragma: no cover - compiled
+    """Torque of a gear's spring at a deflection, its stiffness there, and its damping."""
+    if soft > 0.0:
+        held, share = _flanks(x, gap, soft)
+        return stiffness * held, stiffness * share, damping * share
+    beyond = x - gap if x > gap else min(x + gap, 0.0)
+    if beyond == 0.0:
+        return 0.0, 0.0, 0.0
+    if depth > 0.0:
+        share = math.sqrt(abs(beyond) / depth)
+        held, kk, dd = stiffness * share * beyond, 1.5 * stiffness * share, damping * share
+    else:
+        grown = cubic * beyond * beyond
+        held, kk, dd = stiffness * (1.0 + grown) * beyond, stiffness * (1.0 + 3.0 * grown), damping
+    if gap > 0.0 and (held + dd * s) * beyond < 0.0:
+        return 0.0, 0.0, 0.0
+    return held, kk, dd
 
 
 @LazyKernel
@@ -98,57 +119,3 @@ def _trials(starts):  # pragma: no cover - compiled
             count -= 1
             first[count], lengths[count], end = i, end - i, i
     return first, lengths
-
-
-def link_inertia(context: Context, j: int) -> Array:
-    """Inertia that a joint moves, ``(n_samples,)``, kept positive where fitted parameters make it none [kg·m²]."""
-    key, kept = (j, "inertia"), context.baseline.derived.values
-    if key not in kept:
-        mass = context.gradient(j, "a")[:, j]
-        kept[key] = np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
-    return kept[key]
-
-
-def contact_stiffness(context: Context, j: int, hertz: float) -> float:
-    """Stiffness at which the mean inertia behind a joint swings so often a second [N·m/rad]."""
-    return float(link_inertia(context, j).mean()) * (2.0 * math.pi * hertz) ** 2
-
-
-def gear_damping(context: Context, j: int, stiffness: float, ratio: float) -> float:
-    """Damping of a gear whose ratio is told at the mean inertia behind it [N·m·s/rad]."""
-    return 2.0 * ratio * math.sqrt(stiffness * float(link_inertia(context, j).mean()))
-
-
-def response(
-    context: Context,
-    j: int,
-    stiffness: float,
-    ratio: float,
-    gap: float,
-    cubic: float = 0.0,
-    soft: float = 0.0,
-) -> dict[int, Array]:
-    """Torques in all rows that a deflection of joint j adds, by row, ``(n_samples,)``.
-
-    To first order in the deflection δ: ``∂τ/∂q δ + ∂τ/∂v δ̇ + M δ̈``, with δ from its own equation of
-    motion, the other joints moving as logged (Spong 1987, eq. 5, with the motor's side prescribed).
-
-    Args:
-        context: the context.
-        j: row of the joint.
-        stiffness: of the gear, or of the contact on either side of the play [N·m/rad].
-        ratio: damping ratio at the mean inertia.
-        gap: half the play [rad].
-        cubic: relative growth of the stiffness with the square of the deflection [1/rad²].
-        soft: width over which contact comes on at either side of the play [rad].
-    """
-    load = context.baseline.rigid[:, j]
-    mass = context.gradient(j, "a")
-    inertia = link_inertia(context, j)
-    starts = context.baseline.samples.starts
-    damping = gear_damping(context, j, stiffness, ratio)
-    rate = context.baseline.samples.rate_hz
-    x, s, acc = deflect(load, inertia, starts, 1.0 / rate, stiffness, damping, gap, cubic, soft)
-    by_q, by_v = context.gradient(j, "q"), context.gradient(j, "v")
-    total = by_q * x[:, None] + by_v * s[:, None] + mass * acc[:, None]
-    return {k: total[:, k] for k in range(total.shape[1])}

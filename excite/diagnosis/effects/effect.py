@@ -179,6 +179,10 @@ class Effect(ABC):
         """Where the search of a richer form begins, from the non-linear parameters of the plain one."""
         return [theta]
 
+    def own_starts(self, context: Context, location: str) -> list[Theta]:
+        """Where the search of a richer form begins besides, where the plain one fits nothing."""
+        return []
+
     def offered(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""
         return self.name not in modelled
@@ -203,7 +207,7 @@ class Effect(ABC):
         """Whether a fit says something that can be, within what the record tells of it."""
         return True
 
-    def settled(self, theta: Theta) -> bool:
+    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
         """Whether a search ended within what the effect's name stands for, not at the end of it."""
         return True
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from excite.diagnosis.effects.backlash import Backlash
-from excite.diagnosis.effects.deflection import link_inertia, response
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.gear import Gear, contact_stiffness, gear_damping, link_inertia
+from excite.diagnosis.effects.gear_response import response
 
 
 class JointElasticity(Effect):
@@ -34,7 +37,7 @@ class JointElasticity(Effect):
         return [(inertia * (6.283 * f) ** 2, 0.5) for f in resonances]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return Shape(offset=response(context, context.row(location), theta[0], theta[1], 0.0))
+        return _behind_gear(context, location, theta)
 
 
 class HardeningElasticity(JointElasticity):
@@ -54,6 +57,18 @@ class HardeningElasticity(JointElasticity):
         # Under a constant load the tangent is what has been found, and the spring at rest is softer.
         return [(s * theta[0], theta[1], at) for s in (0.15, 0.4, 0.8) for at in (0.01, 0.03, 0.08)]
 
+    def own_starts(self, context: Context, location: str) -> list[Theta]:
+        """Hardly damped, and much stiffer where the load stretches it than at rest."""
+        j = context.row(location)
+        load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
+        soft = [contact_stiffness(context, j, hertz) for hertz in (1.6, 2.4, 3.6, 5.4)]
+        return [(k, 0.1, share * load / k) for k in soft for share in (0.7, 1.4)]
+
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        cubic = theta[2] ** -2
-        return Shape(offset=response(context, context.row(location), theta[0], theta[1], 0.0, cubic))
+        return _behind_gear(context, location, theta, theta[2] ** -2)
+
+
+def _behind_gear(context: Context, location: str, theta: Theta, cubic: float = 0.0) -> Shape:
+    j = context.row(location)
+    damping = gear_damping(context, j, theta[0], theta[1])
+    return Shape(offset=response(context, j, Gear(theta[0], damping, cubic=cubic)))

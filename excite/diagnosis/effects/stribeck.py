@@ -24,6 +24,8 @@ _TRIFLE = 0.05
 _SHARE = 1.5
 # Share of the greatest Stribeck velocity that a search has to end below.
 _SETTLED = 0.9
+# Share of the excess by which Coulomb friction may be fitted below none.
+_LEFT = 0.1
 
 
 class Stribeck(Effect):
@@ -55,9 +57,13 @@ class Stribeck(Effect):
         trifle = beta[0] < _TRIFLE * coulomb_level(base.modelled, base.fit.own[j])
         return theta[0] >= _BENT and not trifle and super().admissible(context, location, theta, beta)
 
-    def settled(self, theta: Theta) -> bool:
-        """Friction that falls with speed up to the fastest that is searched is no matter of low speed."""
-        return theta[0] < _SETTLED * self.searched[0].high
+    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+        """Friction that falls with speed up to the fastest that is searched is no matter of low speed.
+
+        Nor is what leaves no dry friction above it: there drag sets in that grows faster than with the speed.
+        """
+        left = coulomb_level(context.baseline.modelled, fit.own[context.row(location)])
+        return theta[0] < _SETTLED * self.searched[0].high and left > -_LEFT * float(fit.extra[0])
 
 
 class StribeckExponential(Stribeck):

@@ -1,0 +1,78 @@
+"""A soft or loose gear, and the link behind it as the gear feels it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.diagnosis.effects.effect import Context
+from excite.robot.robot import Array
+
+
+class Gear(NamedTuple):
+    """A gear that gives way.
+
+    Attributes:
+        stiffness: of the gear, or of the contact on either side of the play [N·m/rad].
+        damping: [N·m·s/rad].
+        gap: half the play [rad].
+        cubic: relative growth of the stiffness with the square of the deflection [1/rad²].
+        soft: width over which contact comes on at either side of the play [rad].
+        depth: of round contacts where they are as stiff as told [rad]; 0 of flat ones.
+    """
+
+    stiffness: float
+    damping: float
+    gap: float = 0.0
+    cubic: float = 0.0
+    soft: float = 0.0
+    depth: float = 0.0
+
+
+class Behind(NamedTuple):
+    """What a gear has behind it at every sample, ``(n_samples,)`` each.
+
+    Attributes:
+        load: torque that the link needs where it moves with the motor [N·m].
+        by_q: its change with the joint's angle [N·m/rad].
+        by_v: its change with the joint's speed [N·m·s/rad].
+        inertia: [kg·m²], positive.
+    """
+
+    load: Array
+    by_q: Array
+    by_v: Array
+    inertia: Array
+
+    @classmethod
+    def joint(cls, context: Context, j: int) -> Behind:
+        """What joint j's gear has behind it."""
+        by_q, by_v = (np.ascontiguousarray(context.gradient(j, what)[:, j]) for what in ("q", "v"))
+        load = np.ascontiguousarray(context.baseline.rigid[:, j])
+        return cls(load, by_q, by_v, link_inertia(context, j))
+
+    def at(self, samples: NDArray[np.int64]) -> Behind:
+        """The same at some samples."""
+        return Behind(*(values[samples] for values in self))
+
+
+def link_inertia(context: Context, j: int) -> Array:
+    """Inertia that a joint moves, ``(n_samples,)``, kept positive where fitted parameters make it none [kg·m²]."""
+    key, kept = (j, "inertia"), context.baseline.derived.values
+    if key not in kept:
+        mass = context.gradient(j, "a")[:, j]
+        kept[key] = np.maximum(mass, 0.05 * max(float(np.abs(mass).mean()), 1e-6))
+    return kept[key]
+
+
+def contact_stiffness(context: Context, j: int, hertz: float) -> float:
+    """Stiffness at which the mean inertia behind a joint swings so often a second [N·m/rad]."""
+    return float(link_inertia(context, j).mean()) * (2.0 * math.pi * hertz) ** 2
+
+
+def gear_damping(context: Context, j: int, stiffness: float, ratio: float) -> float:
+    """Damping of a gear whose ratio is told at the mean inertia behind it [N·m·s/rad]."""
+    return 2.0 * ratio * math.sqrt(stiffness * float(link_inertia(context, j).mean()))

@@ -1,0 +1,127 @@
+"""How a soft or loose gear swings already where a trial begins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.diagnosis.effects.deflection import deflect
+from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.gear import Behind, Gear
+from excite.logs.signals.butterworth import settling_samples
+from excite.robot.robot import Array
+
+# So few samples do not tell how a gear swings.
+_LEAST = 20
+# A gear that has swung off to exp(−5) before the first row may have begun anyhow.
+_FORGOTTEN = 5.0
+# Steps of Gauss and Newton, where the gear is not linear.
+_STEPS = 4
+
+
+def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
+    """Deflection and its speed at each trial's first sample, beyond rest under the load, ``(n_trials, 2)``.
+
+    Where a trial begins in motion the gear already swings, and a soft one goes on for longer than the rows wait. The
+    measured torque less the motor's own part is what the gear carries: least squares over the samples before the
+    first row tells its state. Rows, and so whatever is judged, have no part in it. A trial that begins at rest, or
+    before which nothing was measured, begins at rest under its load.
+    """
+    samples, base = context.baseline.samples, context.baseline
+    begin = np.zeros((len(samples.trials), 2))
+    windows = _before_rows(context, j)
+    told = [k for k, window in enumerate(windows) if len(window)]
+    inertia = float(behind.inertia.mean())
+    length = max((len(window) for window in windows), default=0) / samples.rate_hz
+    if not told or 0.5 * gear.damping / inertia * length > _FORGOTTEN:
+        return begin
+    rows = np.concatenate([windows[k] for k in told])
+    own = base.total[rows, j] - base.rigid[rows, j]
+    early = _Early(
+        behind.at(rows),
+        samples.starts[rows],
+        samples.stacked("tau")[rows, j] - own,
+        np.cumsum([len(windows[k]) for k in told])[:-1],
+        1.0 / samples.rate_hz,
+        gear,
+    )
+    load = float(np.sqrt(np.mean(behind.load**2)))
+    reach = gear.gap + load / gear.stiffness
+    begin[told] = early.fitted(reach, reach * math.sqrt(gear.stiffness / inertia))
+    return begin
+
+
+@dataclass(frozen=True, eq=False)
+class _Early:
+    """The samples before the rows, of the trials in which they tell something.
+
+    Attributes:
+        behind: what the gear has behind it at these samples.
+        starts: which are the first of a trial.
+        carried: torque that the gear carries there, as measured [N·m].
+        ends: where trials end, the last one's left out.
+        dt: [s].
+        gear: the gear.
+    """
+
+    behind: Behind
+    starts: NDArray[np.bool_]
+    carried: Array
+    ends: NDArray[np.int64]
+    dt: float
+    gear: Gear
+
+    def left(self, begin: Array) -> Array:
+        """Torque that a gear does not carry which begins so, ``(n_samples,)``."""
+        b = self.behind
+        x, s, acc = deflect(*b, self.starts, begin, self.dt, *self.gear)
+        return self.carried - (b.load + b.by_q * x + b.by_v * s + b.inertia * acc)
+
+    def fitted(self, reach: float, speed: float) -> Array:
+        """First states ``(n_trials, 2)``, as large as ``reach`` and ``speed`` before anything is measured."""
+        count = len(self.ends) + 1
+        size = np.array([reach, speed])
+        states, linear = np.zeros((count, 2)), self.gear.gap == 0.0 and self.gear.cubic == 0.0
+        left = np.split(self.left(states), self.ends)
+        # Noise as between neighbours.
+        weights = [1.0 / max(float(np.std(np.diff(y))), 1e-12) ** 2 for y in left]
+        for _ in range(1 if linear else _STEPS):
+            wanted = self._newton(states, left, weights, size, 1.0 if linear else 0.05)
+            # A step that makes a trial worse is taken by a third, or not at all.
+            for share in (1.0, 0.3):
+                tried = states + share * (wanted - states)
+                after = np.split(self.left(tried), self.ends)
+                for k, w in enumerate(weights):
+                    closer = w * float(left[k] @ left[k] - after[k] @ after[k])
+                    if closer > float(((tried[k] ** 2 - states[k] ** 2) / size**2).sum()):
+                        states[k], left[k], wanted[k] = tried[k], after[k], tried[k]
+        return states
+
+    def _newton(
+        self, states: Array, left: list[Array], weights: list[float], size: Array, step: float
+    ) -> Array:
+        """States at which what is left would be least, were the gear linear about these, ``(n_trials, 2)``."""
+        moved = [np.split(self.left(states + step * size * unit), self.ends) for unit in np.eye(2)]
+        wanted = states.copy()
+        for k, w in enumerate(weights):
+            slope = np.column_stack([left[k] - m[k] for m in moved]) / step
+            normal = w * slope.T @ slope + np.eye(2)
+            wanted[k] += np.linalg.solve(normal, w * slope.T @ left[k] - states[k] / size) * size
+        return wanted
+
+
+def _before_rows(context: Context, j: int) -> list[NDArray[np.int64]]:
+    """Samples of each trial before its first row and out of the filter's reach, none where the joint stands."""
+    samples = context.baseline.samples
+    edge = settling_samples(samples.rate_hz, samples.bands.rows_hz)
+    speed = np.abs(context.v[:, j])
+    made, first = [], 0
+    for trial in samples.trials:
+        window = np.arange(first, first + max(int(trial.rows[0]) - edge, 0))
+        first += len(trial.time)
+        moving = len(window) >= _LEAST and bool((speed[window] > samples.standstill[j]).mean() > 0.8)
+        made.append(window if moving and np.isfinite(trial.tau[0, j]) else window[:0])
+    return made

@@ -1,0 +1,143 @@
+"""Gears that give way: the link behind them swings on its own, under gravity, and does so when a trial begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.effects.deflection import deflect
+from excite.logs.files import save_log
+from excite.logs.log import Trial, TrialHeader
+from tests.diagnosis.two_joints import COULOMB, NOISE, RATE_HZ, URDF, VISCOUS, two_joint_log
+
+_STEPS, _RUN_IN_S, _SECONDS = 10, 2.0, 10.0
+
+FIRST = np.array([1.0, 0.0])
+# Torque that a gear carries at a deflection and its speed [N·m].
+Law = Callable[[float, float], float]
+
+
+def recorded(name: str, role: str, seed: int, law: Law, middle: float, noise: int, down: np.ndarray) -> Trial:
+    """A trial whose first joint has its motor before a gear and its link behind; it begins in motion."""
+    model = pin.buildModelFromXML(URDF)
+    model.gravity.linear = 9.81 * down
+    data, rng = model.createData(), np.random.default_rng(seed)
+    step = 1.0 / (_STEPS * RATE_HZ)
+    fine = np.arange(round((_RUN_IN_S + _SECONDS) / step)) * step
+    q = np.zeros((len(fine), 2))
+    for j in range(2):
+        for k, turn in enumerate((0.3, 0.7, 1.3)):
+            w, size, p = 2.0 * np.pi * turn * (1.0 + 0.15 * j), 0.4 / (k + 1), rng.uniform(0.0, 6.28)
+            q[:, j] += size * np.sin(w * fine + p)
+    q += middle * FIRST
+    v = np.gradient(q, fine, axis=0)
+    a = np.gradient(v, fine, axis=0)
+    rigid, x, s = np.zeros_like(q), 0.0, 0.0
+    for i, (angle, speed, gain) in enumerate(zip(q, v, a, strict=True)):
+        here, there = angle + x * FIRST, speed + s * FIRST
+        load = pin.rnea(model, data, here, there, gain)
+        inertia = pin.crba(model, data, here)[:, 0]
+        swing = (-law(x, s) - load[0]) / inertia[0]
+        rigid[i] = load + inertia * swing
+        s += step * swing
+        x += step * s
+    kept = slice(round(_RUN_IN_S / step), None, _STEPS)
+    motor = rigid[kept] + VISCOUS * v[kept] + COULOMB * np.sign(v[kept])
+    motor += NOISE * np.random.default_rng(noise).normal(size=motor.shape)
+    return Trial(name=name, role=role, time=fine[kept] - _RUN_IN_S, q=q[kept], tau=motor)
+
+
+def logged(folder: Path, law: Law, middle: float = 0.0, down: tuple[float, ...] = (0.0, 0.0, -1.0)) -> Path:
+    """Four motions to identify from, the first again, and one to validate with; the first joint about ``middle``."""
+    trials = [recorded(f"t{k}", "identification", k, law, middle, k, np.array(down)) for k in range(4)]
+    trials += [
+        recorded("again", "identification", 0, law, middle, 8, np.array(down)),
+        recorded("other", "validation", 5, law, middle, 9, np.array(down)),
+    ]
+    log = two_joint_log(tuple(trials), gravity=[9.81 * x for x in down])
+    again = TrialHeader(file="again.parquet", role="identification", repeats="t0.parquet")
+    entries = (*log.header.trials[:4], again, log.header.trials[5])
+    log = replace(log, header=log.header.model_copy(update={"trials": entries}))
+    return save_log(log, folder / "two")
+
+
+def test_a_soft_gear_that_swings_when_a_trial_begins(tmp_path: Path) -> None:
+    """80 N·m/rad before a link of some 0.25 kg·m²: 3 Hz, damped so little that it swings for seconds."""
+    result = diagnose(logged(tmp_path, lambda x, s: 80.0 * x + 0.5 * s))
+    assert (result.verdict, result.effect, result.location) == ("effect", "joint_elasticity", "first")
+    assert result.effects[0].parameters["stiffness"].value == pytest.approx(80.0, rel=0.03)
+    assert result.gap.share_closed > 0.97
+
+
+def test_a_gear_that_hardens_so_much_that_no_linear_one_fits(tmp_path: Path) -> None:
+    """Four times as stiff under 3 N·m as at rest: a linear gear of any stiffness makes the misfit greater."""
+
+    def law(x: float, s: float) -> float:
+        return 40.0 * x * (1.0 + (x / 0.02) ** 2) + 0.6 * s
+
+    result = diagnose(logged(tmp_path, law, 0.5 * np.pi))
+    assert (result.verdict, result.effect, result.location) == ("effect", "joint_elasticity", "first")
+    assert result.effects[0].parameters["stiffness"].value == pytest.approx(40.0, rel=0.1)
+    assert result.effects[0].parameters["hardening_at"].value == pytest.approx(0.02, rel=0.1)
+
+
+def test_play_between_round_contacts(tmp_path: Path) -> None:
+    """Contacts of ``k b^1.5`` that give way by a good part of the play itself."""
+
+    def law(x: float, s: float) -> float:
+        beyond = x - np.clip(x, -0.01, 0.01)
+        pull = 1500.0 * beyond * np.sqrt(abs(beyond)) + 8.0 * np.sqrt(abs(beyond)) * s
+        return pull if pull * beyond > 0.0 else 0.0
+
+    # It hangs down: its load changes sign.
+    result = diagnose(logged(tmp_path, law, 0.5 * np.pi))
+    assert (result.verdict, result.effect, result.location) == ("effect", "backlash", "first")
+    assert result.effects[0].parameters["width"].value == pytest.approx(0.02, rel=0.15)
+
+
+def quiet(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Marks of one trial of n samples, and no change of its load."""
+    starts = np.zeros(n, dtype=bool)
+    starts[0] = True
+    return starts, np.zeros(n)
+
+
+def test_gravity_takes_part_in_the_deflection() -> None:
+    """A load that grows as the link turns stiffens the gear: ``(k + ∂τ/∂q) δ = −τ``, and it swings the faster."""
+    n, dt, load, stiffness, turn, inertia = 800, 0.005, 3.0, 90.0, 60.0, 0.4
+    starts, none = quiet(n)
+    gear = (np.full(n, inertia), starts)
+    still = deflect(
+        np.full(n, load), np.full(n, turn), none, *gear, np.zeros((1, 2)), dt, stiffness, 0.0, 0.0
+    )
+    np.testing.assert_allclose(still[0], -load / (stiffness + turn), rtol=1e-9)
+    begin = np.array([[0.02, 0.1]])
+    swung = deflect(none, np.full(n, turn), none, *gear, begin, dt, stiffness, 0.0, 0.0)[0]
+    w = np.sqrt((stiffness + turn) / inertia)
+    t = np.arange(200) * dt
+    np.testing.assert_allclose(swung[:200], 0.02 * np.cos(w * t) + 0.1 / w * np.sin(w * t), atol=2e-4)
+
+
+def test_a_round_contact_gives_way_as_two_spheres_do() -> None:
+    n, load, stiffness, gap, depth = 3000, 5.0, 400.0, 0.01, 0.004
+    starts, none = quiet(n)
+    rest = np.zeros((1, 2))
+    gear = (stiffness, 8.0, gap, 0.0, 0.0, depth)
+    x = deflect(np.full(n, load), none, none, np.full(n, 0.3), starts, rest, 0.005, *gear)[0]
+    assert x[-1] == pytest.approx(-gap - (load * np.sqrt(depth) / stiffness) ** (2.0 / 3.0), rel=1e-4)
+
+
+def test_contacts_push_and_do_not_pull() -> None:
+    """A link thrown off a flank leaves it as fast as it is: the damper of the contact does not hold it back."""
+    n, dt, stiffness, gap = 40, 0.005, 400.0, 0.05
+    starts, none = quiet(n)
+    # At rest it lies on the other flank.
+    begin = np.array([[2.0 * gap + 1e-4, -1.0]])
+    x = deflect(none, none, none, np.full(n, 0.3), starts, begin, dt, stiffness, 500.0, gap)[0]
+    assert x[10] == pytest.approx(gap + 1e-4 - 10 * dt, rel=0.05, abs=5e-3)
