@@ -103,12 +103,35 @@ class Attributor:
             near = self._polished(context, ranking, scorer)
             best = next((s for s in near if self._passes(s, accepted)), None)
             ranking = _first(best, ranking) if best is not None else ranking
+        else:
+            best, ranking = self._likelier(context, best, ranking, accepted, scorer)
         if best is None or (joints and best.of_rest < _TRIFLE):
             forms = self._richer(context, joints, scorer)
             whole = (s for s in forms if self.gates.explained_by(s) and self._passes(s, accepted))
             form = next(whole, None)
             if form is not None and (best is None or form.strength > best.strength):
                 best, ranking = form, _first(form, ranking)
+        return best, ranking
+
+    def _likelier(
+        self,
+        context: Context,
+        best: Scored,
+        ranking: tuple[Scored, ...],
+        accepted: list[Scored],
+        scorer: Scorer,
+    ) -> tuple[Scored, tuple[Scored, ...]]:
+        """What has more evidence than the best that passes, where it passes once it is finer; else that best.
+
+        A gear that swings takes the load from the baseline, which its swinging has bent: the first search ends short.
+        """
+        lead = max(ranking, key=lambda item: item.evidence)
+        effect = lead.hypothesis.effect
+        if lead.evidence <= best.evidence or not (effect.moves and effect.searched):
+            return best, ranking
+        finer = scorer.scored(context.baseline.fit, [polished(lead.hypothesis)])[0]
+        if self._passes(finer, accepted) and finer.evidence > best.evidence:
+            return finer, _first(finer, ranking)
         return best, ranking
 
     def _unnamed(

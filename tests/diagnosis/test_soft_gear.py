@@ -124,6 +124,14 @@ def test_gravity_takes_part_in_the_deflection() -> None:
     np.testing.assert_allclose(swung[:200], 0.02 * np.cos(w * t) + 0.1 / w * np.sin(w * t), atol=2e-4)
 
 
+def test_a_gear_that_cannot_hold_its_link_stays_finite() -> None:
+    n = 4000
+    starts, none = quiet(n)
+    gear = (np.full(n, 0.3), starts, np.zeros((1, 2)), 0.005, 10.0, 0.1, 0.0)
+    fallen = deflect(np.full(n, 1.0), np.full(n, -50.0), none, *gear)
+    assert np.isfinite(fallen).all()
+
+
 def test_a_round_contact_gives_way_as_two_spheres_do() -> None:
     n, load, stiffness, gap, depth = 3000, 5.0, 400.0, 0.01, 0.004
     starts, none = quiet(n)

@@ -8,6 +8,9 @@ import numpy as np
 
 from excite.lazy_kernel import LazyKernel
 
+# No gear gives way further [rad].
+_FURTHEST = 1.0
+
 
 @LazyKernel
 def deflect(
@@ -61,6 +64,9 @@ def deflect(
                 x[k] += h * (s[k] + at * acc)
                 s[k] += h * acc
                 mean[k] += acc / 4
+                # A gear softer than gravity pulls lets its link fall: no gear, but no number without end either.
+                if abs(x[k]) > _FURTHEST:
+                    x[k], s[k] = math.copysign(_FURTHEST, x[k]), 0.0
         for k in range(count):
             if i < lengths[k]:
                 out[2, first[k] + i] = mean[k]
