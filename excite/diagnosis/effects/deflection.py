@@ -16,7 +16,7 @@ _FURTHEST = 1.0
 def deflect(
     load, by_q, by_v, inertia, starts, begin, dt, stiffness, damping, gap, cubic=0.0, soft=0.0, depth=0.0
 ):  # pragma: no cover - compiled
-    """Integrate ``M δ̈ = −τ − ∂τ/∂q δ − ∂τ/∂v δ̇ − k(δ) − D δ̇`` with a dead band of ±gap, semi-implicitly.
+    """Integrate ``M δ̈ = −τ − ∂τ/∂q δ − ∂τ/∂v δ̇ − k(δ) − D δ̇`` with a dead band of ±gap, by its midpoints.
 
     load, by_q, by_v, inertia: ``(n,)`` torque that the link needs, its change with the joint's angle and speed, and
     its inertia; ``starts`` marks the first sample of each trial, the first of all among them, where the deflection is
