@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from excite.diagnosis.effects.deflection import deflect
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.gear import Behind, Gear
+from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import settling_samples
 from excite.robot.robot import Array
 
@@ -32,19 +33,21 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
     """
     samples, base = context.baseline.samples, context.baseline
     begin = np.zeros((len(samples.trials), 2))
-    windows = _before_rows(context, j)
-    told = [k for k, window in enumerate(windows) if len(window)]
+    counts = _before_rows(samples, j)
+    told = np.flatnonzero(counts)
     inertia = float(behind.inertia.mean())
-    length = max((len(window) for window in windows), default=0) / samples.rate_hz
-    if not told or 0.5 * gear.damping / inertia * length > _FORGOTTEN:
+    length = float(counts.max()) / samples.rate_hz
+    if not len(told) or 0.5 * gear.damping / inertia * length > _FORGOTTEN:
         return begin
-    rows = np.concatenate([windows[k] for k in told])
+    firsts = np.flatnonzero(samples.starts)
+    rows = np.concatenate([firsts[k] + np.arange(counts[k]) for k in told])
+    measured = np.concatenate([samples.trials[k].tau[: counts[k], j] for k in told])
     own = base.total[rows, j] - base.rigid[rows, j]
     early = _Early(
         behind.at(rows),
         samples.starts[rows],
-        samples.stacked("tau")[rows, j] - own,
-        np.cumsum([len(windows[k]) for k in told])[:-1],
+        measured - own,
+        np.cumsum(counts[told])[:-1],
         1.0 / samples.rate_hz,
         gear,
     )
@@ -92,6 +95,8 @@ class _Early:
             wanted = self._newton(states, left, weights, size, 1.0 if linear else 0.05)
             # A step that makes a trial worse is taken by a third, or not at all.
             for share in (1.0, 0.3):
+                if np.array_equal(wanted, states):
+                    break
                 tried = states + share * (wanted - states)
                 after = np.split(self.left(tried), self.ends)
                 for k, w in enumerate(weights):
@@ -113,15 +118,14 @@ class _Early:
         return wanted
 
 
-def _before_rows(context: Context, j: int) -> list[NDArray[np.int64]]:
-    """Samples of each trial before its first row and out of the filter's reach, none where the joint stands."""
-    samples = context.baseline.samples
+def _before_rows(samples: ArmSamples, j: int) -> NDArray[np.int64]:
+    """Number of a trial's samples that are out of its rows' reach, ``(n_trials,)``; 0 where the joint stands."""
     edge = settling_samples(samples.rate_hz, samples.bands.rows_hz)
-    speed = np.abs(context.v[:, j])
-    made, first = [], 0
-    for trial in samples.trials:
-        window = np.arange(first, first + max(int(trial.rows[0]) - edge, 0))
-        first += len(trial.time)
-        moving = len(window) >= _LEAST and bool((speed[window] > samples.standstill[j]).mean() > 0.8)
-        made.append(window if moving and np.isfinite(trial.tau[0, j]) else window[:0])
-    return made
+    counts = np.zeros(len(samples.trials), np.int64)
+    for k, trial in enumerate(samples.trials):
+        count = max(int(trial.rows[0]) - edge, 0)
+        if count < _LEAST or not np.isfinite(trial.tau[0, j]):
+            continue
+        moving = np.abs(trial.v[:count, samples.index[j]]) > samples.standstill[j]
+        counts[k] = count if moving.mean() > 0.8 else 0
+    return counts
