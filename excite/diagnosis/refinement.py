@@ -16,6 +16,10 @@ from excite.robot.robot import Array
 
 # A richer form of an effect has to lower the loss by so much.
 _RICHER = 0.01
+# Sizes of the simplex, relative, of one search after the other.
+_STEPS = (0.15, 0.1, 0.05, 0.05)
+# Share of the noise that what a first order leaves out has to reach somewhere.
+_HIDDEN = 0.3
 # Widths or breakaways that are tried with friction, in multiples of the baseline's.
 _FACTORS = (0.25, 0.4, 0.6, 0.8, 1.0, 1.25, 1.6, 2.5, 4.0)
 
@@ -84,7 +88,22 @@ def polished(item: Hypothesis) -> Hypothesis:
         new = search.refine(min(found, key=lambda start: start.loss), evaluations=14)
         if price(new) < price(item) - _RICHER and (new.settled or not item.settled):
             item = _finer(new)
-    return item
+    return _closer(item)
+
+
+def _closer(item: Hypothesis) -> Hypothesis:
+    """The same with what its first order leaves out, where the noise does not hide that."""
+    form = item.effect.closer
+    if form is None or item.columns.offset is None:
+        return item
+    near = Search(Context(item.baseline), item.baseline.solver).try_at(form, item.location, item.theta)
+    if near is None or near.columns.offset is None:
+        return item
+    change = np.sqrt(((near.columns.offset - item.columns.offset) ** 2).mean(axis=1))
+    if (change < _HIDDEN * item.baseline.solver.equations.floor).all():
+        return item
+    best = _finer(near)
+    return best if best.loss < item.loss and (best.settled or not item.settled) else item
 
 
 def in_richer_forms(search: Search, effect: Effect, location: str) -> list[Hypothesis]:
@@ -107,16 +126,29 @@ def in_richer_forms(search: Search, effect: Effect, location: str) -> list[Hypot
 
 
 def _finer(item: Hypothesis) -> Hypothesis:
+    """Searched again and again with what has been found in the baseline, as long as that gains something."""
     original = item.baseline
-    for step in (0.15, 0.1, 0.05):
+    for step in _STEPS:
         moved = replace(original.updated(item.fit), solver=original.solver)
-        new = Search(Context(moved), original.solver).refine(item, evaluations=12, step=step)
+        search = Search(Context(moved), original.solver)
+        start = _carried_over(search, item)
+        new = search.refine(start, evaluations=12, step=step)
         if item.settled and not new.settled:
             return item
         if new.loss > item.loss - 1e-3:
             return item if new.loss > item.loss else new
         item = new
     return item
+
+
+def _carried_over(search: Search, item: Hypothesis) -> Hypothesis:
+    """Where to begin on a baseline that has moved: at the same parameters, or at those that now say the same."""
+    old, now = Context(item.baseline), search.context
+    theta = item.effect.carried_over(old, now, item.location, item.theta)
+    if theta == item.theta:
+        return item
+    begun = (search.try_at(item.effect, item.location, start) for start in (item.theta, theta))
+    return min((start for start in begun if start is not None), key=lambda start: start.loss, default=item)
 
 
 def extended(item: Hypothesis) -> Baseline:

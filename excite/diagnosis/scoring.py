@@ -43,8 +43,11 @@ class Scorer:
         """Merits of hypotheses against the fit before them, in their order; one floor for all."""
         if not found:
             return ()
-        floor = self.floor(found[0].fit)
-        return tuple(self._score(before, item, floor) for item in found)
+        floor = rough = self.floor(found[0].fit)
+        if found[0].effect.smooths:
+            # Noise that the first has smoothed differs less between repeated trials: no gap for that.
+            rough = np.maximum(floor, self.floor(before))
+        return tuple(self._score(before, item, floor, rough) for item in found)
 
     def floor(self, fit: Fit) -> Array:
         """Of repeated trials; of the spectrum where there are none."""
@@ -74,7 +77,8 @@ class Scorer:
             rest = [item for item in rest if item not in group]
         return order
 
-    def _score(self, before: Fit, item: Hypothesis, floor: Array) -> Scored:
+    def _score(self, before: Fit, item: Hypothesis, floor: Array, rough: Array) -> Scored:
+        """Merits of one against the floor; whether there is a gap is told by the rough one."""
         samples = self.baseline.samples
         first, last = self.baseline.judged(before.residual), self.baseline.judged(item.fit.residual)
         # Of what this hypothesis leaves: what another has left to explain would count for correlated noise.
@@ -103,7 +107,7 @@ class Scorer:
         # Without validation trials there are the fitted ones alone to judge by.
         side = int(not samples.identification.all())
         # By the floor alone: sudden changes of an effect itself reach beyond the band, where the spectrum is taken.
-        stands = float((first[place] ** 2).mean() / floor[place] ** 2)
+        stands = float((first[place] ** 2).mean() / rough[place] ** 2)
         evidence, outside = float(ratio.sum() - cost), float(ratio[:, side].sum())
         quiet = min(float(self.spectral[place]), float(floor[place])) ** 2
         of_noise = float(change[place] / max(old[place] - quiet, 0.05 * old[place]))

@@ -89,7 +89,7 @@ def test_deflection_of_a_loaded_spring_and_of_play():
     starts[0] = True
     damping = 2.0 * np.sqrt(stiffness * inertia)
     free, rest = np.zeros(n), np.zeros((1, 2))
-    arguments = (free, free, np.full(n, inertia), starts, rest, dt, stiffness, damping)
+    arguments = (free, free, np.full(n, inertia), free, free, starts, rest, dt, stiffness, damping)
     still = deflect(np.full(n, load), *arguments, 0.0)
     np.testing.assert_allclose(still[0], -load / stiffness, rtol=1e-9)
     # The load turns over: the link crosses the play and leans on the other side.
@@ -105,9 +105,8 @@ def test_a_hardening_spring_under_a_constant_load_starts_where_it_stays():
     starts = np.zeros(n, dtype=bool)
     starts[0] = True
     free, rest = np.zeros(n), np.zeros((1, 2))
-    x = deflect(
-        np.full(n, load), free, free, np.full(n, 0.5), starts, rest, 0.005, stiffness, 1.0, 0.0, cubic
-    )[0]
+    behind = (np.full(n, load), free, free, np.full(n, 0.5), free, free)
+    x = deflect(*behind, starts, rest, 0.005, stiffness, 1.0, 0.0, cubic)[0]
     np.testing.assert_allclose(stiffness * x * (1.0 + cubic * x**2), -load, rtol=1e-6)
 
 

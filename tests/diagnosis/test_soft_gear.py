@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.deflection import deflect
 from excite.logs.files import save_log
 from excite.logs.log import Trial, TrialHeader
 from tests.diagnosis.two_joints import COULOMB, NOISE, RATE_HZ, URDF, VISCOUS, two_joint_log
@@ -75,6 +74,14 @@ def test_a_soft_gear_that_swings_when_a_trial_begins(tmp_path: Path) -> None:
     assert result.gap.share_closed > 0.97
 
 
+def test_a_gear_so_soft_that_its_link_turns_gravity_with_it(tmp_path: Path) -> None:
+    """45 N·m/rad give way by a seventh of a radian: not first order, and the link that fits without it is no help."""
+    result = diagnose(logged(tmp_path, lambda x, s: 45.0 * x + 0.3 * s))
+    assert (result.verdict, result.effect, result.location) == ("effect", "joint_elasticity", "first")
+    assert result.effects[0].parameters["stiffness"].value == pytest.approx(45.0, rel=0.05)
+    assert result.gap.share_closed > 0.97
+
+
 def test_a_gear_that_hardens_so_much_that_no_linear_one_fits(tmp_path: Path) -> None:
     """Four times as stiff under 3 N·m as at rest: a linear gear of any stiffness makes the misfit greater."""
 
@@ -99,53 +106,3 @@ def test_play_between_round_contacts(tmp_path: Path) -> None:
     result = diagnose(logged(tmp_path, law, 0.5 * np.pi))
     assert (result.verdict, result.effect, result.location) == ("effect", "backlash", "first")
     assert result.effects[0].parameters["width"].value == pytest.approx(0.02, rel=0.15)
-
-
-def quiet(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Marks of one trial of n samples, and no change of its load."""
-    starts = np.zeros(n, dtype=bool)
-    starts[0] = True
-    return starts, np.zeros(n)
-
-
-def test_gravity_takes_part_in_the_deflection() -> None:
-    """A load that grows as the link turns stiffens the gear: ``(k + ∂τ/∂q) δ = −τ``, and it swings the faster."""
-    n, dt, load, stiffness, turn, inertia = 800, 0.005, 3.0, 90.0, 60.0, 0.4
-    starts, none = quiet(n)
-    gear = (np.full(n, inertia), starts)
-    still = deflect(
-        np.full(n, load), np.full(n, turn), none, *gear, np.zeros((1, 2)), dt, stiffness, 0.0, 0.0
-    )
-    np.testing.assert_allclose(still[0], -load / (stiffness + turn), rtol=1e-9)
-    begin = np.array([[0.02, 0.1]])
-    swung = deflect(none, np.full(n, turn), none, *gear, begin, dt, stiffness, 0.0, 0.0)[0]
-    w = np.sqrt((stiffness + turn) / inertia)
-    t = np.arange(200) * dt
-    np.testing.assert_allclose(swung[:200], 0.02 * np.cos(w * t) + 0.1 / w * np.sin(w * t), atol=2e-4)
-
-
-def test_a_gear_that_cannot_hold_its_link_stays_finite() -> None:
-    n = 4000
-    starts, none = quiet(n)
-    gear = (np.full(n, 0.3), starts, np.zeros((1, 2)), 0.005, 10.0, 0.1, 0.0)
-    fallen = deflect(np.full(n, 1.0), np.full(n, -50.0), none, *gear)
-    assert np.isfinite(fallen).all()
-
-
-def test_a_round_contact_gives_way_as_two_spheres_do() -> None:
-    n, load, stiffness, gap, depth = 3000, 5.0, 400.0, 0.01, 0.004
-    starts, none = quiet(n)
-    rest = np.zeros((1, 2))
-    gear = (stiffness, 8.0, gap, 0.0, 0.0, depth)
-    x = deflect(np.full(n, load), none, none, np.full(n, 0.3), starts, rest, 0.005, *gear)[0]
-    assert x[-1] == pytest.approx(-gap - (load * np.sqrt(depth) / stiffness) ** (2.0 / 3.0), rel=1e-4)
-
-
-def test_contacts_push_and_do_not_pull() -> None:
-    """A link thrown off a flank leaves it as fast as it is: the damper of the contact does not hold it back."""
-    n, dt, stiffness, gap = 40, 0.005, 400.0, 0.05
-    starts, none = quiet(n)
-    # At rest it lies on the other flank.
-    begin = np.array([[2.0 * gap + 1e-4, -1.0]])
-    x = deflect(none, none, none, np.full(n, 0.3), starts, begin, dt, stiffness, 500.0, gap)[0]
-    assert x[10] == pytest.approx(gap + 1e-4 - 10 * dt, rel=0.05, abs=5e-3)

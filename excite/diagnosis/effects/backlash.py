@@ -8,10 +8,10 @@ import numpy as np
 
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.gear import Gear, contact_stiffness, gear_damping
-from excite.diagnosis.effects.gear_response import response
+from excite.diagnosis.effects.gear_effect import GearEffect
 
 
-class Backlash(Effect):
+class Backlash(GearEffect):
     """The link flies freely through a dead band between two contacts (Nordin, Gutman 2002, section 2)."""
 
     name = "backlash"
@@ -22,8 +22,6 @@ class Backlash(Effect):
     confusable_with = ("torque_bias", "stribeck", "joint_elasticity")
     separating_motion = "torque crossing zero at constant speed"
     mujoco = "a second joint with limited range behind the motor's"
-    moves = True
-    smooths = True
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -33,7 +31,26 @@ class Backlash(Effect):
         return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _between_contacts(context, location, theta[0], theta[1], 1.0)
+        return self._between_contacts(context, location, theta[0], theta[1], 1.0)
+
+    def _between_contacts(
+        self,
+        context: Context,
+        location: str,
+        width: float,
+        hertz: float,
+        ratio: float,
+        *,
+        soft: float = 0.0,
+        rounded: bool = False,
+    ) -> Shape:
+        j = context.row(location)
+        stiffness = contact_stiffness(context, j, hertz)
+        damping = gear_damping(context, j, stiffness, ratio)
+        depth = float(np.abs(context.baseline.rigid[:, j]).mean()) / stiffness if rounded else 0.0
+        return Shape(
+            offset=self.response(context, j, Gear(stiffness, damping, 0.5 * width, soft=soft, depth=depth))
+        )
 
 
 class DampedBacklash(Backlash):
@@ -49,7 +66,7 @@ class DampedBacklash(Backlash):
         return [(theta[0], theta[1], 1.0), (theta[0], 2.0 * theta[1], 2.0), (theta[0], theta[1], 0.5)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _between_contacts(context, location, theta[0], theta[1], theta[2])
+        return self._between_contacts(context, location, theta[0], theta[1], theta[2])
 
 
 class SoftBacklash(Backlash):
@@ -66,7 +83,7 @@ class SoftBacklash(Backlash):
         return [(w, theta[1], 0.15 * w) for w in (theta[0], 3.0 * theta[0], 0.03)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _between_contacts(context, location, theta[0], theta[1], 1.0, soft=theta[2])
+        return self._between_contacts(context, location, theta[0], theta[1], 1.0, soft=theta[2])
 
 
 class RoundBacklash(Backlash):
@@ -86,21 +103,4 @@ class RoundBacklash(Backlash):
         return [(w, f, 0.3) for w in (0.7 * theta[0], theta[0]) for f in (2.0, 4.0, 8.0)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _between_contacts(context, location, theta[0], theta[1], theta[2], rounded=True)
-
-
-def _between_contacts(
-    context: Context,
-    location: str,
-    width: float,
-    hertz: float,
-    ratio: float,
-    *,
-    soft: float = 0.0,
-    rounded: bool = False,
-) -> Shape:
-    j = context.row(location)
-    stiffness = contact_stiffness(context, j, hertz)
-    damping = gear_damping(context, j, stiffness, ratio)
-    depth = float(np.abs(context.baseline.rigid[:, j]).mean()) / stiffness if rounded else 0.0
-    return Shape(offset=response(context, j, Gear(stiffness, damping, 0.5 * width, soft=soft, depth=depth)))
+        return self._between_contacts(context, location, theta[0], theta[1], theta[2], rounded=True)

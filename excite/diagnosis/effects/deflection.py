@@ -14,17 +14,32 @@ _FURTHEST = 1.0
 
 @LazyKernel
 def deflect(
-    load, by_q, by_v, inertia, starts, begin, dt, stiffness, damping, gap, cubic=0.0, soft=0.0, depth=0.0
+    load,
+    by_q,
+    by_v,
+    inertia,
+    by_qq,
+    by_qv,
+    starts,
+    begin,
+    dt,
+    stiffness,
+    damping,
+    gap,
+    cubic=0.0,
+    soft=0.0,
+    depth=0.0,
 ):  # pragma: no cover - compiled
-    """Integrate ``M δ̈ = −τ − ∂τ/∂q δ − ∂τ/∂v δ̇ − k(δ) − D δ̇`` with a dead band of ±gap, by its midpoints.
+    """Integrate ``M δ̈ = −τ(δ, δ̇) − k(δ) − D δ̇`` with a dead band of ±gap, by its midpoints.
 
-    load, by_q, by_v, inertia: ``(n,)`` torque that the link needs, its change with the joint's angle and speed, and
-    its inertia; ``starts`` marks the first sample of each trial, the first of all among them, where the deflection is
-    the static one and ``begin (n_trials, 2)`` more, angle and speed. The spring is ``k x (1 + cubic x²)``; in the dead
-    band there is neither spring nor damper. With ``soft`` each flank of the band is
-    ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s. With ``depth`` the flanks are round, their force
-    and their damping as those of two spheres: ``k x √(x/depth)`` (Hertz 1881; Hunt, Crossley 1975). Contacts push and
-    do not pull.
+    load, by_q, by_v, inertia: ``(n,)`` torque τ that the link needs, its change with the joint's angle and speed, and
+    its inertia; by_qq, by_qv alike: second derivatives. The inertia behind a joint does not change with its own angle,
+    and so nothing does with the square of its own speed. ``starts`` marks the first sample of each trial, the first of
+    all among them, where the deflection is the static one and ``begin (n_trials, 2)`` more, angle and speed. The spring
+    is ``k x (1 + cubic x²)``; in the dead band there is neither spring nor damper. With ``soft`` each flank of the band
+    is ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s. With ``depth`` the flanks are round, their
+    force and their damping as those of two spheres: ``k x √(x/depth)`` (Hertz 1881; Hunt, Crossley 1975). Contacts push
+    and do not pull.
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
     n = len(load)
@@ -35,6 +50,7 @@ def deflect(
     x, s, mean = np.empty(count), np.empty(count), np.empty(count)
     now, then, m = np.empty(count), np.empty(count), np.empty(count)
     turn, drag = np.empty(count), np.empty(count)
+    bend, twist = np.empty(count), np.empty(count)
     for k in range(count):
         now[k], longest = load[first[k]], max(longest, lengths[k])
         # A load that falls as the link gives way softens the gear; it is not let carry all of it.
@@ -50,12 +66,15 @@ def deflect(
                 out[0, here], out[1, here] = x[k], s[k]
             now[k], m[k], mean[k] = load[here], inertia[here], 0.0
             turn[k], drag[k] = by_q[here], by_v[here]
+            bend[k], twist[k] = by_qq[here], by_qv[here]
             then[k] = load[first[k] + min(i + 1, lengths[k] - 1)]
         for part in range(4):
             share = (part + 0.5) / 4
             for k in range(count):
                 held, kk, dd = _gear(x[k], s[k], stiffness, damping, gap, cubic, soft, depth)
-                held, kk, dd = held + turn[k] * x[k], kk + turn[k], dd + drag[k]
+                held += (turn[k] + 0.5 * bend[k] * x[k]) * x[k]
+                kk += turn[k] + bend[k] * x[k] + twist[k] * s[k]
+                dd += drag[k] + twist[k] * x[k]
                 tau = now[k] * (1.0 - share) + then[k] * share
                 # The midpoint's spring and damper lose no energy of their own; those of the step's end are stable
                 # where contacts are stiff for it.

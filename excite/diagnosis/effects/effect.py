@@ -16,7 +16,8 @@ from excite.diagnosis.sign_change import sign_of_motion
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Array
 
-_STEP = 1e-5
+# Steps of first and second differences [rad], [rad/s].
+_STEP, _FAR = 1e-5, 1e-3
 
 Theta = tuple[float, ...]
 
@@ -121,6 +122,29 @@ class Context:
             kept[j, what] = change / step
         return kept[j, what]
 
+    def curvature(self, j: int, what: str) -> Array:
+        """Second derivative of the torques with a joint's motion: ``qq``, ``qv``, ``vv`` or ``qa``, as the gradient."""
+        kept = self.baseline.derived.values
+        if (j, what) not in kept:
+            samples = self.baseline.samples
+            q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
+            unit = np.zeros(q.shape[1])
+            unit[samples.index[j]] = 1.0
+
+            def at(turn: float, speed: float = 0.0, more: float = 0.0) -> Array:
+                return self.torques(q + turn * unit, v + speed * unit, a + more * unit)
+
+            # Torques are of second degree in the speeds and of first in the accelerations: steps there may be large.
+            h = _FAR
+            ahead, behind = at(h), at(-h)
+            faster, slower = (at(h, 1.0), at(-h, 1.0)), (at(h, -1.0), at(-h, -1.0))
+            still = self.baseline.rigid - self.baseline.added
+            kept[j, "qq"] = (ahead - 2.0 * still + behind) / h**2
+            kept[j, "qv"] = (faster[0] - faster[1] - slower[0] + slower[1]) / (4.0 * h)
+            kept[j, "vv"] = 0.5 * (sum(faster) + sum(slower)) - ahead - behind
+            kept[j, "qa"] = (at(h, more=1.0) - ahead - at(-h, more=1.0) + behind) / (2.0 * h)
+        return kept[j, what]
+
 
 class Effect(ABC):
     """An effect: its physics, where it can be, its parameters, and what it looks like in the torques.
@@ -171,6 +195,11 @@ class Effect(ABC):
         return ()
 
     @property
+    def closer(self) -> Effect | None:
+        """The same with what its first order leaves out, tried at last; None where that is nothing."""
+        return None
+
+    @property
     def forms(self) -> tuple[Effect, ...]:
         """Other forms of the same physics that may be what is there, tried along with this one."""
         return ()
@@ -182,6 +211,10 @@ class Effect(ABC):
     def own_starts(self, context: Context, location: str) -> list[Theta]:
         """Where the search of a richer form begins besides, where the plain one fits nothing."""
         return []
+
+    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+        """Non-linear parameters that say about the same on another fit of the baseline."""
+        return theta
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""

@@ -40,19 +40,31 @@ class Behind(NamedTuple):
         by_q: its change with the joint's angle [N·m/rad].
         by_v: its change with the joint's speed [N·m·s/rad].
         inertia: [kg·m²], positive.
+        by_qq: second derivative of the torque with the angle [N·m/rad²].
+        by_qv: with the angle and the speed [N·m·s/rad²].
     """
 
     load: Array
     by_q: Array
     by_v: Array
     inertia: Array
+    by_qq: Array
+    by_qv: Array
 
     @classmethod
-    def joint(cls, context: Context, j: int) -> Behind:
-        """What joint j's gear has behind it."""
+    def joint(cls, context: Context, j: int, *, second_order: bool = False) -> Behind:
+        """What joint j's gear has behind it; second derivatives are none to first order."""
         by_q, by_v = (np.ascontiguousarray(context.gradient(j, what)[:, j]) for what in ("q", "v"))
         load = np.ascontiguousarray(context.baseline.rigid[:, j])
-        return cls(load, by_q, by_v, link_inertia(context, j))
+        by_qq = by_qv = np.zeros_like(load)
+        if second_order:
+            by_qq, by_qv = (np.ascontiguousarray(context.curvature(j, what)[:, j]) for what in ("qq", "qv"))
+        return cls(load, by_q, by_v, link_inertia(context, j), by_qq, by_qv)
+
+    def needed(self, x: Array, s: Array, acc: Array) -> Array:
+        """Torque that the link needs at a deflection, its speed and its acceleration, ``(n_samples,)``."""
+        turned = (self.by_q + 0.5 * self.by_qq * x) * x + (self.by_v + self.by_qv * x) * s
+        return self.load + turned + self.inertia * acc
 
     def at(self, samples: NDArray[np.int64]) -> Behind:
         """The same at some samples."""

@@ -15,8 +15,8 @@ from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import settling_samples
 from excite.robot.robot import Array
 
-# So few samples do not tell how a gear swings.
-_LEAST = 20
+# So few samples, or such a share of those before the rows, do not tell how a gear swings.
+_LEAST, _MOST = 20, 0.4
 # A gear that has swung off to exp(−5) before the first row may have begun anyhow.
 _FORGOTTEN = 5.0
 # Steps of Gauss and Newton, where the gear is not linear.
@@ -33,7 +33,8 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
     """
     samples, base = context.baseline.samples, context.baseline
     begin = np.zeros((len(samples.trials), 2))
-    counts = _before_rows(samples, j)
+    moving = np.abs(context.v[:, j]) > samples.standstill[j]
+    counts = _before_rows(samples, j, moving)
     told = np.flatnonzero(counts)
     inertia = float(behind.inertia.mean())
     length = float(counts.max()) / samples.rate_hz
@@ -47,6 +48,7 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
         behind.at(rows),
         samples.starts[rows],
         measured - own,
+        moving[rows],
         np.cumsum(counts[told])[:-1],
         1.0 / samples.rate_hz,
         gear,
@@ -65,6 +67,7 @@ class _Early:
         behind: what the gear has behind it at these samples.
         starts: which are the first of a trial.
         carried: torque that the gear carries there, as measured [N·m].
+        moving: whether the motor moves: where it stands, static friction has any part of the torque.
         ends: where trials end, the last one's left out.
         dt: [s].
         gear: the gear.
@@ -73,15 +76,15 @@ class _Early:
     behind: Behind
     starts: NDArray[np.bool_]
     carried: Array
+    moving: NDArray[np.bool_]
     ends: NDArray[np.int64]
     dt: float
     gear: Gear
 
     def left(self, begin: Array) -> Array:
-        """Torque that a gear does not carry which begins so, ``(n_samples,)``."""
-        b = self.behind
-        x, s, acc = deflect(*b, self.starts, begin, self.dt, *self.gear)
-        return self.carried - (b.load + b.by_q * x + b.by_v * s + b.inertia * acc)
+        """Torque that a gear does not carry which begins so, ``(n_samples,)``; none where the motor stands."""
+        swung = deflect(*self.behind, self.starts, begin, self.dt, *self.gear)
+        return (self.carried - self.behind.needed(*swung)) * self.moving
 
     def fitted(self, reach: float, speed: float) -> Array:
         """First states ``(n_trials, 2)``, as large as ``reach`` and ``speed`` before anything is measured."""
@@ -90,7 +93,9 @@ class _Early:
         states, linear = np.zeros((count, 2)), self.gear.gap == 0.0 and self.gear.cubic == 0.0
         left = np.split(self.left(states), self.ends)
         # Noise as between neighbours.
-        weights = [1.0 / max(float(np.std(np.diff(y))), 1e-12) ** 2 for y in left]
+        moves = np.split(self.moving, self.ends)
+        noise = (float(np.std(np.diff(y[m]))) for y, m in zip(left, moves, strict=True))
+        weights = [1.0 / max(level, 1e-12) ** 2 for level in noise]
         for _ in range(1 if linear else _STEPS):
             wanted = self._newton(states, left, weights, size, 1.0 if linear else 0.05)
             # A step that makes a trial worse is taken by a third, or not at all.
@@ -118,14 +123,13 @@ class _Early:
         return wanted
 
 
-def _before_rows(samples: ArmSamples, j: int) -> NDArray[np.int64]:
+def _before_rows(samples: ArmSamples, j: int, moving: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Number of a trial's samples that are out of its rows' reach, ``(n_trials,)``; 0 where the joint stands."""
     edge = settling_samples(samples.rate_hz, samples.bands.rows_hz)
     counts = np.zeros(len(samples.trials), np.int64)
-    for k, trial in enumerate(samples.trials):
+    by_trial = np.split(moving, np.flatnonzero(samples.starts)[1:])
+    for k, (trial, moves) in enumerate(zip(samples.trials, by_trial, strict=True)):
         count = max(int(trial.rows[0]) - edge, 0)
-        if count < _LEAST or not np.isfinite(trial.tau[0, j]):
-            continue
-        moving = np.abs(trial.v[:count, samples.index[j]]) > samples.standstill[j]
-        counts[k] = count if moving.mean() > 0.8 else 0
+        if moves[:count].sum() >= max(_LEAST, _MOST * count) and np.isfinite(trial.tau[0, j]):
+            counts[k] = count
     return counts

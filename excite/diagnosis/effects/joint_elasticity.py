@@ -9,10 +9,10 @@ import numpy as np
 from excite.diagnosis.effects.backlash import Backlash
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.gear import Gear, contact_stiffness, gear_damping, link_inertia
-from excite.diagnosis.effects.gear_response import response
+from excite.diagnosis.effects.gear_effect import GearEffect
 
 
-class JointElasticity(Effect):
+class JointElasticity(GearEffect):
     """The link's angle is the logged motor's angle plus a deflection, ``k δ = −τ`` (Spong 1987)."""
 
     name = "joint_elasticity"
@@ -23,8 +23,6 @@ class JointElasticity(Effect):
     confusable_with = ("armature", "backlash", "time_delay")
     separating_motion = "a chirp of that joint around the resonance"
     mujoco = "a second joint with stiffness and damping behind the motor's"
-    moves = True
-    smooths = True
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -32,12 +30,20 @@ class JointElasticity(Effect):
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         j = context.row(location)
-        inertia = float(link_inertia(context, j).mean())
-        resonances = (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)
-        return [(inertia * (6.283 * f) ** 2, 0.5) for f in resonances]
+        return [(contact_stiffness(context, j, hertz), 0.5) for hertz in (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _behind_gear(context, location, theta)
+        return self._behind_gear(context, location, theta)
+
+    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+        """As many swings a second: a link that turns out lighter has a gear that is softer by as much."""
+        before, after = (float(link_inertia(c, c.row(location)).mean()) for c in (old, new))
+        return (theta[0] * after / before, *theta[1:])
+
+    def _behind_gear(self, context: Context, location: str, theta: Theta, cubic: float = 0.0) -> Shape:
+        j = context.row(location)
+        damping = gear_damping(context, j, theta[0], theta[1])
+        return Shape(offset=self.response(context, j, Gear(theta[0], damping, cubic=cubic)))
 
 
 class HardeningElasticity(JointElasticity):
@@ -65,10 +71,4 @@ class HardeningElasticity(JointElasticity):
         return [(k, 0.1, share * load / k) for k in soft for share in (0.7, 1.4)]
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return _behind_gear(context, location, theta, theta[2] ** -2)
-
-
-def _behind_gear(context: Context, location: str, theta: Theta, cubic: float = 0.0) -> Shape:
-    j = context.row(location)
-    damping = gear_damping(context, j, theta[0], theta[1])
-    return Shape(offset=response(context, j, Gear(theta[0], damping, cubic=cubic)))
+        return self._behind_gear(context, location, theta, theta[2] ** -2)

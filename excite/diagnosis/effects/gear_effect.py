@@ -1,0 +1,51 @@
+"""What soft gears and loose ones have in common: the link behind them moves otherwise than the motor."""
+
+from __future__ import annotations
+
+from abc import ABC
+from copy import copy
+
+from excite.diagnosis.effects.deflection import deflect
+from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.gear import Behind, Gear
+from excite.diagnosis.effects.gear_start import first_states
+from excite.robot.robot import Array
+
+
+class GearEffect(Effect, ABC):
+    """An effect of a gear that gives way.
+
+    Attributes:
+        second_order: whether torques follow the deflection to second order, instead of to first.
+    """
+
+    moves = True
+    smooths = True
+    second_order: bool = False
+
+    @property
+    def closer(self) -> Effect | None:
+        """To second order: a gear that is soft for its load turns gravity with it."""
+        if self.second_order:
+            return None
+        other = copy(self)
+        other.second_order = True
+        return other
+
+    def response(self, context: Context, j: int, gear: Gear) -> dict[int, Array]:
+        """Torques in all rows that a deflection of joint j adds, by row, ``(n_samples,)``.
+
+        ``∂τ/∂q δ + ∂τ/∂v δ̇ + M δ̈`` and so on in the deflection δ, with δ from its own equation of motion, the other
+        joints moving as logged (Spong 1987, eq. 5, with the motor's side prescribed).
+        """
+        behind, samples = Behind.joint(context, j, second_order=self.second_order), context.baseline.samples
+        begin = first_states(context, j, behind, gear)
+        x, s, acc = (
+            row[:, None] for row in deflect(*behind, samples.starts, begin, 1.0 / samples.rate_hz, *gear)
+        )
+        by_q, by_v, mass = (context.gradient(j, what) for what in ("q", "v", "a"))
+        if self.second_order:
+            qq, qv, vv, qa = (context.curvature(j, what) for what in ("qq", "qv", "vv", "qa"))
+            by_q, by_v, mass = by_q + 0.5 * qq * x, by_v + qv * x + 0.5 * vv * s, mass + qa * x
+        total = by_q * x + by_v * s + mass * acc
+        return {k: total[:, k] for k in range(total.shape[1])}

@@ -1,0 +1,87 @@
+"""What soft and loose gears have in common: second order, noise that they smooth, a baseline that moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.baseline_fit import fit_baseline
+from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.joint_elasticity import JointElasticity
+from excite.diagnosis.gates import Gates
+from excite.diagnosis.hypotheses import Search
+from excite.diagnosis.noise_floor import spectral_floor
+from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.scoring import Scorer
+from excite.logs.files import load_log, save_log
+from excite.logs.log import TrialHeader
+from excite.logs.robot import nominal_robot
+from tests.diagnosis.two_joints import moved, two_joint_log
+
+FIRST = np.array([1.0, 0.0])
+
+
+def rigid(folder: Path, noise: float) -> Baseline:
+    """The baseline of an arm that lacks nothing, its first encoder noisy [rad]; one trial is repeated."""
+    seeds = {"t0": 0, "t1": 1, "t2": 2, "again": 0}
+    trials = []
+    for k, (name, seed) in enumerate(seeds.items()):
+        trial = moved(name, "identification", 10.0, np.random.default_rng(seed), np.eye(2))
+        q = trial.q + noise * np.random.default_rng(50 + k).normal(size=(len(trial.q), 1)) * FIRST
+        trials.append(replace(trial, q=q))
+    log = two_joint_log(tuple(trials))
+    again = TrialHeader(file="again.parquet", role="identification", repeats="t0.parquet")
+    log = replace(log, header=log.header.model_copy(update={"trials": (*log.header.trials[:3], again)}))
+    log = load_log(save_log(log, folder / "two"))
+    samples = arm_samples(nominal_robot(log), log, log.trials)
+    return fit_baseline(samples, log.header.modelled, spectral_floor(samples))
+
+
+@pytest.fixture(scope="module")
+def baseline(tmp_path_factory: pytest.TempPathFactory) -> Baseline:
+    return rigid(tmp_path_factory.mktemp("quiet"), 0.0)
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Baseline:
+    return rigid(tmp_path_factory.mktemp("noisy"), 4e-3)
+
+
+def test_second_derivatives_of_the_torques(baseline: Baseline) -> None:
+    """Torques of a joint that is a tenth of a radian off: the third order is left."""
+    context, j = Context(baseline), 0
+    rng, samples = np.random.default_rng(2), baseline.samples
+    q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
+    x, s, acc = (size * rng.uniform(-1.0, 1.0, (len(q), 1)) for size in (0.1, 2.0, 30.0))
+    first = context.gradient(j, "q") * x + context.gradient(j, "v") * s + context.gradient(j, "a") * acc
+    second = 0.5 * context.curvature(j, "qq") * x**2 + context.curvature(j, "qv") * x * s
+    second += 0.5 * context.curvature(j, "vv") * s**2 + context.curvature(j, "qa") * x * acc
+    there = context.torques(q + x * FIRST, v + s * FIRST, a + acc * FIRST) - context.torques(q, v, a)
+    assert np.abs(there - first - second).max() < 0.05 * np.abs(there - first).max()
+    # The inertia behind a joint does not change with its own angle.
+    np.testing.assert_allclose(context.curvature(j, "qa")[:, j], 0.0, atol=1e-6)
+    np.testing.assert_allclose(context.curvature(j, "vv")[:, j], 0.0, atol=1e-6)
+
+
+def test_encoder_noise_that_a_gear_would_smooth_is_no_gap(noisy: Baseline) -> None:
+    """Repeated trials differ less once a gear has smoothed the model's torque; that is no sign of one."""
+    search = Search(Context(noisy), noisy.solver)
+    gear = search.refine(search.try_at(JointElasticity(), "first", (150.0, 0.6)))
+    scorer = Scorer(noisy, spectral_floor(noisy.samples), 0.0, np.ones(2))
+    assert scorer.floor(gear.fit)[0] < 0.8 * scorer.floor(noisy.fit)[0]
+    assert scorer.scored(noisy.fit, [gear])[0].stands < Gates().stands_smooth
+
+
+def test_a_lighter_link_has_a_softer_gear_for_the_same_swing(baseline: Baseline) -> None:
+    less = np.linalg.lstsq(baseline.basis, -0.5 * baseline.phi, rcond=None)[0]
+    light = baseline.updated(replace(baseline.fit, shared=baseline.fit.shared + less))
+    old, new = Context(baseline), Context(light)
+    q, v, a = (baseline.samples.stacked(name) for name in ("q", "v", "a"))
+    before, after = ((c.torques(q, v, a + FIRST) - c.torques(q, v, a))[:, 0].mean() for c in (old, new))
+    assert after < 0.7 * before
+    over = JointElasticity().carried_over(old, new, "first", (80.0, 0.1))
+    assert over == pytest.approx((80.0 * after / before, 0.1), rel=1e-6)
