@@ -16,6 +16,10 @@ from excite.robot.robot import Array
 
 # A richer form of an effect has to lower the loss by so much.
 _RICHER = 0.01
+# Loss by which a search on a baseline that has moved has gone wrong.
+_WORSE = 0.1
+# A richer form that begins so much worse does not come near.
+_FAR = 1.0
 # Sizes of the simplex, relative, of one search after the other.
 _STEPS = (0.15, 0.1, 0.05, 0.05)
 # Share of the noise that what a first order leaves out has to reach somewhere.
@@ -82,7 +86,7 @@ def polished(item: Hypothesis) -> Hypothesis:
     for form in item.effect.richer:
         search = Search(Context(item.baseline), item.baseline.solver)
         begun = [search.try_at(form, item.location, theta) for theta in form.starts(item.theta)]
-        found = [start for start in begun if start is not None]
+        found = [start for start in begun if start is not None and start.loss < item.loss + _FAR]
         if not found:
             continue
         new = search.refine(min(found, key=lambda start: start.loss), evaluations=14)
@@ -129,16 +133,25 @@ def _finer(item: Hypothesis) -> Hypothesis:
     """Searched again and again with what has been found in the baseline, as long as that gains something."""
     original = item.baseline
     for step in _STEPS:
-        moved = replace(original.updated(item.fit), solver=original.solver)
-        search = Search(Context(moved), original.solver)
-        start = _carried_over(search, item)
-        new = search.refine(start, evaluations=12, step=step)
+        new = _again(original, item, step)
+        if new.loss > item.loss + _WORSE:
+            # What a soft gear turns depends on what it is itself: the fit has overshot.
+            new = _again(original, item, step, share=0.5)
         if item.settled and not new.settled:
             return item
         if new.loss > item.loss - 1e-3:
             return item if new.loss > item.loss else new
         item = new
     return item
+
+
+def _again(original: Baseline, item: Hypothesis, step: float, share: float = 1.0) -> Hypothesis:
+    """The search repeated on a baseline that has gone a share of the way to what its fit with the effect says."""
+    here, fit = item.baseline.fit, item.fit
+    there = replace(fit, shared=here.shared + share * (fit.shared - here.shared))
+    moved = replace(original.updated(there), solver=original.solver)
+    search = Search(Context(moved), original.solver)
+    return search.refine(_carried_over(search, item), evaluations=12, step=step)
 
 
 def _carried_over(search: Search, item: Hypothesis) -> Hypothesis:

@@ -52,6 +52,9 @@ class Simulator:
         self._motor = np.array([self.model.actuator(name).id for name in joints])
         self._friction = self.model.dof_frictionloss.copy()
         self._damping = self.model.dof_damping.copy()
+        # MuJoCo's own arrays: asking for them at every step would take as long as the step.
+        self._levels, self._dampings = self.model.dof_frictionloss, self.model.dof_damping
+        self._applied = self.data.qfrc_applied
         every = _notes(self.model)
         self._notes = [item for item in every if item[0] != "time_delay" and item[1] in joints]
         self._delay = sum(v["delay"] for effect, _, v in every if effect == "time_delay")
@@ -87,7 +90,8 @@ class Simulator:
         if isinstance(drive, PositionServo) and implicit:
             added[self._dof] = drive.kd * model.actuator_gainprm[self._motor, 0]
             drive = replace(drive, undamped=True)
-        model.dof_damping[:] = self._damping + added
+        held = self._damping + added
+        model.dof_damping[:] = held
         share = _share(model.opt.timestep, self._before)
         with without_log_file():
             offered = drive.offers(window.time + delay)
@@ -100,7 +104,7 @@ class Simulator:
                 filtered = filtered + share * (asked - filtered)
                 data.ctrl[self._motor] = filtered
                 if self._stepwise:
-                    self._apply(q, v, window, float(time - window.time[0]), added)
+                    self._apply(q, v, window, float(time - window.time[0]), held)
                 mujoco.mj_step(model, data)
                 if self._dry.bristles:
                     self._dry.move(velocities[self._dof], model.opt.timestep)
@@ -155,25 +159,24 @@ class Simulator:
             torque = float(load[self.joints.index(place)])
             self.data.qpos[address] = resting_deflection(values, torque)
 
-    def _apply(self, q: Array, v: Array, window: Window, elapsed: float, added: Array) -> None:
-        model, data, dof, bent = self.model, self.data, self._dof, np.zeros(len(self.joints))
+    def _apply(self, q: Array, v: Array, window: Window, elapsed: float, held: Array) -> None:
+        """Set friction and torques of the coming step; ``held`` is the damping that does not change."""
+        dof, bent = self._dof, np.zeros(len(self.joints))
         if self._dry.acts:
             carried = self._carried() if self._dry.loaded else self._load
             level, viscous = self._dry.levels(self._friction[dof], v, carried, self._growth(window, elapsed))
-            bent, stiff = self._dry.bent(level, v, model.opt.timestep)
-            model.dof_frictionloss[dof] = level
-            model.dof_damping[:] = self._damping + added
-            model.dof_damping[dof] += viscous + stiff
-        data.qfrc_applied[:] = 0.0
-        data.qfrc_applied[dof] = bent
+            bent, stiff = self._dry.bent(level, v, self.model.opt.timestep)
+            self._levels[dof] = level
+            self._dampings[:] = held
+            self._dampings[dof] += viscous + stiff
+        self._applied[:] = 0.0
+        self._applied[dof] = bent
         for effect, place, p in self._notes:
             j = self.joints.index(place)
             if "periods_per_rev" in p:
-                data.qfrc_applied[dof[j]] -= self._wave(j, q[j], p)
+                self._applied[dof[j]] -= self._wave(j, q[j], p)
             elif effect == "joint_spring":
-                data.qfrc_applied[dof[j]] -= (
-                    p.get("quadratic", 0.0) * q[j] ** 2 + p.get("cubic", 0.0) * q[j] ** 3
-                )
+                self._applied[dof[j]] -= p.get("quadratic", 0.0) * q[j] ** 2 + p.get("cubic", 0.0) * q[j] ** 3
 
     def _growth(self, window: Window, elapsed: float) -> dict[str, float]:
         """How far friction that drifts has come, by joint."""

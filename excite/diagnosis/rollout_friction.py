@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -36,7 +37,7 @@ class Static:
 
     def share(self, v: float) -> float:
         """What is left of it at a speed, 0…1."""
-        return float(np.exp(-((abs(v) / self.velocity) ** self.exponent)))
+        return math.exp(-((abs(v) / self.velocity) ** self.exponent))
 
 
 @dataclass(eq=False)
@@ -88,7 +89,7 @@ class Bristle:
             1.0 / (1.0 + step * abs(v) / self.breakaway),
             1.0 / (1.0 + step * abs(v) / (self.breakaway * slips)),
         )
-        rate = self.damping * float(np.exp(-((v / self.damped_below) ** 2))) / step
+        rate = self.damping * math.exp(-((v / self.damped_below) ** 2)) / step
         # Static friction is damped as Coulomb friction is.
         more = rate / level * excess if level > 0.0 else 0.0
         torque = damping = 0.0
@@ -128,6 +129,7 @@ class DryFriction:
         self._own: list[tuple[Bristle, Mapping[str, float]]] = []
         # Part of each joint's constant level that bristles of its own take over [N·m].
         self._taken: dict[int, float] = {}
+        self._static = {j: Static.of(p) for effect, j, _, p in self._notes if effect == "stribeck"}
         for effect, j, _, p in self._notes:
             if effect == "presliding":
                 damped = p.get("damping", 0.0), p.get("damped_below", np.inf)
@@ -139,7 +141,7 @@ class DryFriction:
                 )
         for effect, j, _, p in self._notes:
             if effect == "stribeck" and "breakaway" not in p and j in self._common:
-                self._common[j].static = Static.of(p)
+                self._common[j].static = self._static[j]
         self.bristles = (*self._common.values(), *(bristle for bristle, _ in self._own))
         kinds = {effect for effect, *_ in self._notes}
         self.acts, self.loaded = (
@@ -163,15 +165,15 @@ class DryFriction:
             carried: torques that the gears carry [N·m].
             growth: by joint, how far friction that drifts has come.
         """
-        level, viscous = level.copy(), np.zeros_like(level)
+        level, viscous = level.copy(), np.zeros(len(level))
         for effect, j, place, p in self._notes:
             if effect == "stribeck" and "breakaway" in p:
                 # A fit may have bristles take less than none of a level, or more than all.
-                self._taken[j] = float(np.clip(p["presliding"], 0.0, max(level[j], 0.0)))
+                self._taken[j] = min(max(p["presliding"], 0.0), max(float(level[j]), 0.0))
                 level[j] -= self._taken[j]
             elif effect == "stribeck" and j not in self._common:
-                static = Static.of(p)
-                level[j] += static.excess * static.share(v[j])
+                static = self._static[j]
+                level[j] += static.excess * static.share(float(v[j]))
             elif effect == "load_dependent_friction":
                 level[j] += p["coefficient"] * abs(carried[j])
             elif effect == "friction_drift":
@@ -181,11 +183,12 @@ class DryFriction:
 
     def bent(self, level: Array, v: Array, step: float) -> tuple[Array, Array]:
         """Torque and damping of all bristles; levels that they take over are taken off ``level`` in place."""
-        force, damping = np.zeros_like(level), np.zeros_like(level)
+        force, damping = np.zeros(len(level)), np.zeros(len(level))
         if not self.bristles:
             return force, damping
         parts = [(b, level[j]) for j, b in self._common.items()]
-        level[list(self._common)] = 0.0
+        for j in self._common:
+            level[j] = 0.0
         for bristle, p in self._own:
             j = bristle.joint
             parts.append((bristle, p["rubbing"] if "rubbing" in p else self._taken[j]))

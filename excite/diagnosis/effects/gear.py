@@ -54,11 +54,15 @@ class Behind(NamedTuple):
     @classmethod
     def joint(cls, context: Context, j: int, *, second_order: bool = False) -> Behind:
         """What joint j's gear has behind it; second derivatives are none to first order."""
-        by_q, by_v = (np.ascontiguousarray(context.gradient(j, what)[:, j]) for what in ("q", "v"))
         load = np.ascontiguousarray(context.baseline.rigid[:, j])
-        by_qq = by_qv = np.zeros_like(load)
-        if second_order:
-            by_qq, by_qv = (np.ascontiguousarray(context.curvature(j, what)[:, j]) for what in ("qq", "qv"))
+        key, kept = (j, "behind, curved" if second_order else "behind"), context.baseline.derived.values
+        if key not in kept:
+            slopes = [context.gradient(j, what)[:, j] for what in ("q", "v")]
+            curves = [
+                context.curvature(j, what)[:, j] if second_order else 0.0 * load for what in ("qq", "qv")
+            ]
+            kept[key] = np.array([*slopes, *curves])
+        by_q, by_v, by_qq, by_qv = kept[key]
         return cls(load, by_q, by_v, link_inertia(context, j), by_qq, by_qv)
 
     def needed(self, x: Array, s: Array, acc: Array) -> Array:
