@@ -10,6 +10,7 @@ from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.gear import contact_stiffness, gear_damping
+from excite.diagnosis.effects.gear_effect import GearEffect
 from excite.robot.robot import Array
 
 _SMOOTH = 201
@@ -84,3 +85,14 @@ def drift_growth(attribution: Attribution) -> dict[str, list[Array]]:
                 break
         grown[item.location] = made
     return grown
+
+
+def gear_deflections(attribution: Attribution) -> dict[str, list[Array]]:
+    """Deflections of soft and loose gears and their speeds at every sample, by joint, ``(n, 2)`` a trial."""
+    found = {}
+    for item in attribution.accepted:
+        h = item.hypothesis
+        if isinstance(h.effect, GearEffect):
+            moved = h.effect.deflection(Context(h.baseline), h.location, h.theta)
+            found[item.location] = h.baseline.samples.split(moved[:2].T)
+    return found

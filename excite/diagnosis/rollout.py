@@ -78,7 +78,7 @@ class Simulator:
         model.opt.timestep = float(window.time[1] - window.time[0])
         data.qpos[self._qpos], data.qvel[self._dof] = window.q, window.v
         self._load = window.load.copy()
-        self._deflect(window.load)
+        self._deflect(window)
         self._dry.start(window)
         delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
         filtered, lagged = self._filtered(window, drive, delay)
@@ -150,14 +150,14 @@ class Simulator:
             two = two + second * (one - two)
         return one, two
 
-    def _deflect(self, load: Array) -> None:
-        """Soft and loose gears start where their load puts them."""
+    def _deflect(self, window: Window) -> None:
+        """Soft and loose gears start as they are said to swing, or where their load puts them."""
         for effect, place, values in self._notes:
             if effect not in {"joint_elasticity", "backlash"}:
                 continue
-            address = self.model.joint(place + DEFLECTION).qposadr[0]
-            torque = float(load[self.joints.index(place)])
-            self.data.qpos[address] = resting_deflection(values, torque)
+            joint, torque = self.model.joint(place + DEFLECTION), float(window.load[self.joints.index(place)])
+            angle, speed = window.deflected.get(place, (resting_deflection(values, torque), 0.0))
+            self.data.qpos[joint.qposadr[0]], self.data.qvel[joint.dofadr[0]] = angle, speed
 
     def _apply(self, q: Array, v: Array, window: Window, elapsed: float, held: Array) -> None:
         """Set friction and torques of the coming step; ``held`` is the damping that does not change."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.atomic import write_text
-from excite.diagnosis.accepted_values import drift_growth, found_effects
+from excite.diagnosis.accepted_values import drift_growth, found_effects, gear_deflections
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.augmented import AugmentedModel, augmented_model, baseline_model
 from excite.diagnosis.augmented_effects import Found
@@ -91,7 +91,11 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
             remedy="judge by the torques",
         )
     samples, effects = baseline.samples, found_effects(attribution)
-    plan = replace(plan or torque_plan(samples), growth=drift_growth(attribution))
+    plan = replace(
+        plan or torque_plan(samples),
+        growth=drift_growth(attribution),
+        deflections=gear_deflections(attribution),
+    )
     before = baseline_model(baseline)
     plain = errors(before.xml, samples, baseline.rigid, plan)
     if not np.isfinite(plain).all():

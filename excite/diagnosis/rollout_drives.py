@@ -33,12 +33,15 @@ class Window:
     Attributes:
         q: ``(n_joints,)`` positions at its start [rad].
         v: velocities at its start [rad/s].
-        load: torque that the links need at its start [N·m]; sets how far soft and loose gears are deflected.
+        load: torque that the links need at its start [N·m]; sets how far soft and loose gears are deflected of which
+            that is not told.
         time: ``(n_steps,)`` of the steps [s] since the trial's start.
         session_s: time of its start within the session [s].
         growth: by joint, how far friction that drifts has come at its start; from the session's clock where it
             is not given.
         past: the record before it; without it the robot was at rest.
+        deflected: by joint, how far a soft or loose gear is deflected at its start [rad] and how fast it moves
+            [rad/s]; it rests under its load where that is not given.
     """
 
     q: Array
@@ -48,6 +51,7 @@ class Window:
     session_s: float
     growth: Mapping[str, float] = field(default_factory=dict)
     past: Past | None = None
+    deflected: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 class Drive(Protocol):

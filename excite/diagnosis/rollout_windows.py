@@ -33,6 +33,7 @@ class Plan:
         driven_by: the same in words.
         total_s: simulated time at most: roll-outs are spread evenly over longer records [s].
         growth: by joint, how far friction that drifts has come, one ``(n,)`` a trial.
+        deflections: by joint, deflection of a soft or loose gear and its speed, one ``(n, 2)`` a trial.
         fitted: simulate the identification trials, not the validation trials.
         torques: what drives them where that is the log's torques.
         least_gain: share of some joint's squared error that each effect after the first has to take away.
@@ -44,6 +45,7 @@ class Plan:
     driven_by: str
     total_s: float = _TOTAL_S
     growth: Mapping[str, list[Array]] = field(default_factory=dict)
+    deflections: Mapping[str, list[Array]] = field(default_factory=dict)
     fitted: bool = False
     torques: DrivingTorques | None = None
     least_gain: float = 0.0
@@ -120,9 +122,13 @@ def _piece(
     v = np.array([np.interp(t0 - 0.5 * step, trial.time, c) for c in smooth[1].T])
     k = samples.trials.index(trial)
     growth = {joint: float(values[k][i]) for joint, values in plan.growth.items()}
+    deflected = {
+        joint: (float(values[k][i, 0]), float(np.interp(t0 - 0.5 * step, trial.time, values[k][:, 1])))
+        for joint, values in plan.deflections.items()
+    }
     steps = np.asarray(t0 + step * np.arange(n * keep), dtype=np.float64)
     before = slice(max(0, i - round(_PAST_S * samples.rate_hz)), i + 1)
     past = Past(trial.time[before], smooth[0][before], trial.v[before][:, list(samples.index)])
-    window = Window(smooth[0][i], v, load[i], steps, float(trial.session_s[i]), growth, past)
+    window = Window(smooth[0][i], v, load[i], steps, float(trial.session_s[i]), growth, past, deflected)
     recorded = trial.q[i : i + n + 1][:, list(samples.index)]
     return Piece(window, plan.drives[trial.name], recorded, keep)

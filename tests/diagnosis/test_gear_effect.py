@@ -10,6 +10,7 @@ import pytest
 
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.baseline_fit import fit_baseline
+from excite.diagnosis.effects.backlash import Backlash, SoftBacklash
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.joint_elasticity import JointElasticity
 from excite.diagnosis.gates import Gates
@@ -85,3 +86,14 @@ def test_a_lighter_link_has_a_softer_gear_for_the_same_swing(baseline: Baseline)
     assert after < 0.7 * before
     over = JointElasticity().carried_over(old, new, "first", (80.0, 0.1))
     assert over == pytest.approx((80.0 * after / before, 0.1), rel=1e-6)
+
+
+def test_play_as_wide_as_any_that_is_searched_is_a_gear_that_passes_for_it(baseline: Baseline) -> None:
+    context, widest = Context(baseline), Backlash.searched[0].high
+    widths = {
+        width: SoftBacklash().settled(context, "first", (width, 6.0, 0.01), baseline.fit)
+        for width in (0.05, widest)
+    }
+    assert widths == {0.05: True, widest: False}
+    # And then the gear is asked for.
+    assert "joint_elasticity" in {effect.name for effect in SoftBacklash().kin}

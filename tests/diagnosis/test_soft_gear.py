@@ -97,6 +97,18 @@ def test_a_gear_that_hardens_so_much_that_no_linear_one_fits(tmp_path: Path) -> 
     assert result.effects[0].parameters["hardening_at"].value == pytest.approx(0.02, rel=0.1)
 
 
+def test_a_gear_nearly_slack_at_rest_is_no_play(tmp_path: Path) -> None:
+    """It is told by its law: play with flanks as soft as it is wide comes near."""
+
+    def law(x: float, s: float) -> float:
+        return 6.0 * x * (1.0 + (x / 0.03) ** 2) + 0.3 * s
+
+    result = diagnose(logged(tmp_path, law, 0.5 * np.pi))
+    assert result.verdict in {"effect", "ambiguous"}
+    assert (result.effect, result.location) == ("joint_elasticity", "first")
+    assert result.effects[0].parameters["hardening_at"].value == pytest.approx(0.03, rel=0.2)
+
+
 def test_play_between_round_contacts(tmp_path: Path) -> None:
     """Contacts of ``k b^1.5`` that give way by a good part of the play itself."""
 

@@ -6,9 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Theta
 from excite.diagnosis.effects.gear import Gear, contact_stiffness, gear_damping
 from excite.diagnosis.effects.gear_effect import GearEffect
+from excite.diagnosis.equations import Fit
+
+# Share of the widest play that a search has to end below.
+_SETTLED = 0.9
 
 
 class Backlash(GearEffect):
@@ -30,27 +34,19 @@ class Backlash(GearEffect):
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return self._between_contacts(context, location, theta[0], theta[1], 1.0)
 
+    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+        """Play as wide as any that is searched is a soft gear that passes for it."""
+        return theta[0] < _SETTLED * self.searched[0].high
+
     def _between_contacts(
-        self,
-        context: Context,
-        location: str,
-        width: float,
-        hertz: float,
-        ratio: float,
-        *,
-        soft: float = 0.0,
-        rounded: bool = False,
-    ) -> Shape:
+        self, context: Context, location: str, width: float, hertz: float, ratio: float
+    ) -> Gear:
         j = context.row(location)
         stiffness = contact_stiffness(context, j, hertz)
-        damping = gear_damping(context, j, stiffness, ratio)
-        depth = float(np.abs(context.baseline.rigid[:, j]).mean()) / stiffness if rounded else 0.0
-        return Shape(
-            offset=self.response(context, j, Gear(stiffness, damping, 0.5 * width, soft=soft, depth=depth))
-        )
+        return Gear(stiffness, gear_damping(context, j, stiffness, ratio), 0.5 * width)
 
 
 class DampedBacklash(Backlash):
@@ -65,7 +61,7 @@ class DampedBacklash(Backlash):
     def starts(self, theta: Theta) -> list[Theta]:
         return [(theta[0], theta[1], 1.0), (theta[0], 2.0 * theta[1], 2.0), (theta[0], theta[1], 0.5)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return self._between_contacts(context, location, theta[0], theta[1], theta[2])
 
 
@@ -75,6 +71,12 @@ class SoftBacklash(Backlash):
     searched = (*Backlash.searched, Parameter("softness", "rad", 2e-4, 0.02))
 
     @property
+    def kin(self) -> tuple[Effect, ...]:
+        from excite.diagnosis.effects.joint_elasticity import JointElasticity
+
+        return (JointElasticity(),)
+
+    @property
     def richer(self) -> tuple[Effect, ...]:
         return ()
 
@@ -82,8 +84,8 @@ class SoftBacklash(Backlash):
         # Where contacts are soft, play that was found with hard ones is too narrow.
         return [(w, theta[1], 0.15 * w) for w in (theta[0], 3.0 * theta[0], 0.03)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return self._between_contacts(context, location, theta[0], theta[1], 1.0, soft=theta[2])
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return super().gear(context, location, theta)._replace(soft=theta[2])
 
 
 class RoundBacklash(Backlash):
@@ -102,5 +104,7 @@ class RoundBacklash(Backlash):
     def starts(self, theta: Theta) -> list[Theta]:
         return [(w, f, 0.3) for w in (0.7 * theta[0], theta[0]) for f in (2.0, 4.0, 8.0)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return self._between_contacts(context, location, theta[0], theta[1], theta[2], rounded=True)
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        found = self._between_contacts(context, location, theta[0], theta[1], theta[2])
+        load = float(np.abs(context.baseline.rigid[:, context.row(location)]).mean())
+        return found._replace(depth=load / found.stiffness)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from copy import copy
 
 from excite.diagnosis.effects.deflection import deflect
-from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
 from excite.diagnosis.effects.gear import Behind, Gear
 from excite.diagnosis.effects.gear_start import first_states
 from excite.robot.robot import Array
@@ -32,20 +32,29 @@ class GearEffect(Effect, ABC):
         other.second_order = True
         return other
 
-    def response(self, context: Context, j: int, gear: Gear) -> dict[int, Array]:
-        """Torques in all rows that a deflection of joint j adds, by row, ``(n_samples,)``.
+    @abstractmethod
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        """The gear that non-linear parameters stand for."""
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        """What the link's deflection from the motor adds to the torques of all joints.
 
         ``∂τ/∂q δ + ∂τ/∂v δ̇ + M δ̈`` and so on in the deflection δ, with δ from its own equation of motion, the other
         joints moving as logged (Spong 1987, eq. 5, with the motor's side prescribed).
         """
-        behind, samples = Behind.joint(context, j, second_order=self.second_order), context.baseline.samples
-        begin = first_states(context, j, behind, gear)
-        x, s, acc = (
-            row[:, None] for row in deflect(*behind, samples.starts, begin, 1.0 / samples.rate_hz, *gear)
-        )
+        j = context.row(location)
+        x, s, acc = (row[:, None] for row in self.deflection(context, location, theta))
         by_q, by_v, mass = (context.gradient(j, what) for what in ("q", "v", "a"))
         if self.second_order:
             qq, qv, vv, qa = (context.curvature(j, what) for what in ("qq", "qv", "vv", "qa"))
             by_q, by_v, mass = by_q + 0.5 * qq * x, by_v + qv * x + 0.5 * vv * s, mass + qa * x
         total = by_q * x + by_v * s + mass * acc
-        return {k: total[:, k] for k in range(total.shape[1])}
+        return Shape(offset={k: total[:, k] for k in range(total.shape[1])})
+
+    def deflection(self, context: Context, location: str, theta: Theta) -> Array:
+        """The link's angle less the motor's, its speed and its acceleration, the rows of ``(3, n_samples)``."""
+        j, samples = context.row(location), context.baseline.samples
+        behind = Behind.joint(context, j, second_order=self.second_order)
+        gear = self.gear(context, location, theta)
+        begin = first_states(context, j, behind, gear)
+        return deflect(*behind, samples.starts, begin, 1.0 / samples.rate_hz, *gear)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.diagnosis.effects.backlash import Backlash
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Theta
 from excite.diagnosis.effects.gear import Gear, contact_stiffness, gear_damping, link_inertia
 from excite.diagnosis.effects.gear_effect import GearEffect
 
@@ -32,18 +32,13 @@ class JointElasticity(GearEffect):
         j = context.row(location)
         return [(contact_stiffness(context, j, hertz), 0.5) for hertz in (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return self._behind_gear(context, location, theta)
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return Gear(theta[0], gear_damping(context, context.row(location), theta[0], theta[1]))
 
     def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
         """As many swings a second: a link that turns out lighter has a gear that is softer by as much."""
         before, after = (float(link_inertia(c, c.row(location)).mean()) for c in (old, new))
         return (theta[0] * after / before, *theta[1:])
-
-    def _behind_gear(self, context: Context, location: str, theta: Theta, cubic: float = 0.0) -> Shape:
-        j = context.row(location)
-        damping = gear_damping(context, j, theta[0], theta[1])
-        return Shape(offset=self.response(context, j, Gear(theta[0], damping, cubic=cubic)))
 
 
 class HardeningElasticity(JointElasticity):
@@ -70,5 +65,5 @@ class HardeningElasticity(JointElasticity):
         soft = [contact_stiffness(context, j, hertz) for hertz in (1.6, 2.4, 3.6, 5.4)]
         return [(k, 0.1, share * load / k) for k in soft for share in (0.7, 1.4)]
 
-    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
-        return self._behind_gear(context, location, theta, theta[2] ** -2)
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return super().gear(context, location, theta)._replace(cubic=theta[2] ** -2)

@@ -1,0 +1,69 @@
+"""Roll-outs of soft and loose gears begin as the gears swing, not at rest under their load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from excite.diagnosis.augmented_effects import FORMS, Draft, Found
+from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.rollout import Simulator
+from excite.diagnosis.rollout_drives import LoggedTorque, Window
+from excite.robot.loading import load_robot
+from tests.diagnosis.test_soft_gear import logged
+
+ROTOR, LINK, STIFFNESS = 0.2, 0.5, 100.0
+MODEL = f"""
+<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="0.001" integrator="implicitfast"/><worldbody>
+<body name="b"><inertial pos="0 0 0" mass="1" diaginertia="{LINK} {LINK} {LINK}"/>
+<joint name="j" axis="0 0 1" armature="{ROTOR}"/></body></worldbody>
+<actuator><general name="j" joint="j" biastype="affine"/></actuator></mujoco>
+"""
+
+
+def test_a_link_that_swings_on_its_gear_takes_the_motor_along():
+    spec, form = mujoco.MjSpec.from_string(MODEL), FORMS["joint_elasticity"].model
+    assert form is not None
+    values = {"stiffness": STIFFNESS, "damping_ratio": 0.0, "damping": 0.0}
+    form(Draft(load_robot("ur10"), ("j",), spec), Found("joint_elasticity", "j", values))
+    spec.compile()
+    angle, speed, clock = 0.05, 0.4, np.arange(0.0, 1.0, 1e-3)
+    none = np.zeros(1)
+    window = Window(none, none, none, clock, 0.0, deflected={"j": (angle, speed)})
+    free = LoggedTorque(np.array([0.0, 2.0]), np.zeros((2, 1)))
+    found = Simulator(spec.to_xml(), ("j",)).run(window, free, 10)[:, 0]
+    # Both together keep their momentum while they swing against each other.
+    t = 0.01 * np.arange(len(found))
+    w = np.sqrt(STIFFNESS * (1.0 / ROTOR + 1.0 / LINK))
+    apart = angle * np.cos(w * t) + speed / w * np.sin(w * t)
+    motor = LINK / (ROTOR + LINK) * (angle - apart + speed * t)
+    np.testing.assert_allclose(found, motor, atol=0.02 * np.ptp(motor))
+
+
+def test_roll_outs_of_a_gear_that_swings_stay_near_the_record(tmp_path: Path):
+    result = diagnose(logged(tmp_path, lambda x, s: 80.0 * x + 0.5 * s))
+    assert result.simulation is not None
+    before, after = (
+        np.sqrt(sum(e**2 for e in side.values()))
+        for side in (result.simulation.before, result.simulation.after)
+    )
+    assert after < 0.3 * before
+
+
+def test_a_gear_of_which_nothing_is_told_rests_under_its_load():
+    spec, form = mujoco.MjSpec.from_string(MODEL), FORMS["joint_elasticity"].model
+    assert form is not None
+    form(
+        Draft(load_robot("ur10"), ("j",), spec),
+        Found("joint_elasticity", "j", {"stiffness": STIFFNESS, "damping_ratio": 0.0, "damping": 0.0}),
+    )
+    spec.compile()
+    load = np.array([4.0])
+    window = Window(np.zeros(1), np.zeros(1), load, np.array([0.0, 1e-3]), 0.0)
+    simulator = Simulator(spec.to_xml(), ("j",))
+    simulator.run(window, LoggedTorque(np.array([0.0, 1.0]), np.tile(load, (2, 1))), 1)
+    deflected = float(simulator.data.qpos[1])
+    assert deflected == pytest.approx(-4.0 / STIFFNESS, rel=0.01)
