@@ -52,7 +52,9 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
     begun = _fitted(baseline.with_signs(baseline.signs, _TYPICAL))
     again = _with_lead(_chosen(begun, keep=False))
     for _ in range(2):
-        again = _with_lead(_chosen(again, keep=False))
+        before, again = again, _with_lead(_chosen(again, keep=False))
+        if again is before:
+            break
     return _refined(again if _loss(again) < _loss(first) - _CLEARLY else first)
 
 

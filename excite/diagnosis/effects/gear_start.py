@@ -16,7 +16,7 @@ from excite.logs.signals.butterworth import settling_samples
 from excite.robot.robot import Array
 
 # So few samples, or such a share of those before the rows, do not tell how a gear swings.
-_LEAST, _MOST = 20, 0.4
+_LEAST, _LEAST_SHARE = 20, 0.4
 # A gear that has swung off to exp(−5) before the first row may have begun anyhow.
 _FORGOTTEN = 5.0
 # Steps of Gauss and Newton, where the gear is not linear.
@@ -130,6 +130,6 @@ def _before_rows(samples: ArmSamples, j: int, moving: NDArray[np.bool_]) -> NDAr
     by_trial = np.split(moving, np.flatnonzero(samples.starts)[1:])
     for k, (trial, moves) in enumerate(zip(samples.trials, by_trial, strict=True)):
         count = max(int(trial.rows[0]) - edge, 0)
-        if moves[:count].sum() >= max(_LEAST, _MOST * count) and np.isfinite(trial.tau[0, j]):
+        if moves[:count].sum() >= max(_LEAST, _LEAST_SHARE * count) and np.isfinite(trial.tau[0, j]):
             counts[k] = count
     return counts
