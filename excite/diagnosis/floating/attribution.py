@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from excite.diagnosis.floating.effects.wobbling_mass import WobblingMass
 from excite.diagnosis.floating.problem import Problem
-from excite.diagnosis.floating.ranking import NOISE_SLACK, Ranked, Ranker
+from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker
 from excite.diagnosis.floating.refinement import (
     Fitted,
+    Placed,
     explained_state,
     nominal_fit,
     refine,
@@ -65,6 +67,8 @@ def attribute(problem: Problem) -> Attribution:
     tied = tuple(tied_places(step, n) for step in steps)
     close = rivals(steps[0], n) if steps else ()
     verdict = _verdict(problem, baseline, steps, close, explained, n)
+    if verdict in {"effect", "ambiguous"} and _sloshes(problem, current):
+        verdict = "unknown"
     patched = current.power > NOISE_SLACK * n and _patches(steps, tied)
     if patched or (steps and current.power > _WRONG_FORM * n and misread_channels(problem, baseline)):
         verdict = "unknown"
@@ -103,6 +107,19 @@ def _patches(steps: tuple[Step, ...], tied: tuple[tuple[str, ...], ...]) -> bool
         for k in range(len(steps))
         for i in range(k)
     )
+
+
+def _sloshes(problem: Problem, fitted: Fitted) -> bool:
+    """Whether a mass that is said to wobble may as well do so in the horizontal alone, as no tissue does."""
+    for k, item in enumerate(fitted.placed):
+        if isinstance(item.effect, WobblingMass):
+            level = Placed(WobblingMass(level=True), item.location)
+            placed = (*fitted.placed[:k], level, *fitted.placed[k + 1 :])
+            liquid = refine(problem, placed, fitted.theta, fitted)
+            over = max(1.0, fitted.power / len(problem.nominal_rows))
+            if liquid.power < fitted.power + 2.0 * DECISIVE * over:
+                return True
+    return False
 
 
 def _repeats(problem: Problem, fitted: Fitted) -> bool:

@@ -15,7 +15,7 @@ from excite.diagnosis.floating.refinement import (
     linearised,
     refine,
 )
-from excite.diagnosis.floating.screening import absent, effect_columns
+from excite.diagnosis.floating.screening import effect_columns
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
 
@@ -66,7 +66,7 @@ def _alternate(problem: Problem, before: Fitted, share: Array, shortlist: int) -
             (
                 (
                     beside.fit(
-                        rows, effect_columns(problem, state, effect, link, absent(effect, state, link))
+                        rows, effect_columns(problem, state, effect, link, effect.beginnings(state, link)[0])
                     ),
                     link,
                 )

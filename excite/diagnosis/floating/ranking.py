@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from excite.diagnosis.floating.refinement import (
     linearised,
     refine,
 )
-from excite.diagnosis.floating.screening import Screened, absent, effect_columns, screen
+from excite.diagnosis.floating.screening import Screened, effect_columns, screen
 from excite.diagnosis.floating.surfaces import find_surfaces, pressed
 
 # Nats by which evidence must differ before one hypothesis is preferred (odds of 150 to 1).
@@ -29,8 +30,6 @@ NOISE_SLACK = 1.5
 _FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS = 6, 1, 14
 # Share of the best linearised gain below which no iteration will bring a hypothesis to the top.
 _WORTH_A_LOOK = 0.2
-# Iterations before hypotheses are first compared.
-_ROUGH_STEPS = 4
 # How far behind the leading one, in decisive steps, a hypothesis is fitted to all samples.
 _LEADING = 4.0
 
@@ -86,7 +85,7 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
     n = len(problem.nominal_rows)
     known = {(item.effect.name, item.location) for item in current.placed}
     screened = [s for s in screen(*linearised(coarse, current)) if (s.effect.name, s.location) not in known]
-    places = {name: max(1, sum(s.effect.name == name for s in screened)) for name in FLOATING_EFFECTS}
+    places = dict(Counter(item.effect.name for item in screened))
     rough = [_refined(coarse, current, item) for item in _shortlist(screened)]
     top, before = min(rough, key=lambda f: f.power, default=None), judged_by(coarse, current)
     if top is not None and _worth(top, top.power / n) > _worth(before, top.power / n):
@@ -149,8 +148,8 @@ def _shortlist(screened: list[Screened]) -> list[Screened]:
     """The first few of all, and the best of each effect that explains a good part of what the first does."""
     chosen = [item for item in screened[:_FIRST_LOOK] if item.fit.evidence > 0.0]
     least = _WORTH_A_LOOK * max((item.fit.gain for item in chosen), default=0.0)
-    for name in FLOATING_EFFECTS:
-        own = [s for s in screened if s.effect.name == name and s.fit.evidence > 0.0 and s.fit.gain > least]
+    for effect in FLOATING_EFFECTS.values():
+        own = [s for s in screened if s.effect is effect and s.fit.evidence > 0.0 and s.fit.gain > least]
         chosen += [item for item in own[:_PER_EFFECT] if item not in chosen]
     return chosen
 
@@ -167,9 +166,10 @@ def _neighbours(screened: list[Screened], done: list[Fitted], top: Fitted) -> li
 
 
 def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:
-    start = item.fit.theta * item.effect.scales(problem.nominal, item.location)
-    placed = Placed(item.effect, item.location)
-    return refine(problem, (*current.placed, placed), (*current.theta, start), current, _ROUGH_STEPS)
+    placed, start = Placed(item.effect, item.location), item.start(problem.nominal)
+    return refine(
+        problem, (*current.placed, placed), (*current.theta, start), current, item.effect.rough_steps
+    )
 
 
 def _contacts(
@@ -183,7 +183,7 @@ def _contacts(
     timed = _timed_contacts(problem, coarse, current)
     soft = [fit for fit in (pressed(coarse, contact) for contact in timed) if fit is not None]
     if min((f.power for f in timed + soft), default=np.inf) > NOISE_SLACK * len(problem.nominal_rows):
-        soft += find_surfaces(coarse, current, least, _ROUGH_STEPS)
+        soft += find_surfaces(coarse, current, least, FloatingEffect.rough_steps)
     return max(timed, soft, key=lambda fits: max((f.evidence for f in fits), default=-np.inf))
 
 
@@ -195,7 +195,7 @@ def _timed_contacts(problem: Problem, coarse: Problem, current: Fitted) -> list[
     effect: FloatingEffect = found.placed[-1].effect
     beside, state, rows = linearised(coarse, current)
     linear = {
-        link: beside.fit(rows, effect_columns(coarse, state, effect, link, absent(effect, state, link)))
+        link: beside.fit(rows, effect_columns(coarse, state, effect, link, effect.beginnings(state, link)[0]))
         for link in effect.locations(problem.nominal)
     }
     nearest = sorted(linear, key=lambda link: -linear[link].evidence)[: _NEIGHBOURS // 2]
@@ -205,7 +205,7 @@ def _timed_contacts(problem: Problem, coarse: Problem, current: Fitted) -> list[
             (*current.placed, Placed(effect, link)),
             (*current.theta, linear[link].theta * effect.scales(problem.nominal, link)),
             current,
-            _ROUGH_STEPS,
+            effect.rough_steps,
         )
         for link in nearest
     ]

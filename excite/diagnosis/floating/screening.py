@@ -15,11 +15,23 @@ from excite.robot.robot import Array
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """An effect at a place and its linearised fit."""
+    """An effect at a place and its linearised fit.
+
+    Attributes:
+        effect: the effect.
+        location: the place.
+        begun: parameters with which it is absent, at which it is linearised.
+        fit: of what is added to them, in units of their scales.
+    """
 
     effect: FloatingEffect
     location: str
+    begun: Array
     fit: LinearFit
+
+    def start(self, state: State) -> Array:
+        """Its parameters by that fit, in their units."""
+        return self.begun + self.fit.theta * self.effect.scales(state, self.location)
 
 
 def effect_columns(
@@ -38,13 +50,8 @@ def effect_columns(
     return np.vstack([base, unloaded]) * effect.scales(state, location)
 
 
-def absent(effect: FloatingEffect, state: State, location: str) -> Array:
-    """Its parameters where it is absent: zeros."""
-    return np.zeros(len(effect.parameters(state, location)))
-
-
 def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
-    """Linearised fits of all effects at all places, best evidence first.
+    """Linearised fits of all effects at all places from the likeliest of their beginnings, best evidence first.
 
     Args:
         problem: the problem.
@@ -52,14 +59,18 @@ def screen(problem: Problem, state: State, rows: Array) -> list[Screened]:
         rows: ``(m,)`` whitened residual there.
     """
     hypotheses = [
-        (effect, location) for effect in FLOATING_EFFECTS.values() for location in effect.locations(state)
+        (effect, location, begun)
+        for effect in FLOATING_EFFECTS.values()
+        for location in effect.locations(state)
+        for begun in effect.beginnings(state, location)
     ]
-    columns = [
-        effect_columns(problem, state, effect, location, absent(effect, state, location))
-        for effect, location in hypotheses
-    ]
+    columns = [effect_columns(problem, state, *hypothesis) for hypothesis in hypotheses]
     screened = [
-        Screened(effect, location, fit)
-        for (effect, location), fit in zip(hypotheses, problem.fit_each(rows, columns), strict=True)
+        Screened(*hypothesis, fit)
+        for hypothesis, fit in zip(hypotheses, problem.fit_each(rows, columns), strict=True)
     ]
-    return sorted(screened, key=lambda item: -item.fit.evidence)
+    likeliest: dict[tuple[FloatingEffect, str], Screened] = {}
+    for item in sorted(screened, key=lambda item: -item.fit.evidence):
+        if item.effect.allows(item.start(state)):
+            likeliest.setdefault((item.effect, item.location), item)
+    return list(likeliest.values())

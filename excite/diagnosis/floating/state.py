@@ -30,6 +30,7 @@ _DEPENDS: dict[str, set[str]] = {
     "smooth_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
     "joint_torques": _MOTION | {"v", "a", "phi", "readings", "placements"},
     "turns": _MOTION | {"v", "a", "phi", "placements"},
+    "carried": _MOTION | {"v", "a"},
 }
 
 
@@ -79,8 +80,9 @@ class State:
         # The base's equation holds nothing of segments beyond the sensors.
         if "phi" in changed and np.array_equal(other.measured_phi, self.measured_phi):
             changed.remove("phi")
-        # Whoever finds a joint's turn first, all states of the same motion have it.
+        # Whoever finds a joint's turn or a segment's load first, all states of the same motion have it.
         self.__dict__.setdefault("turns", {})
+        self.__dict__.setdefault("carried", {})
         for name, depends in _DEPENDS.items():
             if name in self.__dict__ and not depends & changed:
                 other.__dict__[name] = self.__dict__[name]
@@ -150,6 +152,32 @@ class State:
     def turns(self) -> dict[int, JointTurn]:
         """By joint, what :func:`~excite.diagnosis.floating.joint_turns.joint_turn` has found for this motion."""
         return {}
+
+    @cached_property
+    def carried(self) -> dict[int, Array]:
+        """By segment, what :meth:`on_unit_mass` has found for this motion."""
+        return {}
+
+    def on_unit_mass(self, segment: int, place: Array) -> Array:
+        """``(n, 3)`` force on a unit mass that moves with a segment: acceleration less gravity, world [m/s²].
+
+        Args:
+            segment: its index.
+            place: ``(3,)`` of the mass, in the frame of the segment's joint [m].
+        """
+        if segment not in self.carried:
+            forces = [self._on_unit_mass(segment, corner) for corner in (np.zeros(3), *np.eye(3))]
+            self.carried[segment] = np.stack([forces[0], *(f - forces[0] for f in forces[1:])], axis=2)
+        # Accelerations of points of a body are affine in their place.
+        return np.asarray(self.carried[segment] @ np.concatenate([[1.0], place]))
+
+    def _on_unit_mass(self, segment: int, place: Array) -> Array:
+        x, y, z = place
+        phi = np.zeros_like(self.phi)
+        inertia = (y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y)
+        phi[10 * segment : 10 * segment + 10] = (1.0, x, y, z, *inertia)
+        force = inverse_dynamics(self.tree, self.q, self.v, self.a, phi)[:, :3]
+        return np.einsum("nij,nj->ni", self.poses.rotation[:, 1], force)
 
     @cached_property
     def joint_torques(self) -> Array:

@@ -38,18 +38,22 @@ class FloatingEffect(ABC):
 
     Attributes:
         name: a word of the contract.
+        form: which of several forms of the same physics it is; the name where there is but one.
         reads_as: what it is confused with, and what tells it apart.
         changes_readings: whether it says something else of what the sensors read.
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
+        rough_steps: iterations before it is first compared with others.
         price: what must be paid for what was learnt of it from the record before its parameters [nats].
     """
 
     name: ClassVar[str]
+    form: ClassVar[str] = ""
     reads_as: ClassVar[str]
     changes_readings: ClassVar[bool] = False
     least_shrink: ClassVar[float] = 0.1
+    rough_steps: ClassVar[int] = 4
     price: float = 0.0
 
     @abstractmethod
@@ -59,6 +63,14 @@ class FloatingEffect(ABC):
     @abstractmethod
     def parameters(self, state: State, location: str) -> tuple[Parameter, ...]:
         """Its parameters there."""
+
+    def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
+        """Parameters with which it is absent and from which a fit may begin; by default zeros alone."""
+        return (np.zeros(len(self.parameters(state, location))),)
+
+    def allows(self, theta: Array) -> bool:
+        """Whether there can be such a thing, as far as a linearised fit tells."""
+        return True
 
     @abstractmethod
     def apply(self, state: State, location: str, theta: Array) -> State:

@@ -15,9 +15,10 @@ from excite.diagnosis.floating.effects.sensor_frame_offset import SensorFrameOff
 from excite.diagnosis.floating.effects.sensor_gain import SensorGain
 from excite.diagnosis.floating.effects.soft_tissue import SoftTissue
 from excite.diagnosis.floating.effects.time_delay import TimeDelay
+from excite.diagnosis.floating.effects.wobbling_mass import WobblingMass
 
 FLOATING_EFFECTS: dict[str, FloatingEffect] = {
-    effect.name: effect
+    effect.form or effect.name: effect
     for effect in (
         LinkInertia(),
         LinkLengthError(),
@@ -31,5 +32,6 @@ FLOATING_EFFECTS: dict[str, FloatingEffect] = {
         ExternalForce(),
         TimeDelay(),
         SoftTissue(),
+        WobblingMass(),
     )
 }
