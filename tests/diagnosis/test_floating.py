@@ -13,6 +13,7 @@ from excite.diagnosis.floating.attribution import attribute
 from excite.diagnosis.floating.effects.effect import FloatingEffect, links, segment_of
 from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
 from excite.diagnosis.floating.gap import gap_of, residual_of
 from excite.diagnosis.floating.held_out import refit
 from excite.diagnosis.floating.parameter_errors import left_by_parameters
@@ -206,6 +207,27 @@ def test_a_bent_joint_leans_further(footed: FloatingRecord) -> None:
     off, as_logged = found.q[:, iq] - footed.q[:, iq], compliance * logged.smooth_torques[:, iv] - bend
     assert off.std() < 0.05 * bend.std()
     assert off.std() < 0.6 * as_logged.std()
+
+
+def test_what_a_soft_joint_carries_swings_on_it(footed: FloatingRecord) -> None:
+    """The encoder before the spring reads what the motion behind it takes, exactly."""
+    state, name, largest = State.logged(footed), "waist_roll_joint", 0.02
+    joint = state.tree.names.index(name)
+    iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
+    compliance = largest / np.abs(state.smooth_torques[:, iv]).max()
+    bend = compliance * state.smooth_torques[:, iv]
+    rate = np.gradient(bend, 1.0 / footed.rate_hz)
+    q, v, a = footed.q.copy(), footed.v.copy(), footed.a.copy()
+    q[:, iq] += bend
+    v[:, iv] += rate
+    a[:, iv] += np.gradient(rate, 1.0 / footed.rate_hz)
+    logged = State.logged(replace(footed, q=q, v=v, a=a))
+    theta, off = np.array([compliance, 0.0]), {}
+    for effect in (SwingingJoint(), FLOATING_EFFECTS["joint_elasticity"]):
+        found = effect.apply(logged, name, theta).q[:, iq] - footed.q[:, iq]
+        off[effect.form] = float(found.std() / bend.std())
+    assert off["swinging_joint"] < 0.06
+    assert off["swinging_joint"] < 0.5 * off[""]
 
 
 def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> None:

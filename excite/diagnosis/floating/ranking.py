@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.diagnosis.floating.contact_times import find_contact
 from excite.diagnosis.floating.effects.effect import FloatingEffect, links
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS, FURTHER_FORMS
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.refinement import (
@@ -27,7 +27,7 @@ from excite.diagnosis.floating.surfaces import find_surfaces, pressed
 DECISIVE = 5.0
 # Power over the expected noise that repeated trials, which set it, leave open.
 NOISE_SLACK = 1.5
-_FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS = 6, 1, 14
+_FIRST_LOOK, _PER_EFFECT, _NEIGHBOURS, _FURTHER = 6, 1, 14, 3
 # Share of the best linearised gain below which no iteration will bring a hypothesis to the top.
 _WORTH_A_LOOK = 0.2
 # How far behind the leading one, in decisive steps, a hypothesis is fitted to all samples.
@@ -92,6 +92,7 @@ def rank_next(problem: Problem, coarse: Problem, current: Fitted) -> tuple[Ranke
         rough += [_refined(coarse, current, item) for item in _neighbours(screened, rough, top)]
     open_after = (min(f.power for f in rough) if rough else current.power) / n
     if open_after > NOISE_SLACK or not problem.repeatability.repeatable:
+        rough += _further(coarse, rough)
         gain = 0.5 * (before.power - min((f.power for f in rough), default=np.inf))
         rough += _contacts(problem, coarse, current, places, _WORTH_A_LOOK * gain)
     fits = _in_full(problem, rough, before)
@@ -170,6 +171,19 @@ def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:
     return refine(
         problem, (*current.placed, placed), (*current.theta, start), current, item.effect.rough_steps
     )
+
+
+def _further(problem: Problem, rough: list[Fitted]) -> list[Fitted]:
+    """Further forms of effects at the places where these explain most."""
+    found = []
+    for form, others in FURTHER_FORMS.items():
+        own = [fit for fit in rough if fit.placed[-1].effect is FLOATING_EFFECTS[form]]
+        for fit in sorted(own, key=lambda fit: fit.power)[:_FURTHER]:
+            *before, last = fit.placed
+            for other in others:
+                placed = (*before, Placed(other, last.location))
+                found.append(refine(problem, placed, fit.theta, fit, other.rough_steps))
+    return found
 
 
 def _contacts(

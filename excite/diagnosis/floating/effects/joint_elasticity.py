@@ -12,8 +12,9 @@ from excite.diagnosis.floating.joint_turns import joint_turn
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
-# A turn by which the torque's change is measured [rad], and the most that bending may add to itself.
-_TURN, _MOST_ADDED = 1e-3, 0.8
+# A turn by which the torque's change is measured [rad], and the most that bending may add to itself: beyond one it
+# would buckle.
+_TURN, MOST_ADDED = 1e-3, 0.8
 
 
 class JointElasticity(FloatingEffect):
@@ -43,7 +44,7 @@ class JointElasticity(FloatingEffect):
         if not theta.any():
             return state
         joint = joint_of(state, location)
-        bend = _bend(state, joint, theta)[0]
+        bend = self.bend(state, joint, theta)[0]
         iq, iv, rate = state.tree.idx_q[joint], state.tree.idx_v[joint], _rates(state, bend)
         q, v, a = state.q.copy(), state.v.copy(), state.a.copy()
         q[:, iq] += bend
@@ -54,7 +55,7 @@ class JointElasticity(FloatingEffect):
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's columns along what each parameter lets it yield."""
         joint = joint_of(state, location)
-        yields = _bend(state, joint, theta)[1]
+        yields = self.bend(state, joint, theta)[1]
         rates = _rates(state, yields)
         bent = self.apply(state, location, theta)
         return joint_turn(bent, joint).columns(state.readings, yields, rates, _rates(state, rates))
@@ -70,27 +71,37 @@ class JointElasticity(FloatingEffect):
             **super().report(state, location, theta, std),
         }
 
+    def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
+        """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``.
 
-def _bend(state: State, joint: int, theta: Array) -> tuple[Array, Array]:
-    """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``.
+        A bent joint leans further, which changes its torque: to first order by what a turn of the joint alone makes
+        of it. Rates are left out, since they would bring noise of accelerations into the torque a second time.
+        """
+        torque, loads, softer = loads_of(state, joint)
+        if not theta.any():
+            return np.zeros(len(torque)), -loads
+        adds = -leaning_of(state, joint)[:, None] * softer
+        more = 1.0 / (1.0 - np.minimum(adds @ theta, MOST_ADDED))
+        bend = more * (-loads @ theta)
+        return bend, more[:, None] * (bend[:, None] * adds - loads)
 
-    A bent joint leans further, which changes its torque: to first order by what a turn of the joint alone makes
-    of it. Rates are left out, since they would bring noise of accelerations into the torque a second time.
-    """
-    iv = state.tree.idx_v[joint]
-    torque = state.smooth_torques[:, iv]
-    largest = max(float(np.abs(torque).max()), 1e-9)
-    yields = -np.column_stack([torque, np.abs(torque) / largest * torque])
-    if not theta.any():
-        return np.zeros(len(torque)), yields
-    q = state.q.copy()
+
+def loads_of(state: State, joint: int) -> tuple[Array, Array, Array]:
+    """A joint's torque ``(n,)`` [N·m], what each parameter makes it yield by, and that per torque, ``(n, 2)``."""
+    torque = state.smooth_torques[:, state.tree.idx_v[joint]]
+    ratio = np.abs(torque) / max(float(np.abs(torque).max()), 1e-9)
+    return (
+        torque,
+        np.column_stack([torque, ratio * torque]),
+        np.column_stack([np.ones_like(ratio), 2.0 * ratio]),
+    )
+
+
+def leaning_of(state: State, joint: int) -> Array:
+    """``(n,)`` change of a joint's torque by its own turn [N·m/rad]."""
+    iv, q = state.tree.idx_v[joint], state.q.copy()
     q[:, state.tree.idx_q[joint]] += _TURN
-    leaning = (state.but(q=q).smooth_torque(iv) - torque) / _TURN
-    adds = -leaning[:, None] * np.column_stack([np.ones_like(torque), 2.0 * np.abs(torque) / largest])
-    # Beyond the limit a joint would buckle.
-    more = 1.0 / (1.0 - np.minimum(adds @ theta, _MOST_ADDED))
-    bend = more * (yields @ theta)
-    return bend, more[:, None] * (yields + bend[:, None] * adds)
+    return (state.but(q=q).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
 
 
 def _rates(state: State, values: Array) -> Array:

@@ -14,6 +14,7 @@ from excite.diagnosis.floating.effects.sensor_crosstalk import SensorCrosstalk
 from excite.diagnosis.floating.effects.sensor_frame_offset import SensorFrameOffset
 from excite.diagnosis.floating.effects.sensor_gain import SensorGain
 from excite.diagnosis.floating.effects.soft_tissue import SoftTissue
+from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
 from excite.diagnosis.floating.effects.time_delay import TimeDelay
 from excite.diagnosis.floating.effects.wobbling_mass import WobblingMass
 
@@ -35,3 +36,6 @@ FLOATING_EFFECTS: dict[str, FloatingEffect] = {
         WobblingMass(),
     )
 }
+
+# By form, others of the same physics, which are tried where nothing explains a gap and from where that one ends.
+FURTHER_FORMS: dict[str, tuple[FloatingEffect, ...]] = {JointElasticity.name: (SwingingJoint(),)}
