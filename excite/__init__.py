@@ -70,6 +70,7 @@ _PUBLIC = {
     "identify_wearing": "excite.human.worn_weight",
     "diagnose": "excite.diagnosis.diagnose",
     "Diagnosis": "excite.diagnosis.result",
+    "effect_summaries": "excite.diagnosis.effect_summary",
     "campaign": "excite.campaign.loop",
     "CampaignSettings": "excite.campaign.settings",
     "report": "excite.report.page",

@@ -13,7 +13,9 @@ import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
 
-COMMANDS = "robots init-robot plan check rank export simulate identify campaign report demo".split()
+from excite.logs.vocabulary import EFFECTS
+
+COMMANDS = "robots effects init-robot plan check rank export simulate identify campaign report demo".split()
 
 
 def excite(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -54,6 +56,19 @@ def test_robots_lists_every_bundled_robot(tmp_path: Path) -> None:
     assert {"g1", "talos", "panda", "ur10", "human", "iiwa14"} <= {
         robot["name"] for robot in document["robots"]
     }
+
+
+def test_effects_are_those_that_a_log_may_call_modelled(tmp_path: Path) -> None:
+    document = json.loads(excite("effects", "--json", "--out", "kept", cwd=tmp_path).stdout)
+    assert json.loads((tmp_path / "kept" / "effects.json").read_text()) == document
+    # An asymmetry is a form of the bias.
+    assert {e["name"] for e in document["effects"]} == {*EFFECTS} - {"coulomb_asymmetry"}
+    assert all(e["law"].endswith(".") and e["looks_like"] for e in document["effects"])
+    for effect in (e for e in document["effects"] if e["base"] == "fixed"):
+        assert {*effect["looks_like"].split(", ")} <= {*EFFECTS}
+        assert effect["told_apart_by"] and effect["mujoco"]
+    shown = excite("effects", cwd=tmp_path).stdout
+    assert all(name in shown for name in EFFECTS if name != "coulomb_asymmetry")
 
 
 def test_paths_in_the_plan_are_relative_to_out(planned: Path) -> None:

@@ -34,7 +34,7 @@ class FrictionDrift(Effect):
     searched = (Parameter("time_constant", "s", 5.0, 3000.0),)
     confusable_with = ("coulomb_friction", "viscous_friction")
     separating_motion = "the same trial at the start, in the middle and at the end of the session"
-    mujoco = "none: a constant at the session's end"
+    mujoco = "none of its own: a control callback"
     friction = True
 
     @property

@@ -1,0 +1,45 @@
+"""``excite effects``: what a diagnosis can name."""
+
+from __future__ import annotations
+
+import excite
+from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.output import print_document
+from excite.json_document import write_json
+
+NAME = "effects"
+
+
+def command(
+    as_json: JsonOption = False,
+    out: OutOption = None,
+    seed: SeedOption = 0,
+    jobs: JobsOption = DEFAULT_JOBS,
+) -> None:
+    """List the effects that a diagnosis can name: law, what looks like it, what tells them apart."""
+    summaries = excite.effect_summaries()
+    document = {"schema": "excite.effects/1", "effects": [summary.to_json() for summary in summaries]}
+    if out is not None:
+        write_json(document, out / "effects.json")
+    if as_json:
+        print_document(document)
+        return
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.text import Text
+
+    console = Console()
+    titles = {"fixed": "Arms", "floating": "Standing robots and people"}
+    for base, title in titles.items():
+        console.print(Text(title, style="bold"))
+        for summary in summaries:
+            if summary.base == base:
+                console.print(Text(summary.name, style="cyan"))
+                for text in (
+                    summary.law,
+                    f"looks like: {summary.looks_like}",
+                    f"told apart by: {summary.told_apart_by}" if summary.told_apart_by else "",
+                    f"in MuJoCo: {summary.mujoco}" if summary.mujoco else "",
+                ):
+                    if text:
+                        console.print(Padding(Text(text), (0, 0, 0, 4), expand=False))

@@ -1,0 +1,62 @@
+"""What there is to say about each effect in a line: its law, what it looks like, what tells it apart."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import asdict, dataclass
+
+from excite.diagnosis.effects.effect import Effect
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
+
+
+@dataclass(frozen=True)
+class EffectSummary:
+    """An effect in a line.
+
+    Attributes:
+        name: its word in a diagnosis and, where a baseline can have it, in ``modelled``.
+        base: ``fixed`` for arms, ``floating`` for standing robots and people.
+        law: what is added to the nominal model, with its source.
+        looks_like: what it may be taken for.
+        told_apart_by: motion or measurement that tells it from those; empty where ``looks_like`` says so.
+        mujoco: how a MuJoCo model has it; empty where none is written.
+    """
+
+    name: str
+    base: str
+    law: str
+    looks_like: str
+    told_apart_by: str = ""
+    mujoco: str = ""
+
+    def to_json(self) -> dict[str, str]:
+        """The fields by name, ready for JSON."""
+        return asdict(self)
+
+
+def effect_summaries() -> tuple[EffectSummary, ...]:
+    """All effects that a diagnosis tries, those of arms first; several forms of one physics are listed apart."""
+    arms = (
+        EffectSummary(
+            name=effect.name,
+            base="fixed",
+            law=_law(effect),
+            looks_like=", ".join(effect.confusable_with),
+            told_apart_by=effect.separating_motion,
+            mujoco=effect.mujoco,
+        )
+        for effect in EFFECTS.values()
+    )
+    standing = (
+        EffectSummary(effect.name, "floating", _law(effect), effect.reads_as)
+        for effect in (*FLOATING_EFFECTS.values(), UnloggedContact())
+    )
+    return (*arms, *standing)
+
+
+def _law(effect: Effect | FloatingEffect) -> str:
+    """The first paragraph of its class' documentation."""
+    return " ".join((inspect.getdoc(type(effect)) or "").split("\n\n")[0].replace("``", "").split())
