@@ -13,13 +13,13 @@ import numpy as np
 
 from excite.diagnosis.augmented_plant import Plant
 from excite.diagnosis.horizontal import level_axes
+from excite.diagnosis.model_notes import NOTE
 from excite.robot.links import carried_link
 from excite.robot.robot import Array, Robot
 
 if TYPE_CHECKING:
     import mujoco
 
-NOTE = "excite"
 DEFLECTION = ".deflection"
 PRESLIDING = "presliding"
 _LEAST_ROTOR = 1e-4

@@ -48,7 +48,7 @@ def diagnose(
     if loaded.header.sensors:
         from excite.diagnosis.floating.diagnose import diagnose_floating
 
-        return diagnose_floating(loaded, robot, rng)
+        return diagnose_floating(loaded, robot, rng, folder)
     raise InputError(
         f"a log with base {loaded.header.base} and no sensors is not diagnosed",
         field="sensors",

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.diagnosis.augmented_effects import DEFLECTION, NOTE
+from excite.diagnosis.augmented_effects import DEFLECTION
+from excite.diagnosis.model_notes import model_notes
 from excite.diagnosis.rollout_deflection import resting_deflection
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, PositionServo, Window
 from excite.diagnosis.rollout_friction import DryFriction
@@ -224,15 +225,5 @@ def _share(period: float, time_constant: float) -> float:
 
 def _notes(model: mujoco.MjModel) -> list[tuple[str, str, dict[str, float]]]:
     """Effects noted in a model: name, place, values."""
-    import mujoco
-
-    found = []
-    for k in range(model.ntext):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, k)
-        parts = name.split(".", 2)
-        if len(parts) == 3 and parts[0] == NOTE:
-            first, size = int(model.text_adr[k]), int(model.text_size[k])
-            data = bytes(model.text_data[first : first + size]).decode().rstrip("\0")
-            pairs = (item.split("=") for item in data.split())
-            found.append((parts[1], parts[2], {key: float(value) for key, value in pairs}))
-    return found
+    split = ((rest.partition("."), values) for rest, values in model_notes(model))
+    return [(effect, place, values) for (effect, _, place), values in split if place]

@@ -1,9 +1,10 @@
-"""Roll-outs of the practice arms with the augmented simulator against the nominal one; run alone for a table."""
+"""Roll-outs of the practice cases: the augmented simulator against the nominal one; run alone for a table."""
 
 from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +19,7 @@ class Ratio:
 
     Attributes:
         case: its name.
-        total: root of the sum over channels of squared errors, after over before.
+        total: root of the sum over channels of squared errors, after over before; of metres and of radians the mean.
         best: the same of the channel that gained most: where the effect is.
         worst: of the channel that gained least.
         warnings: what the simulator could not take up, or was left out because it does not help.
@@ -31,10 +32,10 @@ class Ratio:
     warnings: tuple[str, ...]
 
 
-def ratios(cases: list[str] | None = None) -> list[Ratio]:
-    """Diagnose the cases; those where no effect is named have no second simulator and are left out."""
+def ratios(place: Path, cases: list[str] | None = None) -> list[Ratio]:
+    """Diagnose a folder's cases; those where no effect is named have no second simulator and are left out."""
     found = []
-    for path in sorted(folder().glob("case_*")):
+    for path in sorted(place.glob("case_*")):
         if cases and path.name not in cases:
             continue
         result = diagnose(path)
@@ -44,7 +45,9 @@ def ratios(cases: list[str] | None = None) -> list[Ratio]:
         before = np.array(list(document["before"].values()))
         after = np.array([document["after"][name] for name in document["before"]])
         each = after / before
-        total = float(np.sqrt((after**2).sum() / (before**2).sum()))
+        turns = np.array([name.startswith("base.r") for name in document["before"]])
+        groups = [group for group in (turns, ~turns) if group.any()]
+        total = float(np.sqrt(np.mean([(after[g] ** 2).sum() / (before[g] ** 2).sum() for g in groups])))
         found.append(
             Ratio(path.name, total, float(each.min()), float(each.max()), tuple(document["warnings"]))
         )
@@ -56,24 +59,32 @@ def ratios(cases: list[str] | None = None) -> list[Ratio]:
 
 
 def rows() -> list[Row]:
-    """Figures over all practice arms."""
-    if not folder().is_dir():
-        return [Row("roll-outs of practice arms", "", "not found", None)]
-    found = ratios()
+    """Figures over all practice cases."""
+    return [
+        *_rows("roll-outs", folder()),
+        *_rows("roll-outs of standing robots", folder().parent / "floating"),
+    ]
+
+
+def _rows(title: str, place: Path) -> list[Row]:
+    if not place.is_dir():
+        return [Row(title, "", "not found", None)]
+    found = ratios(place)
     totals = np.array([r.total for r in found])
     return [
         Row.at_most(
-            "roll-outs: error with the effects, over that without, median", float(np.median(totals)), 0.3
+            f"{title}: error with the effects, over that without, median", float(np.median(totals)), 0.3
         ),
-        Row.at_most("roll-outs: the same, worst case", float(totals.max()), 1.0),
+        Row.at_most(f"{title}: the same, worst case", float(totals.max()), 1.0),
         Row.at_most(
-            "roll-outs: the same on the channel that gains most, median",
+            f"{title}: the same on the channel that gains most, median",
             float(np.median([r.best for r in found])),
             0.3,
         ),
-        Row("roll-outs: cases", "", f"{len(found)}", None),
+        Row(f"{title}: cases", "", f"{len(found)}", None),
     ]
 
 
 if __name__ == "__main__":
-    ratios(sys.argv[1:] or None)
+    for kind in (folder(), folder().parent / "floating"):
+        ratios(kind, sys.argv[1:] or None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked
 from excite.diagnosis.floating.record import prepare_record
 from excite.diagnosis.floating.refinement import Fitted
+from excite.diagnosis.floating.rollout_compare import simulated
 from excite.diagnosis.floating.unknown_place import unknown_places
 from excite.diagnosis.floating.where import locate
 from excite.diagnosis.gap import Gap
@@ -54,26 +56,32 @@ def analyse(log: Log, robot: Robot | None = None) -> Analysis:
 
 
 def diagnose_floating(
-    log: Log, robot: Robot | None = None, rng: np.random.Generator | None = None
+    log: Log,
+    robot: Robot | None = None,
+    rng: np.random.Generator | None = None,
+    out: Path | None = None,
 ) -> Diagnosis:
     """Diagnose a log with base pose, joints and contact wrenches.
 
     Args:
         log: the log.
         robot: its nominal robot with the log's sensors; None reads the one that the log names.
-        rng: of the bootstrap; None is seeded with zero.
+        rng: of the bootstrap and of the roll-outs' replicas; None is seeded with zero.
+        out: folder for the augmented simulator; none is written without it.
 
     Raises:
         LogError: the log lacks base pose or wrenches, or a trial is too short.
     """
-    return diagnosis_of(analyse(log, robot), rng)
+    return diagnosis_of(analyse(log, robot), rng, out)
 
 
-def diagnosis_of(analysis: Analysis, rng: np.random.Generator | None = None) -> Diagnosis:
-    """What an analysis says, with the gap's interval from a bootstrap."""
-    problem, found = analysis.problem, analysis.found
+def diagnosis_of(
+    analysis: Analysis, rng: np.random.Generator | None = None, out: Path | None = None
+) -> Diagnosis:
+    """What an analysis says, with the gap's interval from a bootstrap, and roll-outs; arguments as above."""
+    problem, found, rng = analysis.problem, analysis.found, rng or np.random.default_rng(0)
     accepted = found.accepted if found.verdict in {"effect", "ambiguous"} else found.baseline
-    gap = gap_of(problem, analysis.before, analysis.after, rng or np.random.default_rng(0))
+    gap = gap_of(problem, analysis.before, analysis.after, rng)
     first = found.steps[0] if found.steps and accepted.placed else ()
     tied = found.tied[0] if first else ()
     if found.verdict == "unknown":
@@ -88,6 +96,7 @@ def diagnosis_of(analysis: Analysis, rng: np.random.Generator | None = None) -> 
         effects=_effects(problem, found, gap) if accepted.placed else (),
         gap=gap,
         where=locate(problem, found.baseline),
+        simulation=simulated(problem, analysis.before, analysis.after, rng, out),
         n_tied=len(found.rivals) if found.verdict == "ambiguous" else 0,
         next_experiment=_next(found),
         warnings=_warnings(problem, found),

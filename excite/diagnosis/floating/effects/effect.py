@@ -38,7 +38,7 @@ class FloatingEffect(ABC):
 
     Attributes:
         name: a word of the contract.
-        form: which of several forms of the same physics it is; the name where there is but one.
+        form: which of several forms of the same physics it is; empty where there is but one.
         reads_as: what it is confused with, and what tells it apart.
         changes_readings: whether it says something else of what the sensors read.
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
@@ -55,6 +55,11 @@ class FloatingEffect(ABC):
     least_shrink: ClassVar[float] = 0.1
     rough_steps: ClassVar[int] = 4
     price: float = 0.0
+
+    @property
+    def word(self) -> str:
+        """What the library calls this form."""
+        return self.form or self.name
 
     @abstractmethod
     def locations(self, state: State) -> tuple[str, ...]:

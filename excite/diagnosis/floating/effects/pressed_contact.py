@@ -65,6 +65,7 @@ class PressedContact(FloatingEffect):
     """
 
     name: ClassVar[str] = "unlogged_contact"
+    form: ClassVar[str] = "pressed_contact"
     reads_as: ClassVar[str] = "a spring, where the link never leaves it"
 
     def __init__(self, surface: Surface):

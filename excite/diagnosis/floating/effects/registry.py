@@ -19,7 +19,7 @@ from excite.diagnosis.floating.effects.time_delay import TimeDelay
 from excite.diagnosis.floating.effects.wobbling_mass import WobblingMass
 
 FLOATING_EFFECTS: dict[str, FloatingEffect] = {
-    effect.form or effect.name: effect
+    effect.word: effect
     for effect in (
         LinkInertia(),
         LinkLengthError(),

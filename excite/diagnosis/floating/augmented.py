@@ -1,0 +1,109 @@
+"""The nominal simulator of a standing robot with the accepted effects in it: a MuJoCo model, and notes beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from excite.diagnosis.floating.noted import note_data, note_name
+from excite.diagnosis.floating.problem import Problem
+from excite.diagnosis.floating.refinement import Fitted, apply_all
+from excite.diagnosis.floating.state import State
+from excite.diagnosis.physical_bodies import PhysicalBodies, nearest_bodies
+from excite.robot.robot import Array, Robot
+from excite.simulation.drives import Drives, nominal_drives
+from excite.simulation.mjcf import World, build_spec
+from excite.simulation.mjcf_shapes import wxyz
+
+if TYPE_CHECKING:
+    import mujoco
+
+# Effects that the model itself says: bodies, lengths, and where sensors sit.
+IN_THE_MODEL = frozenset({"link_inertia", "link_length_error", "sensor_frame_offset"})
+_NO_LIMIT = 1e6
+_TIMESTEP = 1e-3
+_NOTABLE = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class StandingModel:
+    """A MuJoCo model of a standing robot.
+
+    Attributes:
+        xml: the model; its sensors are sites. What XML cannot express stands in it as
+            ``<custom><text name="excite.FORM.PLACE"/>``, for :class:`~excite.diagnosis.floating.rollout.Simulator`.
+        warnings: what it could not take up, one sentence each.
+    """
+
+    xml: str
+    warnings: tuple[str, ...]
+
+
+def standing_model(problem: Problem, fitted: Fitted) -> StandingModel:
+    """The simulator with a fit's inertial parameters and effects.
+
+    Args:
+        problem: the problem.
+        fitted: the fit; without effects it gives the nominal simulator.
+    """
+    state = apply_all(problem.state(fitted.delta), fitted.placed, fitted.theta)
+    phi, mismatch = _physical(problem, state)
+    warnings = []
+    if mismatch > _NOTABLE:
+        warnings.append(
+            "the fitted inertial parameters are no bodies' that can exist; the nearest ones are off by "
+            f"{mismatch:.1f} times the noise"
+        )
+    spec = build_spec(_with_lengths(problem.record.robot, state), phi, _drives(problem), World(_TIMESTEP))
+    _add_sensors(spec, problem, state.placements)
+    for number, (item, theta) in enumerate(zip(fitted.placed, fitted.theta, strict=True)):
+        if item.effect.name not in IN_THE_MODEL:
+            spec.add_text(name=note_name(number, item), data=note_data(problem.nominal, item, theta))
+    spec.compile()
+    return StandingModel(spec.to_xml(), tuple(warnings))
+
+
+def _physical(problem: Problem, state: State) -> tuple[Array, float]:
+    """Parameters of bodies that can exist, and by how many times the noise they are off the fitted ones (RMS)."""
+    nominal = problem.record.tree.phi
+    massive = np.repeat(nominal[::10] > 0.0, 10)
+    bodies = PhysicalBodies(nominal[massive], np.zeros(0))
+    wish = bodies.coordinates(state.phi[massive])
+    if bodies.holds(wish):
+        return state.phi, 0.0
+    rows = problem.whitening(state.regressor)[:, massive] @ bodies.map
+    found = nearest_bodies(bodies, rows, wish, bodies.coordinates(nominal[massive]))
+    phi = state.phi.copy()
+    phi[massive] = bodies.map @ found
+    return phi, float(np.sqrt(np.mean((rows @ (found - wish)) ** 2)))
+
+
+def _with_lengths(robot: Robot, state: State) -> Robot:
+    """The robot with its joints where a state has them."""
+    model = robot.model.copy()
+    for joint in range(1, model.njoints):
+        model.jointPlacements[joint] = pin.SE3(state.tree.rotations[joint], state.tree.translations[joint])
+    return replace(robot, model=model)
+
+
+def _drives(problem: Problem) -> Drives:
+    """The robot's own; gains and limits that it does not state are zero and none."""
+    drives = nominal_drives(problem.record.robot)
+    return replace(
+        drives,
+        kp=np.nan_to_num(drives.kp),
+        kd=np.nan_to_num(drives.kd),
+        torque_limit=np.nan_to_num(drives.torque_limit, nan=_NO_LIMIT, posinf=_NO_LIMIT),
+    )
+
+
+def _add_sensors(spec: mujoco.MjSpec, problem: Problem, placements: dict[str, pin.SE3]) -> None:
+    """A site for each sensor, where its readings are expressed; of plates in the world."""
+    robot = problem.record.robot
+    for sensor in robot.sensors:
+        body = spec.body(robot.segments[sensor.joint - 1].link) if sensor.joint else spec.worldbody
+        placement = placements[sensor.name]
+        body.add_site(name=sensor.name, pos=placement.translation, quat=wxyz(placement.rotation))

@@ -1,0 +1,175 @@
+"""Roll-outs of standing robots: the simulator's dynamics, what stands in its model, and what is left out of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.floating import augmented, rollout_compare
+from excite.diagnosis.floating.augmented import standing_model
+from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
+from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
+from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
+from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
+from excite.diagnosis.floating.noted import note_data, read_notes
+from excite.diagnosis.floating.problem import Problem, build_problem
+from excite.diagnosis.floating.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.refinement import Fitted, Placed, nominal_fit, refine
+from excite.diagnosis.floating.rollout import Simulator
+from excite.diagnosis.floating.rollout_compare import simulated, unheard
+from excite.diagnosis.floating.state import State
+from excite.logs.files import load_log
+
+# TALOS over plates and on foot sensors, nominal inertials given and right; of the second, a length is wrong.
+_PLATES, _FEET = "case_013", "case_002"
+
+
+@pytest.fixture(scope="module")
+def record(gap_dir: Path) -> FloatingRecord:
+    return prepare_record(load_log(gap_dir / "floating" / _PLATES))
+
+
+@pytest.fixture(scope="module")
+def problem(record: FloatingRecord) -> Problem:
+    return build_problem(record)
+
+
+def with_effect(problem: Problem, effect, location: str, theta) -> Fitted:
+    """A fit that says so, whatever the record does."""
+    fitted = nominal_fit(problem)
+    placed, theta = (Placed(effect, location),), (np.asarray(theta, dtype=float),)
+    return Fitted(placed, theta, (np.zeros_like(theta[0]),), fitted.delta, fitted.power, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("case", [_PLATES, _FEET])
+def test_the_base_moves_as_its_equation_of_motion_says(gap_dir: Path, case: str) -> None:
+    record = prepare_record(load_log(gap_dir / "floating" / case))
+    problem, state, k = build_problem(record), State.logged(record), 300
+    simulator = Simulator(standing_model(problem, nominal_fit(problem)).xml, record)
+    moved = simulator.run(simulator.drive(), slice(k, k + 2))
+    # What the residual accelerates, over a step: half of it, squared, beside what the record does.
+    inertia = np.zeros((6, 6))
+    for i in range(6):
+        a = state.a[k : k + 1].copy()
+        a[0, i] += 1.0
+        one = State.logged(record).but(q=state.q[k : k + 1], v=state.v[k : k + 1], a=state.a[k : k + 1])
+        inertia[:, i] = one.but(a=a).predicted[0] - one.predicted[0]
+    more = np.linalg.solve(inertia, state.residual[k])
+    step = 1.0 / record.rate_hz
+    rotation = pin.Quaternion(*state.q[k, [6, 3, 4, 5]]).matrix()
+    # The recorded base's own acceleration of the origin, in the world.
+    v, a = state.v[k], state.a[k, :6] + more
+    linear = rotation @ (a[:3] + np.cross(v[3:6], v[:3]))
+    expected = state.q[k, :3] + step * rotation @ v[:3] + 0.5 * step**2 * linear - state.q[k + 1, :3]
+    np.testing.assert_allclose(moved[1, :3], expected, atol=2e-6)
+    turned = rotation @ pin.exp3(step * v[3:6] + 0.5 * step**2 * a[3:6])
+    there = pin.Quaternion(*state.q[k + 1, [6, 3, 4, 5]]).matrix()
+    np.testing.assert_allclose(moved[1, 3:], pin.log3(there.T @ turned), atol=2e-6)
+
+
+def test_without_effects_it_goes_where_the_record_goes_but_for_noise(problem: Problem) -> None:
+    nominal = nominal_fit(problem)
+    found = simulated(problem, nominal, nominal, np.random.default_rng(0), None)
+    assert found.before == found.after and found.model is None and not found.warnings
+    assert set(found.floor) == {f"base.{axis}" for axis in ("px", "py", "pz", "rx", "ry", "rz")}
+    for channel, error in found.before.items():
+        assert error < 2.5 * found.floor[channel] < 5e-3
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        FLOATING_EFFECTS["external_force"],
+        FLOATING_EFFECTS["wobbling_mass"],
+        SwingingJoint(),
+        PressedContact(Surface((0.0, 0.6, 0.8), 0.9, 0.03, rounded=True)),
+        "timed contact",
+    ],
+    ids=str,
+)
+def test_notes_are_read_as_they_were_written(problem: Problem, effect) -> None:
+    if effect == "timed contact":
+        share = np.zeros(problem.record.n_samples)
+        for span in problem.record.spans[1:3]:
+            share[span.start + 20 : span.start + 60] = share[span.stop - 30 : span.stop] = 1.0
+        effect = UnloggedContact(share)
+    location = effect.locations(problem.nominal)[-1]
+    theta = 0.7 * effect.scales(problem.nominal, location)
+    fitted = with_effect(problem, effect, location, theta)
+    model = mujoco.MjModel.from_xml_string(standing_model(problem, fitted).xml)
+    (placed,), (values,) = read_notes(model, problem.record)
+    assert (placed.effect.word, placed.location) == (effect.word, location)
+    np.testing.assert_allclose(values, theta, rtol=1e-10)
+    once, again = (e.apply(problem.nominal, location, theta).residual for e in (effect, placed.effect))
+    np.testing.assert_allclose(again, once, atol=1e-9)
+
+
+def test_bodies_lengths_and_sensors_are_the_models_own(problem: Problem) -> None:
+    link, joint, plate = "arm_left_5_link", "leg_right_5_joint", "right_plate"
+    error = np.zeros(10)
+    error[[0, 4, 6, 9]] = 0.5, 0.01, 0.01, 0.01
+    nominal = standing_model(problem, nominal_fit(problem))
+    heavier = standing_model(problem, with_effect(problem, FLOATING_EFFECTS["link_inertia"], link, error))
+    longer = standing_model(
+        problem, with_effect(problem, FLOATING_EFFECTS["link_length_error"], joint, [0.0, 0.01, 0.02])
+    )
+    moved = standing_model(
+        problem, with_effect(problem, FLOATING_EFFECTS["sensor_frame_offset"], plate, [0.01, 0, 0, 0, 0, 0.1])
+    )
+    before, mass, length, sensor = (
+        mujoco.MjModel.from_xml_string(m.xml) for m in (nominal, heavier, longer, moved)
+    )
+    assert mass.body(link).mass[0] - before.body(link).mass[0] == pytest.approx(0.5, abs=1e-4)
+    child = problem.record.robot.segments[problem.record.tree.names.index(joint) - 1].link
+    np.testing.assert_allclose(
+        np.linalg.norm(length.body(child).pos - before.body(child).pos), np.hypot(0.01, 0.02), atol=1e-5
+    )
+    assert np.linalg.norm(sensor.site(plate).pos - before.site(plate).pos) == pytest.approx(0.01, abs=1e-5)
+    assert all(model.ntext == 0 for model in (before, mass, length, sensor))
+
+
+def test_a_wrong_gain_is_worth_less_once_it_is_known(record: FloatingRecord) -> None:
+    readings = dict(record.readings)
+    readings["left_plate"] = readings["left_plate"] * np.array([1.0, 1.0, 1.05, 1.0, 1.0, 1.0])
+    problem = build_problem(replace(record, readings=readings))
+    before = nominal_fit(problem.identification_only)
+    gain = Placed(FLOATING_EFFECTS["sensor_gain"], "left_plate.fz")
+    after = refine(problem.identification_only, (gain,), (np.array([0.05]),), before)
+    found = simulated(problem, before, after, np.random.default_rng(0), None)
+    assert found.after["base.pz"] < 0.1 * found.before["base.pz"]
+    assert all(found.after[c] < 2.5 * found.floor[c] for c in found.after)
+    assert not found.warnings
+    # The other way round it is no nearer, and is left out.
+    wrong = replace(after, theta=(-after.theta[0],))
+    without = simulated(problem, before, wrong, np.random.default_rng(0), None)
+    assert without.after == without.before
+    assert "the model is without sensor_gain at left_plate.fz" in without.warnings[0]
+
+
+def test_a_value_that_the_simulator_ignores_is_noticed(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    theta = np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    fitted = with_effect(problem, FLOATING_EFFECTS["external_force"], "torso_2_link", theta)
+    assert unheard(problem, fitted, standing_model(problem, fitted)) == ()
+    monkeypatch.setattr(augmented, "note_data", lambda state, item, _: note_data(state, item, theta))
+    assert unheard(problem, fitted, standing_model(problem, fitted)) == (
+        "the simulator ignores external_force at torso_2_link",
+    )
+
+
+def test_the_model_is_written_where_there_is_a_folder(gap_dir: Path, tmp_path: Path) -> None:
+    found = diagnose(gap_dir / "floating" / _FEET, out=tmp_path).to_json()["simulation"]
+    assert found["model"] == rollout_compare.MODEL
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / found["model"]))
+    assert model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
+    ratios = [found["after"][c] / found["before"][c] for c in found["before"]]
+    assert np.median(ratios) < 0.3 and max(ratios) < 1.0
+    assert json.dumps(found)
