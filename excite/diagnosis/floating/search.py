@@ -8,7 +8,7 @@ from excite.diagnosis.floating.exchange import Step, exchanged
 from excite.diagnosis.floating.held_out import held_out_gain
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker
-from excite.diagnosis.floating.refinement import Fitted, refine
+from excite.diagnosis.floating.refinement import Fitted, Placed, refine
 
 # Evidence, after the number of places is paid for, that an effect must have to be there at all.
 SIGNIFICANT = 8.0
@@ -17,6 +17,8 @@ _WITHIN_NOISE = 25.0
 # A further effect must close this share of the power above the noise that is still open, and of all of it;
 # more where one of its kind is accepted already, since that is what an approximate form leaves behind.
 _FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
+# What an approximate form leaves at its own place by another name: a bend's mean is an offset.
+_LEAVES = {"joint_elasticity": "encoder_offset"}
 # A further effect that closes this share of what is still open need not be large beside the others.
 _CLOSES_ALL = 0.85
 _MOST_EFFECTS = 3
@@ -88,7 +90,7 @@ def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool
     if not current.placed:
         return best.evidence >= SIGNIFICANT
     closed = current.power - best.fitted.power
-    known = best.last.effect.name in {item.effect.name for item in current.placed}
+    known = any(_alike(item, best.last) for item in current.placed)
     if current.power < NOISE_SLACK * n:
         return best.evidence >= _WITHIN_NOISE and not known
     if closed > _CLOSES_ALL * (current.power - n) and not known:
@@ -100,6 +102,13 @@ def _worthwhile(best: Ranked, current: Fitted, baseline: Fitted, n: int) -> bool
         and closed > _FURTHER_SHARE * (current.power - n)
         and closed > of_all * (baseline.power - n)
     )
+
+
+def _alike(found: Placed, further: Placed) -> bool:
+    """Whether a further effect may be what an approximate form of one that was found leaves."""
+    if found.effect.name == further.effect.name:
+        return True
+    return found.location == further.location and _LEAVES.get(found.effect.name) == further.effect.name
 
 
 def _beginnings(step: Step, baseline: Fitted) -> list[Step]:
