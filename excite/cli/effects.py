@@ -34,7 +34,8 @@ def command(
         console.print(Text(title, style="bold"))
         for summary in summaries:
             if summary.base == base:
-                console.print(Text(summary.name, style="cyan"))
+                form = "" if summary.form == summary.name else f" ({summary.form.replace('_', ' ')})"
+                console.print(Text(summary.name + form, style="cyan"))
                 for text in (
                     summary.law,
                     f"looks like: {summary.looks_like}",

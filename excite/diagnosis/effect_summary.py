@@ -8,8 +8,9 @@ from dataclasses import asdict, dataclass
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.floating.effects.effect import FloatingEffect
-from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
-from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
+from excite.diagnosis.floating.effects.registry import EVERY_FORM
+
+_NOTED = "none of its own: a note for whoever runs the model"
 
 
 @dataclass(frozen=True)
@@ -18,14 +19,16 @@ class EffectSummary:
 
     Attributes:
         name: its word in a diagnosis and, where a baseline can have it, in ``modelled``.
+        form: which of several forms of the same physics; the name where there is but one.
         base: ``fixed`` for arms, ``floating`` for standing robots and people.
         law: what is added to the nominal model, with its source.
         looks_like: what it may be taken for.
         told_apart_by: motion or measurement that tells it from those; empty where ``looks_like`` says so.
-        mujoco: how a MuJoCo model has it; empty where none is written.
+        mujoco: how a MuJoCo model has it.
     """
 
     name: str
+    form: str
     base: str
     law: str
     looks_like: str
@@ -42,6 +45,7 @@ def effect_summaries() -> tuple[EffectSummary, ...]:
     arms = (
         EffectSummary(
             name=effect.name,
+            form=effect.name,
             base="fixed",
             law=_law(effect),
             looks_like=", ".join(effect.confusable_with),
@@ -51,8 +55,15 @@ def effect_summaries() -> tuple[EffectSummary, ...]:
         for effect in EFFECTS.values()
     )
     standing = (
-        EffectSummary(effect.name, "floating", _law(effect), effect.reads_as)
-        for effect in (*FLOATING_EFFECTS.values(), UnloggedContact())
+        EffectSummary(
+            name=effect.name,
+            form=effect.word,
+            base="floating",
+            law=_law(effect),
+            looks_like=effect.reads_as,
+            mujoco=effect.mujoco or _NOTED,
+        )
+        for effect in EVERY_FORM.values()
     )
     return (*arms, *standing)
 

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 NOTE = "excite"
 
 
-def model_notes(model: mujoco.MjModel) -> list[tuple[str, dict[str, float]]]:
-    """What follows ``excite.`` in the name of each such text, and its numbers by name."""
+def model_notes(model: mujoco.MjModel) -> list[tuple[str, str]]:
+    """What follows ``excite.`` in the name of each such text, and the text."""
     import mujoco
 
     found = []
@@ -20,7 +20,5 @@ def model_notes(model: mujoco.MjModel) -> list[tuple[str, dict[str, float]]]:
         head, _, rest = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, k).partition(".")
         if head == NOTE and rest:
             first, size = int(model.text_adr[k]), int(model.text_size[k])
-            data = bytes(model.text_data[first : first + size]).decode().rstrip("\0")
-            pairs = (item.split("=") for item in data.split())
-            found.append((rest, {key: float(value) for key, value in pairs}))
+            found.append((rest, bytes(model.text_data[first : first + size]).decode().rstrip("\0")))
     return found

@@ -28,7 +28,7 @@ class Rollout:
         horizon_s: length of a roll-out [s].
         model: file name of the augmented simulator, None where none was written.
         driven_by: what drives the roll-outs, in words: the logged torque (no feedback), the same less the noise that
-            commands can tell, or ``q_cmd`` (the servo).
+            commands can tell, ``q_cmd`` (the servo), or the ground's wrenches, with a free base.
         warnings: effects that the simulator cannot express or ignores.
         floor: by channel, RMS by which replicas of the nominal simulator differ that start, and are driven, with
             as much noise as the record has; what no model can go below, same unit.

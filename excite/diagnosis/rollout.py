@@ -225,5 +225,10 @@ def _share(period: float, time_constant: float) -> float:
 
 def _notes(model: mujoco.MjModel) -> list[tuple[str, str, dict[str, float]]]:
     """Effects noted in a model: name, place, values."""
-    split = ((rest.partition("."), values) for rest, values in model_notes(model))
-    return [(effect, place, values) for (effect, _, place), values in split if place]
+    found = []
+    for rest, data in model_notes(model):
+        effect, _, place = rest.partition(".")
+        if place:
+            pairs = (item.split("=") for item in data.split())
+            found.append((effect, place, {key: float(value) for key, value in pairs}))
+    return found

@@ -158,6 +158,20 @@ def test_wrenches_are_needed(clean_log: Log) -> None:
         prepare_record(bare)
 
 
+def test_a_trial_that_filters_take_whole_is_named(clean_log: Log) -> None:
+    first, *rest = clean_log.trials
+    n = 150
+    short = replace(
+        first,
+        time=first.time[:n],
+        q=first.q[:n],
+        base=None if first.base is None else first.base[:n],
+        wrenches={name: values[:n] for name, values in first.wrenches.items()},
+    )
+    with pytest.raises(LogError, match=r"trial_00: time: lasts 1\.5 s, .*record trials of 1\.8 s"):
+        prepare_record(replace(clean_log, trials=(short, *rest)))
+
+
 @pytest.mark.parametrize("name", ["link_length_error", "encoder_offset", "joint_elasticity", "soft_tissue"])
 def test_columns_of_joints_under_foot_sensors_are_finite_differences(
     footed: FloatingRecord, name: str

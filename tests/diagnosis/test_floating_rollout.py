@@ -21,7 +21,7 @@ from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.noted import note_data, read_notes
 from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.record import FloatingRecord, prepare_record
-from excite.diagnosis.floating.refinement import Fitted, Placed, nominal_fit, refine
+from excite.diagnosis.floating.refinement import Fitted, Placed, explained_state, nominal_fit, refine
 from excite.diagnosis.floating.rollout import Simulator
 from excite.diagnosis.floating.rollout_compare import simulated, unheard
 from excite.diagnosis.floating.state import State
@@ -111,6 +111,17 @@ def test_notes_are_read_as_they_were_written(problem: Problem, effect) -> None:
     np.testing.assert_allclose(again, once, atol=1e-9)
 
 
+def test_notes_hold_any_name_and_any_share(problem: Problem) -> None:
+    """Trials may be called anything, and a contact may be half there."""
+    share = np.random.default_rng(3).uniform(size=problem.record.n_samples).round(4)
+    named = replace(
+        problem.record, trials=tuple(f"stand up, {k}=a.b" for k in range(len(problem.record.trials)))
+    )
+    contact = UnloggedContact(share)
+    said = json.loads(json.dumps(contact.holds(named)))
+    np.testing.assert_array_equal(contact.holding(said, named).share, share)
+
+
 def test_bodies_lengths_and_sensors_are_the_models_own(problem: Problem) -> None:
     link, joint, plate = "arm_left_5_link", "leg_right_5_joint", "right_plate"
     error = np.zeros(10)
@@ -151,6 +162,72 @@ def test_a_wrong_gain_is_worth_less_once_it_is_known(record: FloatingRecord) -> 
     without = simulated(problem, before, wrong, np.random.default_rng(0), None)
     assert without.after == without.before
     assert "the model is without sensor_gain at left_plate.fz" in without.warnings[0]
+
+
+def test_of_two_effects_the_harmful_one_is_left_out(record: FloatingRecord) -> None:
+    readings = dict(record.readings)
+    readings["right_plate"] = readings["right_plate"] * np.array([1.0, 1.0, 1.05, 1.0, 1.0, 1.0])
+    problem = build_problem(replace(record, readings=readings))
+    before = nominal_fit(problem.identification_only)
+    gains = tuple(Placed(FLOATING_EFFECTS["sensor_gain"], f"{side}_plate.fz") for side in ("right", "left"))
+    after = refine(problem.identification_only, gains, (np.array([0.05]), np.zeros(1)), before)
+    after = replace(after, theta=(after.theta[0], np.array([0.02])))
+    found = simulated(problem, before, after, np.random.default_rng(0), None)
+    assert found.after["base.pz"] < 0.1 * found.before["base.pz"]
+    assert "the model is without sensor_gain at left_plate.fz" in found.warnings[0]
+
+
+def test_a_short_contact_is_heard(record: FloatingRecord) -> None:
+    problem, share = build_problem(record), np.zeros(record.n_samples)
+    share[record.spans[3].start + 40 : record.spans[3].start + 90] = 1.0
+    theta = np.array([0.0, 0.0, 60.0, 0.0, 0.0, 0.0])
+    fitted = with_effect(problem, UnloggedContact(share), "arm_left_7_link", theta)
+    assert unheard(problem, fitted, standing_model(problem, fitted)) == ()
+
+
+def test_the_drive_is_that_of_the_models_robot(gap_dir: Path) -> None:
+    """Loads that bend a joint are those of the fitted bodies, not of the nominal ones."""
+    record = prepare_record(load_log(gap_dir / "floating" / "case_004"))
+    problem = build_problem(record)
+    error = np.zeros(10)
+    error[0] = 4.0
+    heavy, soft = (FLOATING_EFFECTS[name] for name in ("link_inertia", "joint_elasticity"))
+    fitted = nominal_fit(problem)
+    torso = record.robot.segments[record.tree.names.index("waist_pitch_joint") - 1].link
+    placed = (Placed(heavy, torso), Placed(soft, "waist_roll_joint"))
+    theta = (error, np.array([2e-3, 0.0]))
+    fitted = replace(fitted, placed=placed, theta=theta, delta=np.zeros_like(fitted.delta))
+    drive = Simulator(standing_model(problem, fitted).xml, record).drive()
+    expected, logged = explained_state(problem, fitted).q, record.q
+    bend = np.linalg.norm(expected - logged)
+    assert np.linalg.norm(drive.state.q - expected) < 1e-3 * bend
+
+
+def test_where_no_trial_is_long_enough_it_says_so(problem: Problem) -> None:
+    record = replace(problem.record, spans=tuple(slice(s.start, s.start + 10) for s in problem.record.spans))
+    short = replace(problem, record=record)
+    nominal = nominal_fit(problem)
+    found = simulated(short, nominal, nominal, np.random.default_rng(0), None)
+    assert found.before == {} and "no trial is as long as a roll-out" in found.warnings[0]
+
+
+def test_a_log_of_validation_trials_alone_has_roll_outs(problem: Problem) -> None:
+    alone = replace(problem, record=replace(problem.record, validation=(True,) * len(problem.record.spans)))
+    force = with_effect(
+        problem, FLOATING_EFFECTS["external_force"], "torso_2_link", [5.0, 0, 0, 0, 0, 0, 0, 0]
+    )
+    found = simulated(alone, nominal_fit(problem), force, np.random.default_rng(0), None)
+    assert found.after == found.before and "the model is without" in found.warnings[0]
+
+
+def test_what_mujoco_refuses_is_no_reason_to_say_nothing(problem: Problem, tmp_path: Path) -> None:
+    first, *rest = problem.record.robot.segments
+    robot = replace(problem.record.robot, segments=(replace(first, link="world"), *rest))
+    refused = replace(problem, record=replace(problem.record, robot=robot))
+    nominal = nominal_fit(problem)
+    found = simulated(refused, nominal, nominal, np.random.default_rng(0), tmp_path)
+    assert "MuJoCo refuses the model" in found.warnings[0]
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_value_that_the_simulator_ignores_is_noticed(

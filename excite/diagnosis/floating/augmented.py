@@ -13,6 +13,7 @@ from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, apply_all
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.physical_bodies import PhysicalBodies, nearest_bodies
+from excite.errors import InputError
 from excite.robot.robot import Array, Robot
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
@@ -21,8 +22,6 @@ from excite.simulation.mjcf_shapes import wxyz
 if TYPE_CHECKING:
     import mujoco
 
-# Effects that the model itself says: bodies, lengths, and where sensors sit.
-IN_THE_MODEL = frozenset({"link_inertia", "link_length_error", "sensor_frame_offset"})
 _NO_LIMIT = 1e6
 _TIMESTEP = 1e-3
 _NOTABLE = 1.0
@@ -48,6 +47,9 @@ def standing_model(problem: Problem, fitted: Fitted) -> StandingModel:
     Args:
         problem: the problem.
         fitted: the fit; without effects it gives the nominal simulator.
+
+    Raises:
+        InputError: MuJoCo takes no such model.
     """
     state = apply_all(problem.state(fitted.delta), fitted.placed, fitted.theta)
     phi, mismatch = _physical(problem, state)
@@ -57,12 +59,18 @@ def standing_model(problem: Problem, fitted: Fitted) -> StandingModel:
             "the fitted inertial parameters are no bodies' that can exist; the nearest ones are off by "
             f"{mismatch:.1f} times the noise"
         )
-    spec = build_spec(_with_lengths(problem.record.robot, state), phi, _drives(problem), World(_TIMESTEP))
-    _add_sensors(spec, problem, state.placements)
-    for number, (item, theta) in enumerate(zip(fitted.placed, fitted.theta, strict=True)):
-        if item.effect.name not in IN_THE_MODEL:
-            spec.add_text(name=note_name(number, item), data=note_data(problem.nominal, item, theta))
-    spec.compile()
+    try:
+        spec = build_spec(_with_lengths(problem.record.robot, state), phi, _drives(problem), World(_TIMESTEP))
+        spec.option.gravity = problem.record.tree.gravity
+        _add_sensors(spec, problem, state.placements)
+        for number, (item, theta) in enumerate(zip(fitted.placed, fitted.theta, strict=True)):
+            if not item.effect.mujoco:
+                spec.add_text(name=note_name(number, item), data=note_data(problem.nominal, item, theta))
+        spec.compile()
+    except ValueError as error:
+        raise InputError(
+            f"MuJoCo refuses the model ({' '.join(str(error).split())})", remedy="judge by the wrenches"
+        ) from error
     return StandingModel(spec.to_xml(), tuple(warnings))
 
 

@@ -157,13 +157,13 @@ def _shortlist(screened: list[Screened]) -> list[Screened]:
 
 def _neighbours(screened: list[Screened], done: list[Fitted], top: Fitted) -> list[Screened]:
     """Other places of the leading effect that may turn out as good."""
-    seen = {(f.placed[-1].effect.name, f.placed[-1].location) for f in done}
-    name = top.placed[-1].effect.name
-    own = [item for item in screened if item.effect.name == name]
+    seen = {(f.placed[-1].effect.word, f.placed[-1].location) for f in done}
+    word = top.placed[-1].effect.word
+    own = [item for item in screened if item.effect.word == word]
     if not own:
         return []
     close = [item for item in own if item.fit.gain > 0.97 * own[0].fit.gain - 2.0 * DECISIVE]
-    return [item for item in close if (name, item.location) not in seen][:_NEIGHBOURS]
+    return [item for item in close if (word, item.location) not in seen][:_NEIGHBOURS]
 
 
 def _refined(problem: Problem, current: Fitted, item: Screened) -> Fitted:

@@ -21,7 +21,8 @@ from excite.robot.robot import Array, Robot
 # Whole-body motion lives below 3 Hz; the filter only has to keep decimation clean.
 CUTOFF_HZ = 8.0
 ROW_RATE_HZ = 25.0
-_EDGE_S = 0.4
+# Lost to the filters at either end, and what has to be left for the motion to show [s].
+_EDGE_S, _LEAST_S = 0.4, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +170,13 @@ def _prepare_trial(
     k = trial_kinematics(robot, log.header, trial, settings, filters)
     raw = {name: forces_on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()}
     edge = round(_EDGE_S * k.rate_hz)
+    if len(k.time) < 2 * edge + _LEAST_S * k.rate_hz:
+        raise LogError(
+            f"lasts {len(k.time) / k.rate_hz:.2g} s, of which filters take {2.0 * _EDGE_S:g}",
+            source=trial.name,
+            field="time",
+            remedy=f"record trials of {2.0 * _EDGE_S + _LEAST_S:g} s and more, or leave it out",
+        )
     step = max(1, round(k.rate_hz / ROW_RATE_HZ))
     keep = slice(edge, len(k.time) - edge, step)
     smooth = {name: lowpass(values, k.rate_hz, CUTOFF_HZ) for name, values in raw.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -70,11 +70,31 @@ class Simulator:
         self._sites = {s.name: self.model.site(s.name).id for s in record.robot.sensors}
 
     def drive(self) -> Drive:
-        """The record as the model's notes say that it truly was."""
-        state = apply_all(State.logged(self.record), self.placed, self.theta)
+        """The record as the model's notes say that it truly was, of the robot that the model says."""
+        state = apply_all(self._said(), self.placed, self.theta)
         return Drive(state, np.broadcast_to(np.asarray(state.extra, dtype=float), (len(state.q), 6)))
 
-    def run(self, drive: Drive, window: slice, noise: Array | None = None) -> Array:
+    def _said(self) -> State:
+        """The logged motion and readings of the robot with the model's bodies, lengths and sensors."""
+        record, model = self.record, self.model
+        phi, translations = np.zeros_like(record.tree.phi), record.tree.translations.copy()
+        for k, segment in enumerate(record.robot.segments):
+            body = model.body(segment.link)
+            axes = pin.Quaternion(*body.iquat).matrix()
+            inertia = pin.Inertia(float(body.mass[0]), body.ipos, axes @ np.diag(body.inertia) @ axes.T)
+            phi[10 * k : 10 * k + 10] = inertia.toDynamicParameters()
+            translations[segment.joint] = body.pos
+        placements = {
+            sensor.name: pin.SE3(pin.Quaternion(*site.quat).matrix(), site.pos)
+            for sensor in record.robot.sensors
+            for site in (model.site(sensor.name),)
+        }
+        tree = replace(record.tree, translations=translations)
+        return State.logged(record).but(tree=tree, phi=phi, placements=placements)
+
+    def run(
+        self, drive: Drive, window: slice, noise: Array | None = None, start: Array | None = None
+    ) -> Array:
         """Where the base ends up, less where it is, at each sample of a window, ``(n, 6)`` [m, rad].
 
         Second order in the step (velocity Verlet, with a predicted velocity in the bias forces).
@@ -83,6 +103,7 @@ class Simulator:
             drive: what drives it.
             window: its samples.
             noise: ``(n_samples, 6)`` wrench that is added, base frame.
+            start: ``(6,)`` velocity that is added at the start, base frame.
         """
         state, step = drive.state, 1.0 / self.record.rate_hz
         extra = drive.extra if noise is None else drive.extra + noise
@@ -90,6 +111,8 @@ class Simulator:
         rotation = pin.Quaternion(*state.q[first, [6, 3, 4, 5]]).normalized().matrix()
         place, speed = state.q[first, :3].copy(), rotation @ state.v[first, :3]
         turning = state.v[first, 3:6].copy()
+        if start is not None:
+            speed, turning = speed + rotation @ start[:3], turning + start[3:]
         linear, angular = self._accelerated(state, extra, first, place, rotation, speed, turning)
         out = [np.zeros(6)]
         for k in range(window.start + 1, window.stop):

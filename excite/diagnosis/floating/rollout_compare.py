@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +12,12 @@ from excite.atomic import write_text
 from excite.diagnosis.floating.augmented import StandingModel, standing_model
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
-from excite.diagnosis.floating.refinement import Fitted, refine
+from excite.diagnosis.floating.refinement import Fitted, explained_state, refine
 from excite.diagnosis.floating.rollout import Simulator
+from excite.diagnosis.floating.spectrum import BAND_HZ
 from excite.diagnosis.result import Rollout
 from excite.errors import InputError
+from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
 
 HORIZON_S = 0.5
@@ -24,6 +26,19 @@ CHANNELS = ("base.px", "base.py", "base.pz", "base.rx", "base.ry", "base.rz")
 # Roll-outs by which it is told whether an effect helps, and whether the simulator hears of it.
 _CHECKED, _HEARD = 40, 3
 _LOUDER = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """A draw of the record's noise.
+
+    Attributes:
+        wrench: ``(n_samples, 6)`` [N, N·m], base frame.
+        start: ``(n_samples, 6)`` of a velocity, should a roll-out start there [m/s, rad/s].
+    """
+
+    wrench: Array
+    start: Array
 
 
 def simulated(
@@ -42,37 +57,51 @@ def simulated(
         rng: of the replicas.
         out: folder of the model.
     """
-    record = problem.record
     try:
-        nominal = standing_model(problem, before)
-        model, kept = _helpful(problem, nominal, before, after)
+        found, xml = _compared(problem, before, after, rng)
     except InputError as error:
         # A body that no simulator has is no reason to say nothing else.
         return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
-    if out is not None:
-        write_text(out / MODEL, model.xml)
+    if out is None:
+        return found
+    write_text(out / MODEL, xml)
+    return replace(found, model=MODEL)
+
+
+def _compared(
+    problem: Problem, before: Fitted, after: Fitted, rng: np.random.Generator
+) -> tuple[Rollout, str]:
+    """The comparison and the augmented model; InputError where there can be no roll-outs."""
+    record = problem.record
     windows = _windows(record, validation=True) or _windows(record, validation=False)
+    if not windows:
+        raise InputError(f"no trial is as long as a roll-out of {HORIZON_S:g} s", remedy="record longer ones")
+    nominal = standing_model(problem, before)
     plain, noise = errors(nominal, record, windows), _noise(problem, rng)
+    model, kept = _helpful(problem, nominal, before, after)
     left = ", ".join(f"{p.effect.name} at {p.location}" for p in after.placed[len(kept.placed) :])
     said = (f"the model is without {left}: roll-outs of the identification trials are no nearer with it",)
-    return Rollout(
+    found = Rollout(
         before=_rms(plain),
-        after=_rms(errors(model, record, windows)),
-        horizon_s=HORIZON_S,
-        model=None if out is None else MODEL,
+        after=_rms(errors(model, record, windows) if kept.placed else plain),
+        horizon_s=(windows[0].stop - windows[0].start - 1) / record.rate_hz,
+        model=None,
         driven_by="the sensors' wrenches and the joints' motion, the base free",
         warnings=(*model.warnings, *unheard(problem, kept, model), *(said if left else ())),
         floor=_rms(errors(nominal, record, windows, noise) - plain),
     )
+    return found, model.xml
 
 
 def errors(
-    model: StandingModel, record: FloatingRecord, windows: Sequence[slice], noise: Array | None = None
+    model: StandingModel, record: FloatingRecord, windows: Sequence[slice], noise: Noise | None = None
 ) -> Array:
     """Where the base ends up less where it was, ``(n_windows, n_samples, 6)`` [m, rad]."""
     simulator = Simulator(model.xml, record)
     drive = simulator.drive()
-    return np.array([simulator.run(drive, window, noise) for window in windows])
+    if noise is None:
+        return np.array([simulator.run(drive, window) for window in windows])
+    return np.array([simulator.run(drive, w, noise.wrench, noise.start[w.start]) for w in windows])
 
 
 def _windows(record: FloatingRecord, *, validation: bool) -> list[slice]:
@@ -89,40 +118,56 @@ def _windows(record: FloatingRecord, *, validation: bool) -> list[slice]:
 def _helpful(
     problem: Problem, nominal: StandingModel, before: Fitted, after: Fitted
 ) -> tuple[StandingModel, Fitted]:
-    """The model with as many effects as bring roll-outs of the identification trials nearer, and its fit."""
-    windows = _windows(problem.record, validation=False)
+    """The model with as many effects as bring roll-outs of the identification trials nearer, and its fit.
+
+    The last of them has to do so as well. Where all trials are for validation, these tell.
+    """
+    record = problem.record
+    windows = _windows(record, validation=False) or _windows(record, validation=True)
     windows = windows[:: max(1, len(windows) // _CHECKED)]
-    least = np.square(errors(nominal, problem.record, windows)).mean(axis=(0, 1))
-    for count in range(len(after.placed), 0, -1):
+    made, left = [(nominal, before)], [_power(nominal, record, windows)] if after.placed else []
+    for count in range(1, len(after.placed) + 1):
         fitted = after
         if count < len(after.placed):
             placed, theta = after.placed[:count], after.theta[:count]
             fitted = refine(problem.identification_only, placed, theta, after)
-        model = standing_model(problem, fitted)
-        left = np.square(errors(model, problem.record, windows)).mean(axis=(0, 1))
+        made.append((standing_model(problem, fitted), fitted))
+        left.append(_power(made[-1][0], record, windows))
+    for count in range(len(after.placed), 0, -1):
         # In proportion: metres and radians do not add.
-        if float(np.mean(left / least)) < 1.0:
-            return model, fitted
-    return nominal, before
+        if all(float(np.mean(left[count] / left[other])) < 1.0 for other in (0, count - 1)):
+            return made[count]
+    return made[0]
+
+
+def _power(model: StandingModel, record: FloatingRecord, windows: Sequence[slice]) -> Array:
+    return np.asarray(np.square(errors(model, record, windows)).mean(axis=(0, 1)))
 
 
 def unheard(problem: Problem, fitted: Fitted, model: StandingModel) -> tuple[str, ...]:
-    """Effects that the written model, loaded again, ignores: half as large again, they move no roll-out."""
-    windows = _windows(problem.record, validation=False)
-    windows = windows[:: max(1, len(windows) // _HEARD)]
-    here, said = errors(model, problem.record, windows), []
+    """Effects that the written model, loaded again, ignores: half as large again, they move no roll-out.
+
+    They are looked for where they matter most.
+    """
+    record, said = problem.record, []
+    every = [*_windows(record, validation=False), *_windows(record, validation=True)]
+    here = explained_state(problem, fitted).residual
     for k, item in enumerate(fitted.placed):
         theta = (*fitted.theta[:k], _LOUDER * fitted.theta[k], *fitted.theta[k + 1 :])
-        louder = standing_model(problem, replace(fitted, theta=theta))
-        if not np.abs(errors(louder, problem.record, windows) - here).max() > 0.0:
+        louder = replace(fitted, theta=theta)
+        change = np.abs(explained_state(problem, louder).residual - here).sum(axis=1)
+        windows = sorted(every, key=lambda window: -float(change[window].sum()))[:_HEARD]
+        other = standing_model(problem, louder)
+        moved = errors(other, record, windows) - errors(model, record, windows)
+        if not np.abs(moved).max() > 0.0:
             said.append(f"the simulator ignores {item.effect.name} at {item.location}")
     return tuple(said)
 
 
-def _noise(problem: Problem, rng: np.random.Generator) -> Array:
-    """``(n_samples, 6)`` a draw of the noise that the whitening takes away [N, N·m], base frame."""
+def _noise(problem: Problem, rng: np.random.Generator) -> Noise:
+    """Wrenches as the whitening takes them away; velocities of what is above the motion's band, and noise alone."""
     whitening, record = problem.whitening, problem.record
-    drawn = np.zeros((record.n_samples, 6))
+    wrench = np.zeros((record.n_samples, 6))
     for span, factor in zip(record.spans, whitening.factors, strict=True):
         n, bins = span.stop - span.start, len(factor)
         white = rng.standard_normal((2, bins, 6, 1))
@@ -130,8 +175,10 @@ def _noise(problem: Problem, rng: np.random.Generator) -> Array:
         real, imaginary = np.linalg.solve(factor, white)[..., 0]
         spectrum = np.zeros((n // 2 + 1, 6), dtype=complex)
         spectrum[:bins] = np.sqrt(n) * (real + 1j * imaginary)
-        drawn[span] = np.fft.irfft(spectrum, n, axis=0)
-    return drawn
+        wrench[span] = np.fft.irfft(spectrum, n, axis=0)
+    twist = record.v[:, :6]
+    slow = np.concatenate([lowpass(twist[span], record.rate_hz, BAND_HZ) for span in record.spans])
+    return Noise(wrench, (twist - slow).std(axis=0) * rng.standard_normal((record.n_samples, 6)))
 
 
 def _rms(values: Array) -> dict[str, float]:

@@ -172,10 +172,9 @@ class State:
         return np.asarray(self.carried[segment] @ np.concatenate([[1.0], place]))
 
     def _on_unit_mass(self, segment: int, place: Array) -> Array:
-        x, y, z = place
         phi = np.zeros_like(self.phi)
-        inertia = (y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y)
-        phi[10 * segment : 10 * segment + 10] = (1.0, x, y, z, *inertia)
+        # The force, unlike the moment, does not depend on moments of inertia.
+        phi[10 * segment : 10 * segment + 4] = (1.0, *place)
         force = inverse_dynamics(self.tree, self.q, self.v, self.a, phi)[:, :3]
         return np.einsum("nij,nj->ni", self.poses.rotation[:, 1], force)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -40,6 +42,7 @@ class FloatingEffect(ABC):
         name: a word of the contract.
         form: which of several forms of the same physics it is; empty where there is but one.
         reads_as: what it is confused with, and what tells it apart.
+        mujoco: how a MuJoCo model has it; empty where it is noted beside the model.
         changes_readings: whether it says something else of what the sensors read.
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
@@ -51,6 +54,7 @@ class FloatingEffect(ABC):
     name: ClassVar[str]
     form: ClassVar[str] = ""
     reads_as: ClassVar[str]
+    mujoco: ClassVar[str] = ""
     changes_readings: ClassVar[bool] = False
     least_shrink: ClassVar[float] = 0.1
     rough_steps: ClassVar[int] = 4
@@ -72,6 +76,14 @@ class FloatingEffect(ABC):
     def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
         """Parameters with which it is absent and from which a fit may begin; by default zeros alone."""
         return (np.zeros(len(self.parameters(state, location))),)
+
+    def holds(self, record: FloatingRecord) -> dict[str, Any]:
+        """What it has learnt beside its parameters, ready for JSON; by default nothing."""
+        return {}
+
+    def holding(self, said: Mapping[str, Any], record: FloatingRecord) -> FloatingEffect:
+        """The effect that holds what :meth:`holds` said."""
+        return self
 
     def allows(self, theta: Array) -> bool:
         """Whether there can be such a thing, as far as a linearised fit tells."""

@@ -20,6 +20,7 @@ class LinkInertia(FloatingEffect):
 
     name: ClassVar[str] = "link_inertia"
     reads_as: ClassVar[str] = "constant sensor bias, and the neighbouring links where they move as one"
+    mujoco: ClassVar[str] = "body mass, pos and inertia"
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links with mass, where the inertial parameters are not identified anyway."""

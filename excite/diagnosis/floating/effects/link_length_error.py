@@ -17,6 +17,7 @@ class LinkLengthError(FloatingEffect):
 
     name: ClassVar[str] = "link_length_error"
     reads_as: ClassVar[str] = "sensor frame at the leg's end; inertia of what the joint carries"
+    mujoco: ClassVar[str] = "body pos"
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Joints."""

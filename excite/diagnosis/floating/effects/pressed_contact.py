@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.effects.point_force import columns_of_force
+from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -70,6 +72,15 @@ class PressedContact(FloatingEffect):
 
     def __init__(self, surface: Surface):
         self.surface = surface
+
+    def holds(self, record: FloatingRecord) -> dict[str, Any]:
+        """The surface."""
+        return {"surface": asdict(self.surface)}
+
+    def holding(self, said: Mapping[str, Any], record: FloatingRecord) -> PressedContact:
+        """That is pressed on the surface which is said."""
+        surface = said["surface"]
+        return PressedContact(Surface(**{**surface, "normal": tuple(surface["normal"])}))
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links."""

@@ -17,6 +17,7 @@ class SensorFrameOffset(FloatingEffect):
 
     name: ClassVar[str] = "sensor_frame_offset"
     reads_as: ClassVar[str] = "cross-talk between force axes; the last link's length for a foot sensor"
+    mujoco: ClassVar[str] = "pos and quat of the site that is the sensor"
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Sensors."""

@@ -23,10 +23,11 @@ _NEAR_RESONANCE = 0.15
 
 
 class SwingingJoint(JointElasticity):
-    """As :class:`JointElasticity`, with the acceleration of the bend in the torque that bends the joint.
+    """True angle = logged − bend, with what the bend's own acceleration adds to the torque that bends the joint.
 
-    The encoder sits before the spring (Spong 1987): what is behind it moves as the bend says, and resists with its
-    inertia. Near the frequency at which it would swing on the joint a small motion of the encoder is a large one of it.
+    Parameters as of :class:`JointElasticity`. The encoder sits before the spring (Spong 1987): what is behind it moves
+    as the bend says, and resists with its inertia. Near the frequency at which it would swing on the joint a small
+    motion of the encoder is a large one of it.
     """
 
     form: ClassVar[str] = "swinging_joint"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any, ClassVar
 
 import numpy as np
 
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
+from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
 from excite.robot.robot import Array
 
@@ -24,6 +27,23 @@ class UnloggedContact(FloatingEffect):
     def __init__(self, share: Array | None = None, coarse: Array | None = None, price: float = 0.0):
         self.share, self.coarse, self.price = share, coarse, price
 
+    def holds(self, record: FloatingRecord) -> dict[str, Any]:
+        """When it lasts: by trial, how many samples in a row have which share."""
+        spells = {}
+        for trial, span in zip(record.trials, record.spans, strict=True):
+            values = [round(float(x), 4) for x in self._share(record.n_samples)[span]]
+            spells[trial] = [[len(list(run)), share] for share, run in groupby(values)]
+        return {"spells": spells}
+
+    def holding(self, said: Mapping[str, Any], record: FloatingRecord) -> UnloggedContact:
+        """The contact that lasts as is said."""
+        share = np.zeros(record.n_samples)
+        for trial, span in zip(record.trials, record.spans, strict=True):
+            runs = said["spells"].get(trial, [])
+            values = np.repeat([run[1] for run in runs], [int(run[0]) for run in runs])
+            share[span][: len(values)] = values[: span.stop - span.start]
+        return UnloggedContact(share)
+
     def locations(self, state: State) -> tuple[str, ...]:
         """Links, once it is known when there was a contact."""
         return () if self.share is None else links(state)
@@ -35,7 +55,11 @@ class UnloggedContact(FloatingEffect):
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Add it."""
-        known = [share for share in (self.share, self.coarse) if share is not None]
-        share = next((share for share in known if len(share) == len(state.q)), np.zeros(len(state.q)))
+        share = self._share(len(state.q))
         point = state.poses.point(segment_of(state, location) + 1, theta[3:])
         return state.but(extra=state.extra + state.at_base(share[:, None] * theta[:3], point))
+
+    def _share(self, n: int) -> Array:
+        """``(n,)`` share of a record with so many samples."""
+        known = [share for share in (self.share, self.coarse) if share is not None]
+        return next((share for share in known if len(share) == n), np.zeros(n))

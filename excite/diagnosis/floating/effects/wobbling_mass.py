@@ -63,7 +63,7 @@ class WobblingMass(FloatingEffect):
     def beginnings(self, state: State, location: str) -> tuple[Array, ...]:
         """No mass, at several frequencies: a resonance is found from near it alone."""
         slowest = _slowest_hz(state)
-        logs = (float(np.log(hertz / slowest - 1.0)) for hertz in _BEGINNINGS_HZ)
+        logs = (float(np.log(hertz / slowest - 1.0)) for hertz in _BEGINNINGS_HZ if hertz > slowest)
         return tuple(np.array([0.0, 0.0, 0.0, 0.0, log, 0.0]) for log in logs)
 
     def allows(self, theta: Array) -> bool:
@@ -72,7 +72,7 @@ class WobblingMass(FloatingEffect):
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Let it wobble; it is a part of the segment's mass, and nothing below zero."""
-        mass = float(np.clip(theta[0], 0.0, self._own_mass(state, location)))
+        mass = self._mass(state, location, theta)
         if not mass:
             return state
         segment = segment_of(state, location)
@@ -97,6 +97,7 @@ class WobblingMass(FloatingEffect):
         """Mass and place as they are; frequency and damping ratio for their logarithms."""
         hertz, ratio = _frequency(state, theta), _DAMPING * float(np.exp(theta[5]))
         spread = (hertz - _slowest_hz(state)) * float(std[4])
+        theta = np.array([self._mass(state, location, theta), *theta[1:]])
         straight = list(super().report(state, location, theta, std).items())[:4]
         return dict(straight) | {
             "frequency": Estimate(hertz, spread, "Hz"),
@@ -124,6 +125,9 @@ class WobblingMass(FloatingEffect):
                 out[span] = lfilter(top, bottom, change, axis=0)
             displaced[span] += load[span][0] / omega**2
         return displaced, further
+
+    def _mass(self, state: State, location: str, theta: Array) -> float:
+        return float(np.clip(theta[0], 0.0, self._own_mass(state, location)))
 
     def _own_mass(self, state: State, link: str) -> float:
         return float(state.record.tree.phi[10 * segment_of(state, link)])
