@@ -92,7 +92,7 @@ def test_without_effects_it_goes_where_the_record_goes_but_for_noise(problem: Pr
         PressedContact(Surface((0.0, 0.6, 0.8), 0.9, 0.03, rounded=True)),
         "timed contact",
     ],
-    ids=str,
+    ids=["external_force", "wobbling_mass", "swinging_joint", "pressed_contact", "timed_contact"],
 )
 def test_notes_are_read_as_they_were_written(problem: Problem, effect) -> None:
     if effect == "timed contact":
