@@ -117,6 +117,16 @@ def test_the_wrench_is_that_of_the_mass(still: FloatingRecord, wobbling: Floatin
     assert (np.linalg.norm(left, axis=0) < most).all()
 
 
+def test_no_step_of_a_fit_leaves_what_can_be(wobbling: FloatingRecord) -> None:
+    logged, effect = State.logged(wobbling), WobblingMass()
+    for wild in (-1e3, 1e3):
+        theta = np.array([wild, *_PLACE, wild, wild])
+        assert np.isfinite(effect.apply(logged, _LINK, theta).residual).all()
+        said = effect.report(logged, _LINK, theta, np.zeros(6))
+        assert 0.0 <= said["mass"].value <= logged.phi[::10].max()
+        assert 1.0 < said["frequency"].value < 500.0
+
+
 def test_a_mass_that_wobbles_is_soft_tissue(wobbling: FloatingRecord) -> None:
     found = attribute(build_problem(wobbling))
     assert found.verdict == "effect"

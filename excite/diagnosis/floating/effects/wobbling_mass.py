@@ -95,7 +95,7 @@ class WobblingMass(FloatingEffect):
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Mass and place as they are; frequency and damping ratio for their logarithms."""
-        hertz, ratio = _frequency(state, theta), _DAMPING * float(np.exp(theta[5]))
+        hertz, ratio = _frequency(state, theta), _damping_ratio(theta)
         spread = (hertz - _slowest_hz(state)) * float(std[4])
         theta = np.array([self._mass(state, location, theta), *theta[1:]])
         straight = list(super().report(state, location, theta, std).items())[:4]
@@ -109,7 +109,7 @@ class WobblingMass(FloatingEffect):
 
         A trial begins with the mass where its load holds it.
         """
-        omega, ratio = 2.0 * np.pi * _frequency(state, theta), _DAMPING * float(np.exp(theta[5]))
+        omega, ratio = 2.0 * np.pi * _frequency(state, theta), _damping_ratio(theta)
         rotation = state.poses.rotation[:, joint]
         upright = np.einsum("nji,j->i", rotation, -state.tree.gravity)
         upright *= np.linalg.norm(state.tree.gravity) / np.linalg.norm(upright)
@@ -141,6 +141,11 @@ def _slowest_hz(state: State) -> float:
 def _frequency(state: State, theta: Array) -> float:
     """Natural frequency [Hz], above the slowest one whatever the parameter."""
     return _slowest_hz(state) * float(1.0 + np.exp(np.clip(theta[4], -20.0, 5.0)))
+
+
+def _damping_ratio(theta: Array) -> float:
+    """Share of critical damping, within what filters can express."""
+    return _DAMPING * float(np.exp(np.clip(theta[5], -6.0, 6.0)))
 
 
 @lru_cache(maxsize=32)
