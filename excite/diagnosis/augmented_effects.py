@@ -13,7 +13,7 @@ import numpy as np
 
 from excite.diagnosis.augmented_plant import Plant
 from excite.diagnosis.horizontal import level_axes
-from excite.diagnosis.model_notes import NOTE
+from excite.diagnosis.model_text import NOTE
 from excite.robot.links import carried_link
 from excite.robot.robot import Array, Robot
 

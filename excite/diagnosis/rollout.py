@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.diagnosis.augmented_effects import DEFLECTION
-from excite.diagnosis.model_notes import model_notes
+from excite.diagnosis.model_text import load_model, model_notes
 from excite.diagnosis.rollout_deflection import resting_deflection
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, PositionServo, Window
 from excite.diagnosis.rollout_friction import DryFriction
 from excite.divergence import diverged, without_log_file
-from excite.errors import InputError
 from excite.robot.robot import Array
 
 if TYPE_CHECKING:
@@ -40,12 +39,7 @@ class Simulator:
         """
         import mujoco
 
-        try:
-            self.model = mujoco.MjModel.from_xml_string(xml)
-        except ValueError as error:
-            raise InputError(
-                f"MuJoCo refuses the model ({' '.join(str(error).split())})", remedy="judge by the torques"
-            ) from error
+        self.model = load_model(xml)
         self.data = mujoco.MjData(self.model)
         self.joints = joints
         self._qpos = np.array([self.model.joint(name).qposadr[0] for name in joints])

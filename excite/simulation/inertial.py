@@ -13,7 +13,7 @@ from excite.robot.robot import Array
 # Share of the largest principal moment by which rounding may break the triangle inequality.
 _TRIANGLE_TOLERANCE = 1e-9
 # What stands for a segment without mass [kg], which a joint between two axes at one point may have.
-_MASSLESS = 1e-9
+MASSLESS_KG = 1e-9
 
 
 class UnphysicalParametersError(InputError):
@@ -67,7 +67,7 @@ def principal_inertia(phi: Array, segment: str) -> PrincipalInertia:
     if not np.isfinite(phi).all():
         raise UnphysicalParametersError("a value is not finite", segment=segment, phi=phi)
     if not phi.any():
-        return PrincipalInertia(_MASSLESS, np.zeros(3), np.full(3, _MASSLESS * 1e-3), np.eye(3))
+        return PrincipalInertia(MASSLESS_KG, np.zeros(3), np.full(3, MASSLESS_KG * 1e-3), np.eye(3))
     mass = float(phi[0])
     if mass <= 0.0:
         raise UnphysicalParametersError(f"mass is {mass:.6g} kg", segment=segment, phi=phi)

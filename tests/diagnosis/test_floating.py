@@ -204,19 +204,31 @@ def test_columns_in_closed_form_are_finite_differences(footed: FloatingRecord, n
             np.testing.assert_allclose(columns[:, :, i], expected, atol=2e-3 * np.abs(expected).max() + 1e-6)
 
 
-def test_a_bent_joint_leans_further(footed: FloatingRecord) -> None:
-    state, name, largest = State.logged(footed), "waist_pitch_joint", 0.03
+def before_the_spring(record: FloatingRecord, name: str, largest: float) -> tuple[State, float, np.ndarray]:
+    """What an encoder reads where the record is the truth behind a spring that bends by ``largest`` [rad] at most.
+
+    Returns:
+        The logged state, the spring's compliance and the bend.
+    """
+    state = State.logged(record)
     joint = state.tree.names.index(name)
     iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
     torque = state.smooth_torques[:, iv]
     compliance = largest / np.abs(torque).max()
     bend = compliance * torque
-    rate = np.gradient(bend, 1.0 / footed.rate_hz)
-    q, v, a = footed.q.copy(), footed.v.copy(), footed.a.copy()
+    rate = np.gradient(bend, 1.0 / record.rate_hz)
+    q, v, a = record.q.copy(), record.v.copy(), record.a.copy()
     q[:, iq] += bend
     v[:, iv] += rate
-    a[:, iv] += np.gradient(rate, 1.0 / footed.rate_hz)
-    logged = State.logged(replace(footed, q=q, v=v, a=a))
+    a[:, iv] += np.gradient(rate, 1.0 / record.rate_hz)
+    return State.logged(replace(record, q=q, v=v, a=a)), compliance, bend
+
+
+def test_a_bent_joint_leans_further(footed: FloatingRecord) -> None:
+    name = "waist_pitch_joint"
+    logged, compliance, bend = before_the_spring(footed, name, 0.03)
+    joint = logged.tree.names.index(name)
+    iq, iv = logged.tree.idx_q[joint], logged.tree.idx_v[joint]
     found = FLOATING_EFFECTS["joint_elasticity"].apply(logged, name, np.array([compliance, 0.0]))
     off, as_logged = found.q[:, iq] - footed.q[:, iq], compliance * logged.smooth_torques[:, iv] - bend
     assert off.std() < 0.05 * bend.std()
@@ -224,24 +236,14 @@ def test_a_bent_joint_leans_further(footed: FloatingRecord) -> None:
 
 
 def test_what_a_soft_joint_carries_swings_on_it(footed: FloatingRecord) -> None:
-    """The encoder before the spring reads what the motion behind it takes, exactly."""
-    state, name, largest = State.logged(footed), "waist_roll_joint", 0.02
-    joint = state.tree.names.index(name)
-    iq, iv = state.tree.idx_q[joint], state.tree.idx_v[joint]
-    compliance = largest / np.abs(state.smooth_torques[:, iv]).max()
-    bend = compliance * state.smooth_torques[:, iv]
-    rate = np.gradient(bend, 1.0 / footed.rate_hz)
-    q, v, a = footed.q.copy(), footed.v.copy(), footed.a.copy()
-    q[:, iq] += bend
-    v[:, iv] += rate
-    a[:, iv] += np.gradient(rate, 1.0 / footed.rate_hz)
-    logged = State.logged(replace(footed, q=q, v=v, a=a))
-    theta, off = np.array([compliance, 0.0]), {}
+    name, off = "waist_roll_joint", {}
+    logged, compliance, bend = before_the_spring(footed, name, 0.02)
+    iq = logged.tree.idx_q[logged.tree.names.index(name)]
     for effect in (SwingingJoint(), FLOATING_EFFECTS["joint_elasticity"]):
-        found = effect.apply(logged, name, theta).q[:, iq] - footed.q[:, iq]
-        off[effect.form] = float(found.std() / bend.std())
+        found = effect.apply(logged, name, np.array([compliance, 0.0])).q[:, iq] - footed.q[:, iq]
+        off[effect.word] = float(found.std() / bend.std())
     assert off["swinging_joint"] < 0.06
-    assert off["swinging_joint"] < 0.5 * off[""]
+    assert off["swinging_joint"] < 0.5 * off["joint_elasticity"]
 
 
 def test_a_hand_pressed_on_something_soft_is_placed(record: FloatingRecord) -> None:

@@ -12,8 +12,8 @@ from excite.diagnosis.floating.noted import note_data, note_name
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, apply_all
 from excite.diagnosis.floating.state import State
+from excite.diagnosis.model_text import refused
 from excite.diagnosis.physical_bodies import PhysicalBodies, nearest_bodies
-from excite.errors import InputError
 from excite.robot.robot import Array, Robot
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
@@ -68,9 +68,7 @@ def standing_model(problem: Problem, fitted: Fitted) -> StandingModel:
                 spec.add_text(name=note_name(number, item), data=note_data(problem.nominal, item, theta))
         spec.compile()
     except ValueError as error:
-        raise InputError(
-            f"MuJoCo refuses the model ({' '.join(str(error).split())})", remedy="judge by the wrenches"
-        ) from error
+        raise refused(error) from error
     return StandingModel(spec.to_xml(), tuple(warnings))
 
 

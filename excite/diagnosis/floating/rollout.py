@@ -11,11 +11,9 @@ from excite.diagnosis.floating.noted import read_notes
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import apply_all
 from excite.diagnosis.floating.state import State
-from excite.errors import InputError
+from excite.diagnosis.model_text import load_model
 from excite.robot.robot import Array
-
-# What stands for no mass [kg], which MuJoCo does not take.
-_MASSLESS = 1e-9
+from excite.simulation.inertial import MASSLESS_KG
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +46,7 @@ class Simulator:
         """
         import mujoco
 
-        try:
-            self.model = mujoco.MjModel.from_xml_string(xml)
-        except ValueError as error:
-            raise InputError(
-                f"MuJoCo refuses the model ({' '.join(str(error).split())})", remedy="judge by the wrenches"
-            ) from error
+        self.model = load_model(xml)
         self.data = mujoco.MjData(self.model)
         self.record = record
         self.placed, self.theta = read_notes(self.model, record)
@@ -61,8 +54,8 @@ class Simulator:
         # What is beyond a sensor is not part of what its reading moves.
         for segment in record.unmeasured:
             body = self.model.body(record.robot.segments[segment].link).id
-            self.model.body_mass[body] = _MASSLESS
-            self.model.body_inertia[body] = 1e-3 * _MASSLESS
+            self.model.body_mass[body] = MASSLESS_KG
+            self.model.body_inertia[body] = 1e-3 * MASSLESS_KG
         names = record.robot.joint_names
         self._q = np.array([self.model.joint(name).qposadr[0] for name in names])
         self._v = np.array([self.model.joint(name).dofadr[0] for name in names])
