@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import print_document
-from excite.json_document import write_json
+from excite.cli.output import emitted
 
 NAME = "effects"
 
@@ -19,10 +18,7 @@ def command(
     """List the effects that a diagnosis can name: law, what looks like it, what tells them apart."""
     summaries = excite.effect_summaries()
     document = {"schema": "excite.effects/1", "effects": [summary.to_json() for summary in summaries]}
-    if out is not None:
-        write_json(document, out / "effects.json")
-    if as_json:
-        print_document(document)
+    if emitted(document, "effects.json", as_json=as_json, out=out):
         return
     from rich.console import Console
     from rich.padding import Padding

@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-from excite.json_document import to_json
+from excite.json_document import to_json, write_json
 from excite.progress import Progress as ProgressCallback
 from excite.progress import silent
 
@@ -26,6 +27,15 @@ def emit(summary: str, document: dict[str, Any], *, as_json: bool) -> None:
         print_document(document)
     else:
         print(summary)
+
+
+def emitted(document: dict[str, Any], name: str, *, as_json: bool, out: Path | None) -> bool:
+    """Write the document where there is a folder and print it where ``--json`` was given; whether it was printed."""
+    if out is not None:
+        write_json(document, out / name)
+    if as_json:
+        print_document(document)
+    return as_json
 
 
 @contextmanager

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import excite
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import print_document
-from excite.json_document import write_json
+from excite.cli.output import emitted
 
 NAME = "robots"
 
@@ -19,10 +18,7 @@ def command(
     """List the bundled robots: degrees of freedom, mass, sensors, base type."""
     summaries = excite.robot_summaries()
     document = {"schema": "excite.robots/1", "robots": [summary.to_json() for summary in summaries]}
-    if out is not None:
-        write_json(document, out / "robots.json")
-    if as_json:
-        print_document(document)
+    if emitted(document, "robots.json", as_json=as_json, out=out):
         return
     from rich.console import Console
     from rich.table import Table

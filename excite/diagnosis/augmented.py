@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,8 @@ from excite.diagnosis.augmented_contacts import SoftPlay, add_soft_play
 from excite.diagnosis.augmented_effects import DEFLECTION, FORMS, Draft, Found, presliding, tilted
 from excite.diagnosis.augmented_plant import Plant, fitted_plant, physical_plant
 from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.model_text import AugmentedModel
+from excite.diagnosis.physical_bodies import unphysical
 from excite.robot.robot import Array, Robot
 from excite.simulation.drives import Drives
 from excite.simulation.mjcf import World, build_spec
@@ -21,21 +22,6 @@ if TYPE_CHECKING:
 
 _TIMESTEP = 1e-3
 _NO_LIMIT = 1e6
-_NOTABLE = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class AugmentedModel:
-    """A MuJoCo model of an arm, its actuators motors that take torques.
-
-    Attributes:
-        xml: the model. What XML cannot express stands in it as ``<custom><text name="excite.EFFECT.PLACE"/>``,
-            applied by :class:`excite.diagnosis.rollout.Simulator`.
-        warnings: what it could not take up, one sentence each.
-    """
-
-    xml: str
-    warnings: tuple[str, ...]
 
 
 def baseline_model(baseline: Baseline) -> AugmentedModel:
@@ -69,11 +55,7 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
         if item.effect == "base_tilt":
             gravity = tilted(gravity, item)
     plant = physical_plant(baseline, wanted, gravity)
-    if plant.mismatch > _NOTABLE:
-        warnings.append(
-            "the fitted inertial parameters are no bodies' that can exist; the nearest ones are off by "
-            f"{plant.mismatch:.1f} times the residual"
-        )
+    warnings += unphysical(plant.mismatch, "residual")
     draft = Draft(robot, baseline.samples.joints, _spec(robot, baseline.samples.index, plant))
     _formed(draft, baseline, effects)
     draft.spec.compile()

@@ -74,10 +74,9 @@ def physical_plant(baseline: Baseline, wanted: Plant, gravity: Array | None = No
         return wanted
     middle = set_of.coordinates(np.concatenate([nominal_phi, np.maximum(drives, 0.0)]))
     rows = _rows(baseline, gravity).reshape(-1, len(wish)) @ set_of.map
-    z = nearest_bodies(set_of, rows, wish, middle)
+    z, off = nearest_bodies(set_of, rows, wish, middle)
     found = set_of.map @ z
     viscous, coulomb, armature = found[n_phi:].reshape(3, n)
-    off = float(np.sqrt(np.mean((rows @ (z - wish)) ** 2)))
     return Plant(found[:n_phi], viscous, coulomb, armature, wanted.bias, off)
 
 

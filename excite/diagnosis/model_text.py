@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from excite.errors import InputError
@@ -11,6 +13,36 @@ if TYPE_CHECKING:
 
 # First part of the names of the ``<custom>`` texts in which effects stand.
 NOTE = "excite"
+MODEL = "augmented.xml"
+# By what an effect is made larger to see whether the model hears of it.
+LOUDER = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class AugmentedModel:
+    """A MuJoCo model of an arm, its actuators motors that take torques, or of a standing robot, its sensors sites.
+
+    Attributes:
+        xml: the model. What XML cannot express stands in it as ``<custom><text name="excite.EFFECT.PLACE"/>``,
+            applied by :class:`excite.diagnosis.rollout.Simulator` or its twin for standing robots.
+        warnings: what it could not take up, one sentence each.
+    """
+
+    xml: str
+    warnings: tuple[str, ...]
+
+
+def without(left: Sequence[str]) -> tuple[str, ...]:
+    """What is said where a model lacks effects, each ``NAME at PLACE``, that bring roll-outs no nearer."""
+    if not left:
+        return ()
+    reason = "roll-outs of the identification trials are no nearer with it"
+    return (f"the model is without {', '.join(left)}: {reason}",)
+
+
+def ignored(effect: str, location: str) -> str:
+    """What is said of an effect that moves no roll-out of the model in which it stands."""
+    return f"the simulator ignores {effect} at {location}"
 
 
 def load_model(xml: str) -> mujoco.MjModel:

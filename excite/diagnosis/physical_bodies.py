@@ -10,6 +10,7 @@ from excite.robot.robot import Array
 _PRIOR = 1e-3
 _ITERATIONS = 1500
 _RELAXATION = 1.6
+_NOTABLE = 1.0
 # Least eigenvalue of a body's pseudo-inertia, relative to its nominal trace, lengths in its own radius.
 _INSIDE = 1e-4
 _UPPER = np.triu_indices(4)
@@ -74,7 +75,7 @@ class PhysicalBodies:
         return self._scaled(pseudo)[:, _UPPER[0], _UPPER[1]] * _WEIGHT
 
 
-def nearest_bodies(bodies: PhysicalBodies, rows: Array, wish: Array, middle: Array) -> Array:
+def nearest_bodies(bodies: PhysicalBodies, rows: Array, wish: Array, middle: Array) -> tuple[Array, float]:
     """Coordinates of the nearest physical bodies: rows weigh, nominal values break ties.
 
     Minimises ``|A (x − x̂)|²/m + λ |x − x_nominal|²`` over bodies of positive density and drive terms that are not
@@ -85,6 +86,9 @@ def nearest_bodies(bodies: PhysicalBodies, rows: Array, wish: Array, middle: Arr
         rows: A ``(m, n)`` in its coordinates, each row in units of what it is known to.
         wish: x̂ ``(n,)``.
         middle: nominal values ``(n,)``.
+
+    Returns:
+        The coordinates, and by how much rows are off with them (RMS).
     """
     gram = rows.T @ rows / max(len(rows), 1)
     right = gram @ wish + _PRIOR * middle
@@ -95,4 +99,14 @@ def nearest_bodies(bodies: PhysicalBodies, rows: Array, wish: Array, middle: Arr
         x = _RELAXATION * inverse @ (right + penalty * (z - u)) + (1.0 - _RELAXATION) * z
         z = bodies.nearest(x + u)
         u = u + x - z
-    return z
+    return z, float(np.sqrt(np.mean((rows @ (z - wish)) ** 2)))
+
+
+def unphysical(mismatch: float, unit: str) -> tuple[str, ...]:
+    """What is to be said of bodies that are off a fit by so many times a ``unit``; nothing where that is little."""
+    if mismatch <= _NOTABLE:
+        return ()
+    return (
+        "the fitted inertial parameters are no bodies' that can exist; the nearest ones are off by "
+        f"{mismatch:.1f} times the {unit}",
+    )

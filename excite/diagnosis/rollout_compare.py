@@ -11,9 +11,10 @@ import numpy as np
 from excite.atomic import write_text
 from excite.diagnosis.accepted_values import drift_growth, found_effects, gear_deflections
 from excite.diagnosis.attribution import Attribution
-from excite.diagnosis.augmented import AugmentedModel, augmented_model, baseline_model
+from excite.diagnosis.augmented import augmented_model, baseline_model
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.baseline import Baseline
+from excite.diagnosis.model_text import LOUDER, MODEL, AugmentedModel, ignored, without
 from excite.diagnosis.result import Rollout
 from excite.diagnosis.rollout import Simulator
 from excite.diagnosis.rollout_floor import replicated
@@ -22,7 +23,6 @@ from excite.diagnosis.samples import ArmSamples
 from excite.errors import InputError
 from excite.robot.robot import Array
 
-MODEL = "augmented.xml"
 # Simulated time on identification trials, where it is decided whether the effects help at all [s].
 _CHECKED_S = 8.0
 
@@ -105,9 +105,8 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
     with_all = augmented
     if len(kept) < len(effects) and plan.all_effects:
         with_all = errors(whole.xml, samples, attribution.final.rigid, plan)
-    left = ", ".join(f"{e.effect} at {e.location}" for e in effects[len(kept) :])
-    said = (f"the model is without {left}: roll-outs of the identification trials are no nearer with it",)
-    warnings = (*after.warnings, *unheard(final, kept, after.xml, plan), *(said if left else ()))
+    left = [f"{e.effect} at {e.location}" for e in effects[len(kept) :]]
+    warnings = (*after.warnings, *unheard(final, kept, after.xml, plan), *without(left))
     rollout = Rollout(
         before=_rms(plain, samples.joints),
         after=_rms(augmented, samples.joints),
@@ -183,7 +182,7 @@ def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) 
     here = Simulator(xml, samples.joints)
     runs = [here.run(p.window, p.drive, p.keep) for p in few] if effects else []
     for k, item in enumerate(effects):
-        bigger = replace(item, values={n: 1.5 * v for n, v in item.values.items()})
+        bigger = replace(item, values={n: LOUDER * v for n, v in item.values.items()})
         other = augmented_model(baseline, [*effects[:k], bigger, *effects[k + 1 :]])
         moved = Simulator(other.xml, samples.joints)
         change = max(
@@ -191,7 +190,7 @@ def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) 
             for p, r in zip(few, runs, strict=True)
         )
         if not change > 0.0:
-            said.append(f"the simulator ignores {item.effect} at {item.location}")
+            said.append(ignored(item.effect, item.location))
     return tuple(said)
 
 

@@ -23,7 +23,7 @@ from excite.diagnosis.floating.problem import Problem, build_problem
 from excite.diagnosis.floating.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.refinement import Fitted, Placed, explained_state, nominal_fit, refine
 from excite.diagnosis.floating.rollout import Simulator
-from excite.diagnosis.floating.rollout_compare import simulated, unheard
+from excite.diagnosis.floating.rollout_compare import Reloaded, simulated, unheard
 from excite.diagnosis.floating.state import State
 from excite.logs.files import load_log
 
@@ -53,7 +53,7 @@ def test_the_base_moves_as_its_equation_of_motion_says(gap_dir: Path, case: str)
     record = prepare_record(load_log(gap_dir / "floating" / case))
     problem, state, k = build_problem(record), State.logged(record), 300
     simulator = Simulator(standing_model(problem, nominal_fit(problem)).xml, record)
-    moved = simulator.run(simulator.drive(), slice(k, k + 2))
+    moved = simulator.run(slice(k, k + 2))
     # What the residual accelerates, over a step: half of it, squared, beside what the record does.
     inertia = np.zeros((6, 6))
     for i in range(6):
@@ -182,7 +182,7 @@ def test_a_short_contact_is_heard(record: FloatingRecord) -> None:
     share[record.spans[3].start + 40 : record.spans[3].start + 90] = 1.0
     theta = np.array([0.0, 0.0, 60.0, 0.0, 0.0, 0.0])
     fitted = with_effect(problem, UnloggedContact(share), "arm_left_7_link", theta)
-    assert unheard(problem, fitted, standing_model(problem, fitted)) == ()
+    assert unheard(Reloaded(problem, fitted)) == ()
 
 
 def test_the_drive_is_that_of_the_models_robot(gap_dir: Path) -> None:
@@ -197,10 +197,10 @@ def test_the_drive_is_that_of_the_models_robot(gap_dir: Path) -> None:
     placed = (Placed(heavy, torso), Placed(soft, "waist_roll_joint"))
     theta = (error, np.array([2e-3, 0.0]))
     fitted = replace(fitted, placed=placed, theta=theta, delta=np.zeros_like(fitted.delta))
-    drive = Simulator(standing_model(problem, fitted).xml, record).drive()
+    drive = Simulator(standing_model(problem, fitted).xml, record).drive
     expected, logged = explained_state(problem, fitted).q, record.q
     bend = np.linalg.norm(expected - logged)
-    assert np.linalg.norm(drive.state.q - expected) < 1e-3 * bend
+    assert np.linalg.norm(drive.q - expected) < 1e-3 * bend
 
 
 def test_where_no_trial_is_long_enough_it_says_so(problem: Problem) -> None:
@@ -235,11 +235,9 @@ def test_a_value_that_the_simulator_ignores_is_noticed(
 ) -> None:
     theta = np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     fitted = with_effect(problem, FLOATING_EFFECTS["external_force"], "torso_2_link", theta)
-    assert unheard(problem, fitted, standing_model(problem, fitted)) == ()
+    assert unheard(Reloaded(problem, fitted)) == ()
     monkeypatch.setattr(augmented, "note_data", lambda state, item, _: note_data(state, item, theta))
-    assert unheard(problem, fitted, standing_model(problem, fitted)) == (
-        "the simulator ignores external_force at torso_2_link",
-    )
+    assert unheard(Reloaded(problem, fitted)) == ("the simulator ignores external_force at torso_2_link",)
 
 
 def test_the_model_is_written_where_there_is_a_folder(gap_dir: Path, tmp_path: Path) -> None:

@@ -17,8 +17,9 @@ from excite.diagnosis.command_only.strength import effect_strength, without_fain
 from excite.diagnosis.command_only.tracking import Tracking, tracking
 from excite.diagnosis.command_only.transport import clearly_lags
 from excite.diagnosis.command_only.witness import Witness, witness
+from excite.diagnosis.model_text import MODEL
 from excite.diagnosis.result import Rollout
-from excite.diagnosis.rollout_compare import MODEL, compared
+from excite.diagnosis.rollout_compare import compared
 from excite.diagnosis.rollout_drives import Drive
 from excite.diagnosis.rollout_windows import Plan
 from excite.diagnosis.structured import structured_joints

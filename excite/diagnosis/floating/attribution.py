@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.diagnosis.floating.effects.wobbling_mass import WobblingMass
+from excite.diagnosis.floating.effects.registry import NAMELESS
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked, Ranker
 from excite.diagnosis.floating.refinement import (
@@ -67,7 +67,7 @@ def attribute(problem: Problem) -> Attribution:
     tied = tuple(tied_places(step, n) for step in steps)
     close = rivals(steps[0], n) if steps else ()
     verdict = _verdict(problem, baseline, steps, close, explained, n)
-    if verdict in {"effect", "ambiguous"} and _sloshes(problem, current):
+    if verdict in {"effect", "ambiguous"} and _nameless(problem, current):
         verdict = "unknown"
     patched = current.power > NOISE_SLACK * n and _patches(steps, tied)
     if patched or (steps and current.power > _WRONG_FORM * n and misread_channels(problem, baseline)):
@@ -109,15 +109,14 @@ def _patches(steps: tuple[Step, ...], tied: tuple[tuple[str, ...], ...]) -> bool
     )
 
 
-def _sloshes(problem: Problem, fitted: Fitted) -> bool:
-    """Whether a mass that is said to wobble may as well do so in the horizontal alone, as no tissue does."""
+def _nameless(problem: Problem, fitted: Fitted) -> bool:
+    """Whether an effect may as well be something that no word is for."""
+    over = max(1.0, fitted.power / len(problem.nominal_rows))
     for k, item in enumerate(fitted.placed):
-        if isinstance(item.effect, WobblingMass):
-            level = Placed(WobblingMass(level=True), item.location)
-            placed = (*fitted.placed[:k], level, *fitted.placed[k + 1 :])
-            liquid = refine(problem, placed, fitted.theta, fitted)
-            over = max(1.0, fitted.power / len(problem.nominal_rows))
-            if liquid.power < fitted.power + 2.0 * DECISIVE * over:
+        if item.effect.word in NAMELESS:
+            other = Placed(NAMELESS[item.effect.word], item.location)
+            placed = (*fitted.placed[:k], other, *fitted.placed[k + 1 :])
+            if refine(problem, placed, fitted.theta, fitted).power < fitted.power + 2.0 * DECISIVE * over:
                 return True
     return False
 

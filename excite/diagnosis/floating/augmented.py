@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +12,8 @@ from excite.diagnosis.floating.noted import note_data, note_name
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, apply_all
 from excite.diagnosis.floating.state import State
-from excite.diagnosis.model_text import refused
-from excite.diagnosis.physical_bodies import PhysicalBodies, nearest_bodies
+from excite.diagnosis.model_text import AugmentedModel, refused
+from excite.diagnosis.physical_bodies import PhysicalBodies, nearest_bodies, unphysical
 from excite.robot.robot import Array, Robot
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
@@ -24,24 +24,9 @@ if TYPE_CHECKING:
 
 _NO_LIMIT = 1e6
 _TIMESTEP = 1e-3
-_NOTABLE = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class StandingModel:
-    """A MuJoCo model of a standing robot.
-
-    Attributes:
-        xml: the model; its sensors are sites. What XML cannot express stands in it as
-            ``<custom><text name="excite.FORM.PLACE"/>``, for :class:`~excite.diagnosis.floating.rollout.Simulator`.
-        warnings: what it could not take up, one sentence each.
-    """
-
-    xml: str
-    warnings: tuple[str, ...]
-
-
-def standing_model(problem: Problem, fitted: Fitted) -> StandingModel:
+def standing_model(problem: Problem, fitted: Fitted) -> AugmentedModel:
     """The simulator with a fit's inertial parameters and effects.
 
     Args:
@@ -53,12 +38,6 @@ def standing_model(problem: Problem, fitted: Fitted) -> StandingModel:
     """
     state = apply_all(problem.state(fitted.delta), fitted.placed, fitted.theta)
     phi, mismatch = _physical(problem, state)
-    warnings = []
-    if mismatch > _NOTABLE:
-        warnings.append(
-            "the fitted inertial parameters are no bodies' that can exist; the nearest ones are off by "
-            f"{mismatch:.1f} times the noise"
-        )
     try:
         spec = build_spec(_with_lengths(problem.record.robot, state), phi, _drives(problem), World(_TIMESTEP))
         spec.option.gravity = problem.record.tree.gravity
@@ -69,7 +48,7 @@ def standing_model(problem: Problem, fitted: Fitted) -> StandingModel:
         spec.compile()
     except ValueError as error:
         raise refused(error) from error
-    return StandingModel(spec.to_xml(), tuple(warnings))
+    return AugmentedModel(spec.to_xml(), unphysical(mismatch, "noise"))
 
 
 def _physical(problem: Problem, state: State) -> tuple[Array, float]:
@@ -81,10 +60,10 @@ def _physical(problem: Problem, state: State) -> tuple[Array, float]:
     if bodies.holds(wish):
         return state.phi, 0.0
     rows = problem.whitening(state.regressor)[:, massive] @ bodies.map
-    found = nearest_bodies(bodies, rows, wish, bodies.coordinates(nominal[massive]))
+    found, off = nearest_bodies(bodies, rows, wish, bodies.coordinates(nominal[massive]))
     phi = state.phi.copy()
     phi[massive] = bodies.map @ found
-    return phi, float(np.sqrt(np.mean((rows @ (found - wish)) ** 2)))
+    return phi, off
 
 
 def _with_lengths(robot: Robot, state: State) -> Robot:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -14,19 +15,6 @@ from excite.diagnosis.floating.state import State
 from excite.diagnosis.model_text import load_model
 from excite.robot.robot import Array
 from excite.simulation.inertial import MASSLESS_KG
-
-
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """What drives the roll-outs of a record, as a model's notes say that it truly was.
-
-    Attributes:
-        state: motion and readings.
-        extra: ``(n, 6)`` wrench beside the sensors', at the base, base frame.
-    """
-
-    state: State
-    extra: Array
 
 
 class Simulator:
@@ -62,10 +50,11 @@ class Simulator:
         self._from = np.array([record.tree.names.index(name) for name in names])
         self._sites = {s.name: self.model.site(s.name).id for s in record.robot.sensors}
 
-    def drive(self) -> Drive:
+    @cached_property
+    def drive(self) -> State:
         """The record as the model's notes say that it truly was, of the robot that the model says."""
         state = apply_all(self._said(), self.placed, self.theta)
-        return Drive(state, np.broadcast_to(np.asarray(state.extra, dtype=float), (len(state.q), 6)))
+        return state.but(extra=np.broadcast_to(np.asarray(state.extra, dtype=float), (len(state.q), 6)))
 
     def _said(self) -> State:
         """The logged motion and readings of the robot with the model's bodies, lengths and sensors."""
@@ -85,44 +74,39 @@ class Simulator:
         tree = replace(record.tree, translations=translations)
         return State.logged(record).but(tree=tree, phi=phi, placements=placements)
 
-    def run(
-        self, drive: Drive, window: slice, noise: Array | None = None, start: Array | None = None
-    ) -> Array:
+    def run(self, window: slice, noise: Array | None = None, start: Array | None = None) -> Array:
         """Where the base ends up, less where it is, at each sample of a window, ``(n, 6)`` [m, rad].
 
         Second order in the step (velocity Verlet, with a predicted velocity in the bias forces).
 
         Args:
-            drive: what drives it.
             window: its samples.
             noise: ``(n_samples, 6)`` wrench that is added, base frame.
             start: ``(6,)`` velocity that is added at the start, base frame.
         """
-        state, step = drive.state, 1.0 / self.record.rate_hz
-        extra = drive.extra if noise is None else drive.extra + noise
-        first = window.start
-        rotation = pin.Quaternion(*state.q[first, [6, 3, 4, 5]]).normalized().matrix()
+        state, step, first = self.drive, 1.0 / self.record.rate_hz, window.start
+        extra = np.asarray(state.extra if noise is None else state.extra + noise)
+        recorded = state.poses.rotation[:, 1]
+        rotation = recorded[first]
         place, speed = state.q[first, :3].copy(), rotation @ state.v[first, :3]
         turning = state.v[first, 3:6].copy()
         if start is not None:
             speed, turning = speed + rotation @ start[:3], turning + start[3:]
-        linear, angular = self._accelerated(state, extra, first, place, rotation, speed, turning)
+        linear, angular = self._accelerated(extra, first, place, rotation, speed, turning)
         out = [np.zeros(6)]
         for k in range(window.start + 1, window.stop):
             place = place + step * speed + 0.5 * step**2 * linear
             rotation = rotation @ pin.exp3(step * turning + 0.5 * step**2 * angular)
             guess, guessed = speed + step * linear, turning + step * angular
-            ahead = self._accelerated(state, extra, k, place, rotation, guess, guessed)
+            ahead = self._accelerated(extra, k, place, rotation, guess, guessed)
             speed = speed + 0.5 * step * (linear + ahead[0])
             turning = turning + 0.5 * step * (angular + ahead[1])
             linear, angular = ahead
-            recorded = pin.Quaternion(*state.q[k, [6, 3, 4, 5]]).normalized().matrix()
-            out.append(np.concatenate([place - state.q[k, :3], pin.log3(recorded.T @ rotation)]))
+            out.append(np.concatenate([place - state.q[k, :3], pin.log3(recorded[k].T @ rotation)]))
         return np.array(out)
 
     def _accelerated(
         self,
-        state: State,
         extra: Array,
         k: int,
         place: Array,
@@ -133,7 +117,7 @@ class Simulator:
         """Acceleration of the base's origin, world, and of its rotation, base frame, at a sample."""
         import mujoco
 
-        model, data, tree = self.model, self.data, self.record.tree
+        model, data, state, tree = self.model, self.data, self.drive, self.record.tree
         quaternion = pin.Quaternion(rotation)
         data.qpos[:3] = place
         data.qpos[3:7] = quaternion.w, quaternion.x, quaternion.y, quaternion.z

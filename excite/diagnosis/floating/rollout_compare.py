@@ -9,23 +9,22 @@ from pathlib import Path
 import numpy as np
 
 from excite.atomic import write_text
-from excite.diagnosis.floating.augmented import StandingModel, standing_model
+from excite.diagnosis.floating.augmented import standing_model
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import Fitted, explained_state, refine
 from excite.diagnosis.floating.rollout import Simulator
 from excite.diagnosis.floating.spectrum import BAND_HZ
+from excite.diagnosis.model_text import LOUDER, MODEL, ignored, without
 from excite.diagnosis.result import Rollout
 from excite.errors import InputError
 from excite.logs.signals.butterworth import lowpass
 from excite.robot.robot import Array
 
 HORIZON_S = 0.5
-MODEL = "augmented.xml"
 CHANNELS = ("base.px", "base.py", "base.pz", "base.rx", "base.ry", "base.rz")
 # Roll-outs by which it is told whether an effect helps, and whether the simulator hears of it.
 _CHECKED, _HEARD = 40, 3
-_LOUDER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +38,28 @@ class Noise:
 
     wrench: Array
     start: Array
+
+
+class Reloaded:
+    """The simulator of a fit, its model written and loaded again.
+
+    Attributes:
+        problem: the problem.
+        fitted: the fit.
+        model: the model as written.
+    """
+
+    def __init__(self, problem: Problem, fitted: Fitted):
+        """Write the model and load it; InputError where MuJoCo refuses it."""
+        self.problem, self.fitted = problem, fitted
+        self.model = standing_model(problem, fitted)
+        self._simulator = Simulator(self.model.xml, problem.record)
+
+    def errors(self, windows: Sequence[slice], noise: Noise | None = None) -> Array:
+        """Where the base ends up less where it was, ``(n_windows, n_samples, 6)`` [m, rad]."""
+        if noise is None:
+            return np.array([self._simulator.run(window) for window in windows])
+        return np.array([self._simulator.run(w, noise.wrench, noise.start[w.start]) for w in windows])
 
 
 def simulated(
@@ -76,32 +97,20 @@ def _compared(
     windows = _windows(record, validation=True) or _windows(record, validation=False)
     if not windows:
         raise InputError(f"no trial is as long as a roll-out of {HORIZON_S:g} s", remedy="record longer ones")
-    nominal = standing_model(problem, before)
-    plain, noise = errors(nominal, record, windows), _noise(problem, rng)
-    model, kept = _helpful(problem, nominal, before, after)
-    left = ", ".join(f"{p.effect.name} at {p.location}" for p in after.placed[len(kept.placed) :])
-    said = (f"the model is without {left}: roll-outs of the identification trials are no nearer with it",)
+    nominal = Reloaded(problem, before)
+    plain, noise = nominal.errors(windows), _noise(problem, rng)
+    made = _helpful(nominal, after)
+    left = [f"{p.effect.name} at {p.location}" for p in after.placed[len(made.fitted.placed) :]]
     found = Rollout(
         before=_rms(plain),
-        after=_rms(errors(model, record, windows) if kept.placed else plain),
+        after=_rms(made.errors(windows) if made.fitted.placed else plain),
         horizon_s=(windows[0].stop - windows[0].start - 1) / record.rate_hz,
         model=None,
         driven_by="the sensors' wrenches and the joints' motion, the base free",
-        warnings=(*model.warnings, *unheard(problem, kept, model), *(said if left else ())),
-        floor=_rms(errors(nominal, record, windows, noise) - plain),
+        warnings=(*made.model.warnings, *unheard(made), *without(left)),
+        floor=_rms(nominal.errors(windows, noise) - plain),
     )
-    return found, model.xml
-
-
-def errors(
-    model: StandingModel, record: FloatingRecord, windows: Sequence[slice], noise: Noise | None = None
-) -> Array:
-    """Where the base ends up less where it was, ``(n_windows, n_samples, 6)`` [m, rad]."""
-    simulator = Simulator(model.xml, record)
-    drive = simulator.drive()
-    if noise is None:
-        return np.array([simulator.run(drive, window) for window in windows])
-    return np.array([simulator.run(drive, w, noise.wrench, noise.start[w.start]) for w in windows])
+    return found, made.model.xml
 
 
 def _windows(record: FloatingRecord, *, validation: bool) -> list[slice]:
@@ -115,52 +124,45 @@ def _windows(record: FloatingRecord, *, validation: bool) -> list[slice]:
     ]
 
 
-def _helpful(
-    problem: Problem, nominal: StandingModel, before: Fitted, after: Fitted
-) -> tuple[StandingModel, Fitted]:
-    """The model with as many effects as bring roll-outs of the identification trials nearer, and its fit.
+def _helpful(nominal: Reloaded, after: Fitted) -> Reloaded:
+    """The simulator with as many effects as bring roll-outs of the identification trials nearer.
 
     The last of them has to do so as well. Where all trials are for validation, these tell.
     """
-    record = problem.record
-    windows = _windows(record, validation=False) or _windows(record, validation=True)
-    windows = windows[:: max(1, len(windows) // _CHECKED)]
-    made, left = [(nominal, before)], [_power(nominal, record, windows)] if after.placed else []
+    problem, made = nominal.problem, [nominal]
     for count in range(1, len(after.placed) + 1):
         fitted = after
         if count < len(after.placed):
             placed, theta = after.placed[:count], after.theta[:count]
             fitted = refine(problem.identification_only, placed, theta, after)
-        made.append((standing_model(problem, fitted), fitted))
-        left.append(_power(made[-1][0], record, windows))
-    for count in range(len(after.placed), 0, -1):
-        # In proportion: metres and radians do not add.
-        if all(float(np.mean(left[count] / left[other])) < 1.0 for other in (0, count - 1)):
-            return made[count]
-    return made[0]
+        made.append(Reloaded(problem, fitted))
+    if len(made) > 1:
+        windows = _windows(problem.record, validation=False) or _windows(problem.record, validation=True)
+        windows = windows[:: max(1, len(windows) // _CHECKED)]
+        left = [np.square(each.errors(windows)).mean(axis=(0, 1)) for each in made]
+        for count in range(len(after.placed), 0, -1):
+            # In proportion: metres and radians do not add.
+            if all(float(np.mean(left[count] / left[other])) < 1.0 for other in (0, count - 1)):
+                return made[count]
+    return nominal
 
 
-def _power(model: StandingModel, record: FloatingRecord, windows: Sequence[slice]) -> Array:
-    return np.asarray(np.square(errors(model, record, windows)).mean(axis=(0, 1)))
-
-
-def unheard(problem: Problem, fitted: Fitted, model: StandingModel) -> tuple[str, ...]:
+def unheard(made: Reloaded) -> tuple[str, ...]:
     """Effects that the written model, loaded again, ignores: half as large again, they move no roll-out.
 
     They are looked for where they matter most.
     """
-    record, said = problem.record, []
-    every = [*_windows(record, validation=False), *_windows(record, validation=True)]
+    problem, fitted, said = made.problem, made.fitted, []
+    every = [*_windows(problem.record, validation=False), *_windows(problem.record, validation=True)]
     here = explained_state(problem, fitted).residual
     for k, item in enumerate(fitted.placed):
-        theta = (*fitted.theta[:k], _LOUDER * fitted.theta[k], *fitted.theta[k + 1 :])
+        theta = (*fitted.theta[:k], LOUDER * fitted.theta[k], *fitted.theta[k + 1 :])
         louder = replace(fitted, theta=theta)
         change = np.abs(explained_state(problem, louder).residual - here).sum(axis=1)
         windows = sorted(every, key=lambda window: -float(change[window].sum()))[:_HEARD]
-        other = standing_model(problem, louder)
-        moved = errors(other, record, windows) - errors(model, record, windows)
+        moved = Reloaded(problem, louder).errors(windows) - made.errors(windows)
         if not np.abs(moved).max() > 0.0:
-            said.append(f"the simulator ignores {item.effect.name} at {item.location}")
+            said.append(ignored(item.effect.name, item.location))
     return tuple(said)
 
 

@@ -42,6 +42,9 @@ FLOATING_EFFECTS: dict[str, FloatingEffect] = {
 # By form, others of the same physics, which are tried where nothing explains a gap and from where that one ends.
 FURTHER_FORMS: dict[str, tuple[FloatingEffect, ...]] = {JointElasticity.name: (SwingingJoint(),)}
 
+# By form, what no word is for and what looks the same where it is: with as good a fit, nothing is named.
+NAMELESS: dict[str, FloatingEffect] = {WobblingMass.form: WobblingMass(level=True)}
+
 # By form, all that may be noted beside a model; contacts are found by searches of their own.
 EVERY_FORM: dict[str, FloatingEffect] = {
     effect.word: effect
