@@ -11,7 +11,7 @@ import fcntl
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,12 +25,25 @@ _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @dataclass(frozen=True)
-class _Waiting:
-    """A complete file or folder in its hidden folder, the path that it is for, and the hidden folder's lock."""
+class _Hidden:
+    """A hidden folder, in which something is being written, or is complete and waits for others.
 
-    temporary: Path
+    Attributes:
+        folder: the hidden folder.
+        path: what it is for; the same name in the hidden folder is what is written.
+        lock: open descriptor that keeps the folder locked.
+        made: folders that were made for it, the deepest first.
+    """
+
+    folder: Path
     path: Path
     lock: int
+    made: tuple[Path, ...]
+
+    @property
+    def temporary(self) -> Path:
+        """What is written."""
+        return self.folder / self.path.name
 
 
 @dataclass
@@ -41,13 +54,13 @@ class _Written:
         complete: files and folders that appeared under their names, in order.
         hidden: hidden folders in use.
         swept: folders from which others' leftovers were removed.
-        waiting: complete files that are renamed together later; None where each is at once.
+        waiting: what is complete and is renamed together later; None where each is at once.
     """
 
     complete: list[Path] = field(default_factory=list)
     hidden: set[Path] = field(default_factory=set)
     swept: set[Path] = field(default_factory=set)
-    waiting: list[_Waiting] | None = None
+    waiting: list[_Hidden] | None = None
 
 
 _WRITTEN = _Written()
@@ -108,7 +121,7 @@ def all_or_nothing() -> Iterator[None]:
     finally:
         _WRITTEN.waiting = None
         for item in waiting:
-            _remove(item.temporary.parent, item.lock)
+            _remove(item)
 
 
 def make_folder(path: Path) -> Path:
@@ -118,6 +131,19 @@ def make_folder(path: Path) -> Path:
     except (OSError, ValueError) as error:
         raise unwritable(path, error) from error
     return path
+
+
+def missing_folders(folder: Path) -> tuple[Path, ...]:
+    """A folder and those above it that are not there, the deepest first."""
+    return tuple(path for path in (folder, *folder.parents) if not os.path.exists(path))
+
+
+def remove_empty(folders: Iterable[Path]) -> None:
+    """Remove folders that are empty, the deepest first; others stay."""
+    for folder in folders:
+        # Not empty, or taken by somebody else meanwhile.
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def unwritable(path: Path, error: Exception) -> InputError:
@@ -164,28 +190,29 @@ def _hidden_folder(path: Path) -> Iterator[Path]:
     """A place of the same name in a locked hidden folder beside ``path``; what is there at the end appears there."""
     if "\0" in str(path):
         raise unwritable(path, ValueError("no name holds a zero byte"))
+    made = missing_folders(path.parent)
     make_folder(path.parent)
-    hidden, lock = _locked_folder(path)
-    _WRITTEN.hidden.add(hidden)
-    temporary, waits = hidden / path.name, False
+    hidden = _Hidden(*_locked_folder(path), made)
+    _WRITTEN.hidden.add(hidden.folder)
+    waits = False
     try:
-        yield temporary
+        yield hidden.temporary
         if _WRITTEN.waiting is None:
-            _rename(temporary, path)
+            _rename(hidden.temporary, path)
         else:
-            _WRITTEN.waiting.append(_Waiting(temporary, path, lock))
+            _WRITTEN.waiting.append(hidden)
             waits = True
     except OSError as error:
-        ours = error.filename is not None and str(error.filename).startswith(str(hidden))
+        ours = error.filename is not None and str(error.filename).startswith(str(hidden.folder))
         if ours or error.errno in _DISK or isinstance(error, PermissionError):
             raise unwritable(path, error) from error
         raise
     finally:
         if not waits:
-            _remove(hidden, lock)
+            _remove(hidden)
 
 
-def _locked_folder(path: Path) -> tuple[Path, int]:
+def _locked_folder(path: Path) -> tuple[Path, Path, int]:
     try:
         sweep(path.parent)
         while True:
@@ -196,7 +223,7 @@ def _locked_folder(path: Path) -> tuple[Path, int]:
             with suppress(OSError):
                 fcntl.flock(lock, fcntl.LOCK_EX)
             if hidden.exists():
-                return hidden, lock
+                return hidden, path, lock
             # Another process took it for a leftover before it was locked.
             os.close(lock)
     except (OSError, ValueError) as error:
@@ -213,10 +240,12 @@ def _rename(temporary: Path, path: Path) -> None:
     _WRITTEN.complete.append(path)
 
 
-def _remove(hidden: Path, lock: int) -> None:
-    shutil.rmtree(hidden, ignore_errors=True)
-    _WRITTEN.hidden.discard(hidden)
-    os.close(lock)
+def _remove(hidden: _Hidden) -> None:
+    """Remove a hidden folder, and the folders that were made for it and in which nothing appeared."""
+    shutil.rmtree(hidden.folder, ignore_errors=True)
+    _WRITTEN.hidden.discard(hidden.folder)
+    os.close(hidden.lock)
+    remove_empty(hidden.made)
 
 
 def _sync(file: Path) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
-from excite.atomic import make_folder, sweep, unwritable
+from excite.atomic import make_folder, missing_folders, remove_empty, sweep, unwritable
 from excite.errors import InputError
 
 # Folders that this process has claimed, by their device and number: a run may claim its own folder again.
@@ -28,7 +28,7 @@ def claimed(folder: Path) -> Iterator[Path]:
     Raises:
         InputError: another process writes there, or nobody may.
     """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    made = missing_folders(folder)
     make_folder(folder)
     try:
         lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -46,10 +46,7 @@ def claimed(folder: Path) -> Iterator[Path]:
     finally:
         if not mine:
             _CLAIMED.discard(key)
-        for path in made:
-            # Not empty, or taken by somebody else meanwhile.
-            with suppress(OSError):
-                path.rmdir()
+        remove_empty(made)
         os.close(lock)
 
 

@@ -18,7 +18,7 @@ def _usable(context: typer.Context, folder: Path | None) -> Path | None:
         return None
     if "\0" in str(folder):
         raise InputError("has a name that no folder can have", field="--out", remedy="give another --out")
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    there = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
     if not there.is_dir():
         raise InputError("is a file, not a folder", source=there, remedy="give another --out")
     if not os.access(there, os.W_OK):
