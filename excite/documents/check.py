@@ -22,9 +22,7 @@ class Margins(Block):
     )
     joint_torque_nm: Maybe = Field(default=None, description="to the torque limit [N·m or N]")
     self_collision_m: Maybe = Field(default=None, description="smallest distance between two bodies [m]")
-    zmp_m: Maybe = Field(
-        default=None, description="zero-moment point to the edge of the support polygon [m]"
-    )
+    zmp_m: Maybe = Field(default=None, description="zero-moment point to the edge of the support polygon [m]")
 
 
 class Violation(Block):

@@ -12,7 +12,7 @@ from excite.reading.json_document import checked, read_json
 
 # Products of three such numbers are still finite in double precision, so that no sum of squares, ratio or axis of a
 # figure overflows; nothing in SI units comes near it.
-_LARGEST = 1e100
+LARGEST = 1e100
 # A year of motion, in seconds: no experiment is longer.
 _LONGEST_S = 3.2e7
 # Longest name that file systems allow; base parameters' names are below 60 characters.
@@ -32,12 +32,10 @@ def _inside(path: str) -> str:
     return path
 
 
-Number = Annotated[
-    float, Field(strict=True, ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)
-]
+Number = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Maybe = Number | None
 """A number, null where it is not known or not finite."""
-Positive = Annotated[float, Field(strict=True, ge=0.0, le=_LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, ge=0.0, le=LARGEST, allow_inf_nan=False)]
 MaybePositive = Positive | None
 Seconds = Annotated[float, Field(strict=True, ge=0.0, le=_LONGEST_S, allow_inf_nan=False)]
 # Counts stay integers in double precision.

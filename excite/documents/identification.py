@@ -55,9 +55,7 @@ class BaseParameter(Block):
     link: Name | None = Field(default=None, description="link of that parameter; null for a drive's")
     value: Maybe = Field(description="[SI]")
     std: MaybePositive = Field(description="standard deviation [SI]")
-    rsd_percent: MaybePositive = Field(
-        description="100·std/|value| [percent]; null where the value is zero"
-    )
+    rsd_percent: MaybePositive = Field(description="100·std/|value| [percent]; null where the value is zero")
     half_width_95: MaybePositive = Field(
         default=None, description="half the width of the 95 % interval [SI]; null where it was not asked for"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +14,9 @@ from excite.reading.file import read_text
 
 # The largest document that is written here, the identification of a humanoid from 2000 motions, has 6 MB.
 MAX_JSON_BYTES = 256 * 1024 * 1024
+
+# Errors whose input says nothing: the object around a field, or one that the sentence names.
+_SAID_ALREADY = frozenset({"missing", "value_error", "too_long", "string_unicode"})
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -74,14 +78,13 @@ def checked(
     try:
         return model.model_validate(content)
     except ValidationError as reason:
-        first = reason.errors()[0]
-        shown = " ".join(repr(first["input"]).split())
-        raise error(
-            f"{first['msg']}, got {shown[:60]}",
-            source=path,
-            field=".".join(str(part) for part in first["loc"]) or None,
-            remedy=remedy,
-        ) from reason
+        first = reason.errors(include_url=False)[0]
+        said = first["msg"].removeprefix("Value error, ")
+        if first["type"] not in _SAID_ALREADY:
+            # Not all of it: a value may be megabytes long, or nested as deep as a reader goes.
+            said += f", got {' '.join(reprlib.repr(first['input']).split())[:60]}"
+        field = ".".join(str(part)[:60] for part in first["loc"])
+        raise error(said, source=path, field=field or None, remedy=remedy) from reason
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.report.data import ForceComparison
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, short
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,9 +50,9 @@ def plot_forces(data: ForceComparison) -> Figure:
             before, after = (
                 _rmse(data.measured[:, i] - model[:, i]) for model in (data.nominal, data.identified)
             )
-            name = channel_label(data.channels[i])
-            axes.set_title(f"{name}, RMSE {before:.3g} → {after:.3g} {data.units[i]}")
-            axes.set_ylabel(f"[{data.units[i]}]")
+            name, unit = short(channel_label(data.channels[i])), short(data.units[i])
+            axes.set_title(f"{name}, RMSE {before:.3g} → {after:.3g} {unit}")
+            axes.set_ylabel(f"[{unit}]")
             axes.margins(x=0.0)
         for axes in grid[-1]:
             axes.set_xlabel("time [s]")

@@ -46,8 +46,9 @@ class Forces(Section):
 def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
     rows: list[tuple[Cell, ...]] = []
     for channel, row in channels.items():
-        before, after = row.get("reference_rmse"), row["rmse"]
-        change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if before else "–"
-        rows.append((channel_label(channel), before, after, change, row.get("reference_cc"), row.get("cc")))
+        before, after = row["reference_rmse"], row["rmse"]
+        known = bool(before) and after is not None
+        change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if known else "–"
+        rows.append((channel_label(channel), before, after, change, row["reference_cc"], row["cc"]))
     headers = ("channel", "RMSE nominal", "RMSE identified", "change", "CC nominal", "CC identified")
     return table(headers, rows)
