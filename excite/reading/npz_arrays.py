@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import lzma
 import math
+import tokenize
 import zlib
 from collections.abc import Container
 from pathlib import Path
@@ -23,7 +24,16 @@ _KINDS = "fiubU"
 # What zipfile, its decompressors and numpy's reader of headers raise for files that are damaged or lie.
 _DAMAGED = (
     *(OSError, ValueError, EOFError, BadZipFile, zlib.error, lzma.LZMAError),
-    *(NotImplementedError, RuntimeError, RecursionError, MemoryError, SyntaxError, TypeError, KeyError),
+    *(
+        NotImplementedError,
+        RuntimeError,
+        RecursionError,
+        MemoryError,
+        SyntaxError,
+        tokenize.TokenError,
+        TypeError,
+        KeyError,
+    ),
 )
 
 
