@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from excite.documents.campaign import Campaign
 from excite.documents.check import Check
 from excite.documents.diagnosis import Diagnosis
@@ -34,6 +36,8 @@ _KINDS: dict[str, type[Model]] = {
     "signals": Signals,
     "diagnosis": Diagnosis,
 }
+# A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
+_FARTHEST = 1e6
 _ABSENT = {
     "plan": "the plan (plan.json: candidates, chosen motions)",
     "check": "the independent safety check (check.json)",
@@ -160,7 +164,12 @@ def _motions(
     motions = []
     for entry in plan["selected"]:
         try:
-            motions.append(load_motion(folder / entry["motion"], robot))
+            motion = load_motion(folder / entry["motion"], robot)
         except ExciteError as error:
             left_out.append(f"pictures of motion {entry['motion']}: {error}")
+            continue
+        if np.abs(motion.q).max() > _FARTHEST:
+            left_out.append(f"pictures of motion {entry['motion']}: it goes beyond {_FARTHEST:g} rad or m")
+            continue
+        motions.append(motion)
     return tuple(motions)

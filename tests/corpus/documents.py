@@ -1,4 +1,4 @@
-"""Edited, cut, exchanged and made-up JSON documents and arrays, as `report`, `campaign --resume`, `blind score` read them."""
+"""Edited, cut, exchanged and made-up JSON documents and arrays, as the commands that read them again find them."""
 
 from __future__ import annotations
 

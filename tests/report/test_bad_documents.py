@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import warnings
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -11,10 +13,13 @@ import numpy as np
 import pytest
 
 from excite.errors import ExciteError
+from excite.motion.files import save_motion
 from excite.report.page import report
+from excite.robot.loading import load_robot
 from tests.corpus.documents import arrays
 from tests.documents.mutations import mutated
 from tests.documents.small import SMALL
+from tests.report.sample import sample_motion
 
 _PAGES = ("plan", "check", "identification", "campaign", "signals", "diagnosis")
 _HOSTILE = "<script>alert(1)</script>\" onload='x' $\\frac{1}$ $ & <img src=x>"
@@ -115,14 +120,27 @@ def test_names_are_text_and_nothing_else(tmp_path: Path) -> None:
     "robot", ["/dev/zero", "pipe.yaml", "folder", "a" * 250, "../../robot.urdf", "gone.yaml"]
 )
 def test_a_robot_that_cannot_be_had_is_left_out(robot: str, tmp_path: Path) -> None:
-    import os
-
     os.mkfifo(tmp_path / "pipe.yaml")
     (tmp_path / "folder").mkdir()
     for key in ("robot", "robot_file"):
         document = {**SMALL["plan"], "robot": "mine", key: robot}
         (tmp_path / "plan.json").write_text(json.dumps(document), encoding="utf-8")
         assert "pictures of the robot: " in report(tmp_path).read_text(encoding="utf-8")
+
+
+def test_a_motion_that_leaves_the_earth_is_left_out(tmp_path: Path) -> None:
+    robot = load_robot("ur10")
+    motion = sample_motion(robot, 0)
+    far = replace(motion, name="far", q=motion.q + 1e200)
+    entries = []
+    for item in (motion, far):
+        save_motion(item, tmp_path / f"{item.name}.parquet")
+        entries.append({"motion": f"{item.name}.parquet", "segments": [], "duration_s": 6.0})
+    plan = {**SMALL["plan"], "robot": "ur10", "selected": entries}
+    (tmp_path / "plan.json").write_text(json.dumps(plan), encoding="utf-8")
+    page = elements(report(tmp_path))
+    assert "pictures of motion far.parquet: it goes beyond" in page.text
+    assert "svg" in page.names and "pictures of motion motion_00" not in page.text
 
 
 def test_numbers_that_are_not_known_are_dashes(tmp_path: Path) -> None:
