@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from excite.documents.document import Block, Document, Maybe, Name, Number, Text
 
 # A figure has a panel a step; the processing has nine.
-_MOST_STEPS = 60
+_MOST_STEPS = 20
 # Curves are written thinned out to 800 points.
 _MOST_POINTS = 100_000
 

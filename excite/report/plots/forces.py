@@ -19,6 +19,8 @@ _TITLES = {
     **{f"t{axis}": f"moment {axis}" for axis in "xyz"},
 }
 _MAX_POINTS = 3000
+# As many joints as the largest robot known here has; the layout of 250 panels takes a minute.
+MOST_PANELS = 60
 
 
 def channel_label(channel: str) -> str:
@@ -27,8 +29,11 @@ def channel_label(channel: str) -> str:
 
 
 def plot_forces(data: ForceComparison) -> Figure:
-    """One panel a channel, forces left and moments right for a wrench; its title says how the RMSE fell."""
-    n = len(data.channels)
+    """One panel a channel, forces left and moments right for a wrench; its title says how the RMSE fell.
+
+    Of more than ``MOST_PANELS`` channels the first ones.
+    """
+    n = min(len(data.channels), MOST_PANELS)
     rows = math.ceil(n / 2)
     down_columns = data.channels == _WRENCH
     shown = slice(None, None, max(1, math.ceil(len(data.time) / _MAX_POINTS)))

@@ -6,7 +6,7 @@ from typing import Any
 
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, section, table
-from excite.report.plots.forces import channel_label, plot_forces
+from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
 
@@ -38,6 +38,8 @@ class Forces(Section):
                 f"On {data.trial}, which the identification has not seen, the blue line of the identified "
                 "model should cover the measured one, and the dashed nominal one should not."
             )
+            if len(data.channels) > MOST_PANELS:
+                lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
             svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
             content.append(figure(svg))
         return section(self.identifier, self.title, lead, *content, *tables)
