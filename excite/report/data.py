@@ -174,8 +174,10 @@ def _native(value: NDArray, name: str, prefix: str, path: Path) -> Any:
         return texts[0] if kind == "a text" else texts
     if kind == "flags":
         return value
-    _check_numbers(value, prefix + name, path)
-    return float(value) if kind == "a number" else value.astype(float, copy=False)
+    with np.errstate(over="ignore"):  # What double precision cannot hold is infinite, and refused as such.
+        numbers = value.astype(float, copy=False)
+    _check_numbers(numbers, prefix + name, path)
+    return float(numbers) if kind == "a number" else numbers
 
 
 def _check_numbers(value: NDArray, field: str, path: Path) -> None:
