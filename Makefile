@@ -5,7 +5,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 JOBS ?= 2
 
-.PHONY: demo test test-all test-fast bench bench-all reproduce lint format report clean
+.PHONY: demo test test-all test-fast bench bench-all reproduce lint format licences report clean
 
 # The environment is rebuilt whenever the pins or the project file change.
 $(VENV)/.ready: pyproject.toml constraints.txt
@@ -41,6 +41,9 @@ lint: $(VENV)/.ready
 
 format: $(VENV)/.ready
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
+
+licences: $(VENV)/.ready
+	$(BIN)/python -m tests.supply
 
 report: $(VENV)/.ready
 	$(BIN)/excite report out/demo
