@@ -246,7 +246,7 @@ def test_phases_are_told_apart_by_their_feet() -> None:
     n = 24
     contacts = np.ones((n, 2), bool)
     contacts[6:8, 1] = False
-    other = SOLE + [0.0, 0.2, 0.0]
+    other = SOLE + np.array([0.0, 0.2, 0.0])
     sweep = standing(
         contacts=contacts,
         sole_corners=(np.tile(SOLE, (n, 1, 1)), np.tile(other, (n, 1, 1))),

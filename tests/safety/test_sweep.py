@@ -178,7 +178,7 @@ def test_wrench_moves_to_the_world_as_a_spatial_force() -> None:
 
 def test_the_zero_moment_point_has_no_horizontal_moment_at_its_height() -> None:
     rng = np.random.default_rng(1)
-    wrench = rng.normal(size=(20, 6)) + [0.0, 0.0, 5.0, 0.0, 0.0, 0.0]
+    wrench = rng.normal(size=(20, 6)) + np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
     for height in (0.0, 0.3):
         point = np.column_stack([zero_moment_point(wrench, height), np.full(20, height)])
         moment = wrench[:, 3:] - np.cross(point, wrench[:, :3])
