@@ -13,7 +13,8 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, finite_or_raised, no_solution
 from excite.identification.estimators.fallback import best_feasible, best_known, estimate_at, plain_models
-from excite.identification.estimators.geometric import pullback_metric
+from excite.identification.estimators.geometric import entropic_divergence, pullback_metric
+from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum, project
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.scaled import scaled_parameters
@@ -131,6 +132,35 @@ def test_a_metric_takes_the_place_of_the_spreads(problem, rows):
         away = float(np.sum((bent.coordinates(theta) - bent.target) ** 2))
         assert whole(theta) - base == pytest.approx(away, rel=1e-6)
     assert not np.allclose(plain.target, bent.target)
+
+
+def test_the_entropic_estimate_minimises_data_and_divergence():
+    """``‖W(Yθ − y)‖² + α Σ d(P‖P₀)/(2σ²)`` is stationary where no constraint binds; σ by segment."""
+    arm = arm_problem(load_robot("panda"), seed=2, duration=2.0, noise=0.05, error=0.02)
+    links = [segment.link for segment in arm.robot.segments]
+    settings = EstimatorSettings(
+        alpha=20.0, prior_spread=0.2, segment_spread={links[1]: 0.6, links[4]: 0.1}, regulariser="entropic"
+    )
+    found = PhysicallyConsistent().estimate(arm, settings)
+    assert found.active == ()
+    rows = found.regression
+    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[arm.channel]
+    sigma = settings.spreads(arm.robot)
+
+    def whole(theta: np.ndarray) -> float:
+        away = entropic_divergence(theta, arm.prior) / (2.0 * sigma**2)
+        return float(np.sum((arm.residual(theta) * weights) ** 2) + settings.alpha * away.sum())
+
+    base, scales = whole(found.parameters), prior_std(arm, sigma)
+    rng, h = np.random.default_rng(0), 1e-4
+    for k in range(len(links)):
+        step = np.zeros(arm.n_params)
+        step[10 * k : 10 * k + 10] = rng.normal(size=10)
+        step = h * step * np.abs(arm.prior) * 0.1
+        up, down = whole(found.parameters + step), whole(found.parameters - step)
+        assert up > base and down > base
+        assert abs(up - down) < 1e-2 * (up + down - 2.0 * base)
+    assert np.abs((found.parameters - arm.prior) / scales).max() > 1e-3
 
 
 def test_constraints_and_cones_mean_the_same_in_its_coordinates(problem, objective):

@@ -46,30 +46,43 @@ class Reach:
     functions: dict[str, set[tuple[str, int]]]
 
     def tests(self, mutant: Mutant, root: Path) -> list[str]:
-        """Tests that enter the function that a mutant changes, the fastest first, as many as the budget holds.
+        """Tests that a mutant is given: those that enter the function that it changes, the fastest first.
 
-        Where no test is seen to enter it (compiled code, a line outside functions), those that enter its file.
+        Where no test is seen to enter it (compiled code, a line outside functions), those that enter its file. The
+        other tests of the same files follow, those with the same parameters before the rest: they may look at what an
+        earlier one has made and kept.
         """
         function = (
             mutant.path,
             _function_around((root / mutant.path).read_text(encoding="utf-8"), mutant.line),
         )
-        reaching = [test for test, entered in self.functions.items() if function in entered]
-        if not reaching:
-            reaching = [
-                test
-                for test, entered in self.functions.items()
-                if any(path == mutant.path for path, _ in entered)
-            ]
+        direct = {test for test, entered in self.functions.items() if function in entered}
+        if not direct:
+            entered_by = self.functions.items()
+            direct = {test for test, entered in entered_by if any(path == mutant.path for path, _ in entered)}
+        files = {_file(test) for test in direct}
+        parameters = {_parameters(test) for test in direct}
+
+        def order(test: str) -> tuple[bool, bool, float]:
+            return test not in direct, _parameters(test) not in parameters, self.seconds[test]
+
         chosen, total = [], 0.0
-        for test in sorted(reaching, key=lambda test: self.seconds[test]):
+        for test in sorted((test for test in self.functions if _file(test) in files), key=order):
             total += self.seconds[test]
             if chosen and total > BUDGET_S:
                 break
             chosen.append(test)
         # Tests of a file stay together: its fixtures are made once.
-        files = list(dict.fromkeys(test.split("::")[0] for test in chosen))
-        return sorted(chosen, key=lambda test: files.index(test.split("::")[0]))
+        turn = list(dict.fromkeys(map(_file, chosen)))
+        return sorted(chosen, key=lambda test: turn.index(_file(test)))
+
+
+def _file(test: str) -> str:
+    return test.split("::")[0]
+
+
+def _parameters(test: str) -> str:
+    return test.partition("[")[2]
 
 
 def _function_around(source: str, line: int) -> int:
