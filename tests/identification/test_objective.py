@@ -13,7 +13,7 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, finite_or_raised, no_solution
 from excite.identification.estimators.fallback import best_feasible, best_known, estimate_at, plain_models
-from excite.identification.estimators.geometric import entropic_divergence, pullback_metric
+from excite.identification.estimators.geometric import entropic_divergence, pullback_metric, relative_map
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum, project
 from excite.identification.estimators.ridge import Ridge, ridge
@@ -152,11 +152,11 @@ def test_the_entropic_estimate_minimises_data_and_divergence():
         return float(np.sum((arm.residual(theta) * weights) ** 2) + settings.alpha * away.sum())
 
     base, scales = whole(found.parameters), prior_std(arm, sigma)
-    rng, h = np.random.default_rng(0), 1e-4
+    rng, h, maps = np.random.default_rng(0), 1e-4, relative_map(arm)
     for k in range(len(links)):
+        # A body that differs from nominal by a little in every direction, however flat it is.
         step = np.zeros(arm.n_params)
-        step[10 * k : 10 * k + 10] = rng.normal(size=10)
-        step = h * step * np.abs(arm.prior) * 0.1
+        step[10 * k : 10 * k + 10] = np.linalg.solve(maps[k], h * rng.normal(size=10))
         up, down = whole(found.parameters + step), whole(found.parameters - step)
         assert up > base and down > base
         assert abs(up - down) < 1e-2 * (up + down - 2.0 * base)

@@ -273,3 +273,65 @@ def test_milder_walks_change_pitch_and_roll_alone() -> None:
         assert np.delete(pelvis, 1) == pytest.approx(np.ones(3))
         found.append((foot[4], pelvis[1]))
     assert np.allclose(found, [(0.5, 1.0), (0.5, 0.5), (0.5, 1.4)])
+
+
+class Never:
+    """A probe to which everything collides; keeps the point that each look began with."""
+
+    def __init__(self) -> None:
+        self.seen: list[np.ndarray] = []
+
+    def first(self, q: np.ndarray) -> int:
+        self.seen.append(q[0].copy())
+        return 0
+
+
+class Corner(Draws):
+    """Draws the box's upper corner, always."""
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        return self.upper
+
+
+def test_points_are_pulled_to_rest_ever_harder_and_given_up_in_the_end(panda: Robot) -> None:
+    """Eleven free draws, then each 0.88 of the one before; 500 in all."""
+    rest, away = panda.rest, 0.2
+    candidate = replace(
+        make_generator("random_joint").candidates(panda, 1, np.random.SeedSequence(0))[0],
+        posture=SplineCurve(np.tile(rest, (12, 1))),
+        draws=Corner(rest - away, rest + away, 3, 9),
+    )
+    probe = Never()
+    outcome = Waypoints(panda, probe).repair(Draft(candidate))
+    assert isinstance(outcome, Rejection)
+    assert (outcome.reason, outcome.where) == ("self_collision", "control points")
+    drawn = [float((point - rest)[0] / away) for point in probe.seen]
+    assert len(drawn) == 501, "the first point and 500 draws"
+    expected = [0.0, *[1.0] * 11, *(0.88**k for k in range(1, 15))]
+    assert drawn[:26] == pytest.approx(expected)
+    assert drawn[26] == pytest.approx(1.0), "after 25 it begins anew, a point earlier"
+
+
+def test_a_curve_that_must_not_be_redrawn_is_shrunk_ten_times(panda: Robot) -> None:
+    control = np.tile(panda.rest, (12, 1))
+    control[3:9] += 0.2
+    candidate = replace(
+        make_generator("random_joint").candidates(panda, 1, np.random.SeedSequence(0))[0],
+        posture=SplineCurve(control),
+        draws=None,
+    )
+
+    class After(Never):
+        def __init__(self, tries: int) -> None:
+            super().__init__()
+            self.tries = tries
+
+        def first(self, q: np.ndarray) -> int | None:
+            super().first(q)
+            return 0 if len(self.seen) <= self.tries else None
+
+    for tries, share in ((0, 1.0), (3, 0.85**3), (9, 0.85**9)):
+        outcome = Waypoints(panda, After(tries)).repair(Draft(candidate))
+        assert isinstance(outcome, Draft)
+        assert np.allclose(outcome.candidate.posture.control - panda.rest, share * (control - panda.rest))
+    assert isinstance(Waypoints(panda, After(10)).repair(Draft(candidate)), Rejection)
