@@ -22,6 +22,7 @@ from excite.campaign.plan import plan
 from excite.campaign.result import Campaign, Iteration
 from excite.campaign.settings import CampaignSettings
 from excite.campaign.targets import Miss, joints_to_aim_at, misses
+from excite.claim import claimed
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
 from excite.excitation.weakness import unexcited
 from excite.identification.identify import identify
@@ -65,14 +66,19 @@ def campaign(
         The campaign; also written to ``campaign.json``.
 
     Raises:
-        InputError: the folder holds a campaign, or another one than asked for.
+        InputError: the folder holds a campaign, or another one than asked for, or another run writes there.
         NoSolutionError: no candidate is safe, or the estimator failed.
         LogError: a recorded log does not fit.
     """
     settings = settings or CampaignSettings()
-    journal = Journal(Path(folder))
-    journal.open(robot, settings, resume=resume)
-    state = _State(robot, settings, journal, jobs, progress)
+    with claimed(Path(folder)):
+        journal = Journal(Path(folder))
+        journal.open(robot, settings, resume=resume)
+        return _run(_State(robot, settings, journal, jobs, progress))
+
+
+def _run(state: _State) -> Campaign:
+    settings, journal = state.settings, state.journal
     targets: tuple[str, ...] = ()
     for number in range(1, settings.max_iterations + 1):
         planned = state.plan(number, targets)
@@ -80,7 +86,7 @@ def campaign(
         if log is None:
             return state.finish(awaits=journal.log_folder(number))
         missed = state.identify(planned, log)
-        targets = joints_to_aim_at(robot, missed)
+        targets = joints_to_aim_at(state.robot, missed)
         if not targets:
             break
     return state.finish()

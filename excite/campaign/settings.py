@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from excite.errors import InputError
+from excite.identification.estimators.registry import find_estimator
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,11 @@ class CampaignSettings:
     on_robot: bool = False
 
     def __post_init__(self) -> None:
-        """Check the bounds; raises InputError naming the setting."""
+        """Check the bounds and the method; raises InputError naming the setting, or UnknownNameError."""
         for name in ("n_candidates", "max_iterations"):
             if getattr(self, name) < 1:
                 raise InputError(f"is {getattr(self, name)}", field=name, remedy="give at least 1")
+        find_estimator(self.method)
         if not (math.isfinite(self.target_rsd) and self.target_rsd > 0.0):
             raise InputError(f"is {self.target_rsd}", field="target_rsd", remedy="give a positive percentage")
 

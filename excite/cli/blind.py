@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from excite.claim import claimed
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit, progress_bars
 from excite.errors import ExciteError, InputError
@@ -52,8 +53,7 @@ def make(
     """Write cases into a folder, and what is hidden in them into a file beside it."""
     from excite.simulation.blind.make import make_cases
 
-    folder = out or Path("blind")
-    with progress_bars() as progress:
+    with claimed(out or Path("blind")) as folder, progress_bars() as progress:
         answers = make_cases(
             folder,
             seed=seed,

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import excite
+from excite.claim import claimed
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
 
@@ -39,7 +40,6 @@ def command(
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
     """Run the whole loop until the targets are met, or say which are not and why."""
-    folder = out or Path("campaign")
     settings = excite.CampaignSettings(
         n_candidates=candidates,
         target_rsd=target_rsd,
@@ -48,7 +48,7 @@ def command(
         seed=seed,
         on_robot=on_robot,
     )
-    with progress_bars() as progress:
+    with claimed(out or Path("campaign")) as folder, progress_bars() as progress:
         result = excite.campaign(
             excite.load_robot(robot),
             folder,

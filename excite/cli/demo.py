@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import excite
+from excite.claim import claimed
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit, progress_bars
 
@@ -18,7 +19,6 @@ def command(
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
     """Plan, check, run and identify on a virtual Unitree G1 with 5 kg added; ends in a report."""
-    folder = out or Path("demo")
-    with progress_bars() as progress:
+    with claimed(out or Path("demo")) as folder, progress_bars() as progress:
         result = excite.demo(folder, seed=seed, jobs=jobs, progress=progress)
     emit(result.summary(), result.to_json(), as_json=as_json)

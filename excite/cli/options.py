@@ -8,20 +8,24 @@ from typing import Annotated
 
 import typer
 
+from excite.claim import claimed
 from excite.errors import InputError
 
 
-def _usable(folder: Path | None) -> Path | None:
-    """The folder of results, refused before any work is done for it."""
+def _usable(context: typer.Context, folder: Path | None) -> Path | None:
+    """The folder of results, refused before any work is done for it, and kept for this run until it ends."""
     if folder is None:
         return None
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if "\0" in str(folder):
+        raise InputError("has a name that no folder can have", field="--out", remedy="give another --out")
+    there = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
     if not there.is_dir():
         raise InputError("is a file, not a folder", source=there, remedy="give another --out")
     if not os.access(there, os.W_OK):
         raise InputError(
             "may not be written to", source=there, remedy="give another --out, or change its permissions"
         )
+    context.with_resource(claimed(folder))
     return folder
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
+from excite.claim import claimed
 from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import emit, progress_bars
 
@@ -61,8 +62,7 @@ def command(
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
-    folder = out or Path("plan")
-    with progress_bars() as progress:
+    with claimed(out or Path("plan")) as folder, progress_bars() as progress:
         plan = excite.plan(
             excite.load_robot(robot),
             n_candidates=candidates,

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import excite
+from excite.claim import claimed
 from excite.cli.options import (
     DEFAULT_JOBS,
     JobsOption,
@@ -40,9 +41,8 @@ def command(
     jobs: JobsOption = DEFAULT_JOBS,
 ) -> None:
     """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
-    folder = out or Path("log")
     loaded = excite.load_robot(robot)
-    with progress_bars() as progress:
+    with claimed(out or Path("log")) as folder, progress_bars() as progress:
         experiment = excite.simulate(
             loaded,
             excite.load_motions(motions, loaded),
