@@ -86,10 +86,7 @@ def save_log(log: Log, folder: str | Path) -> Path:
             source=folder,
             field="trials",
         )
-    if folder.exists() and (
-        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "log.yaml").is_file())
-    ):
-        raise LogError("exists and is no log", source=folder, remedy="choose another folder")
+    check_replaceable(folder)
     with atomic_folder(folder) as temporary:
         temporary.mkdir()
         text = yaml.safe_dump(
@@ -102,6 +99,14 @@ def save_log(log: Log, folder: str | Path) -> Path:
             check_columns(columns, header, folder / entry.file)
             reader_for(Path(entry.file)).write(columns, temporary / entry.file)
     return folder
+
+
+def check_replaceable(folder: Path) -> None:
+    """Raise LogError where a log would replace what is no log; a log, an empty folder or nothing may be there."""
+    if folder.exists() and (
+        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "log.yaml").is_file())
+    ):
+        raise LogError("exists and is no log", source=folder, remedy="choose another folder")
 
 
 def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | None:
