@@ -36,6 +36,8 @@ class TrcReader(RecordingReader):
             raise LogError("is missing", source=path, field="Units", remedy="export the markers as TRC")
         unit = metres_per_unit(header["Units"], path)
         labels = [label.strip() for label in lines[3].split("\t")[2:] if label.strip()]
+        if not labels:
+            raise LogError("names no markers", source=path, remedy="export it again")
         check_labels(labels, path)
         width = 2 + 3 * len(labels)
         rows = []
@@ -52,7 +54,7 @@ class TrcReader(RecordingReader):
                 )
             fields = (fields + [""] * width)[:width]
             rows.append(numbers(fields, path, place))
-        if not rows or not labels:
+        if not rows:
             raise LogError("holds no frames", source=path, remedy="export it again")
         data = np.array(rows)
         points = data[:, 2:].reshape(len(data), len(labels), 3) * unit
