@@ -91,7 +91,6 @@ _FAMILIES = (
             ("--generator magic", _plan("--generator", "magic"), "magic"),
             ("--criterion magic", _series("--criterion", "magic"), "magic"),
             ("--joint magic", _plan("--joint", "magic"), "magic"),
-            ("--out with a zero byte", lambda folder: ["plan", "ur10", "--out", "a\0b"], "zero byte|embedded null|null"),
         ),
     ),
     (

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from excite.errors import LogError
+from excite.human.readers.c3d_raw import RawC3d
 from excite.human.readers.c3d_structure import check_c3d
 from excite.human.readers.reader import RecordingReader, metres_per_unit
 from excite.human.recording import PlateRecording, Recording
 from excite.reading.child import in_child
 from excite.reading.file import read_bytes
-from excite.robot.robot import Array
 
 # An hour of a hundred markers and four plates at usual rates has 400 MB.
 MAX_C3D_BYTES = 512 * 1024 * 1024
@@ -40,7 +39,7 @@ class C3dReader(RecordingReader):
         content = read_bytes(path, limit=MAX_C3D_BYTES, error=LogError)
         check_c3d(content, path)
         raw: RawC3d = in_child(
-            "excite.human.readers.c3d:read_raw",
+            "excite.human.readers.c3d_raw:read_raw",
             path,
             source=path,
             error=LogError,
@@ -48,8 +47,8 @@ class C3dReader(RecordingReader):
             memory_gb=_LIBRARIES_GB + _BYTES_PER_BYTE * len(content) / 1e9,
         )
         n = raw.points.shape[2]
-        if n < 2:
-            raise LogError(f"has {n} frames", source=path, remedy="record longer")
+        if n < 2 or not 0.0 < raw.rate_hz < np.inf:
+            raise LogError(f"has {n} frames at {raw.rate_hz:g} Hz", source=path, remedy="record longer")
         unit = metres_per_unit(raw.unit, path)
         position = raw.points[:3].transpose(2, 1, 0) * unit
         missing = ~np.isfinite(position).all(axis=2) | (position == 0.0).all(axis=2)
@@ -62,70 +61,12 @@ class C3dReader(RecordingReader):
         return Recording(path, time, markers, plates)
 
 
-@dataclass(frozen=True, eq=False)
-class RawC3d:
-    """What ezc3d reads, in the file's units.
-
-    Attributes:
-        rate_hz: of the frames [Hz].
-        unit: of length.
-        labels: of the points.
-        points: ``(4, n_points, n)``.
-        residuals: ``(n_points, n)``.
-        plates: by plate, its force, moment, corners and units.
-    """
-
-    rate_hz: float
-    unit: str
-    labels: tuple[str, ...]
-    points: Array
-    residuals: Array
-    plates: tuple[dict[str, Any], ...]
-
-
-def read_raw(path: Path) -> RawC3d:
-    """Read a file with ezc3d, in this process; raises LogError."""
-    import ezc3d
-
-    try:
-        content = ezc3d.c3d(str(path), extract_forceplat_data=True)
-        point = content["parameters"]["POINT"]
-        units = point.get("UNITS", {}).get("value") or ["mm"]
-        return RawC3d(
-            rate_hz=float(content["header"]["points"]["frame_rate"]),
-            unit=str(units[0]),
-            labels=tuple(_labels(point)),
-            points=np.asarray(content["data"]["points"], dtype=float),
-            residuals=np.asarray(content["data"]["meta_points"]["residuals"], dtype=float)[0],
-            plates=tuple(_raw_plate(plate) for plate in content["data"].get("platform", ())),
-        )
-    except (OSError, RuntimeError, ValueError, IndexError, KeyError, TypeError, MemoryError) as error:
-        line = " ".join(str(error).split())[:160] or type(error).__name__
-        raise LogError(f"cannot be read ({line})", source=path, remedy="export it again") from error
-
-
-def _raw_plate(plate: Any) -> dict[str, Any]:
-    values = {name: np.asarray(plate[name], dtype=float) for name in ("force", "moment", "corners")}
-    return values | {name: str(plate.get(name, "")) for name in ("unit_moment", "unit_position")}
-
-
 def _check_labels(labels: tuple[str, ...], path: Path) -> None:
     """Points without a name have none, an asterisk or a number after one; every other name stands once."""
     names = Counter(label for label in labels if label.strip() and not label.startswith("*"))
     twice = [name for name, count in names.items() if count > 1]
     if twice:
         raise LogError("stands twice", source=path, field=twice[0][:60], remedy="rename one of them")
-
-
-def _labels(point: Any) -> list[str]:
-    """Names of the points; a list holds 255 of them, others follow in LABELS2, LABELS3, …"""
-    found: list[str] = []
-    names = ["LABELS", *(f"LABELS{i}" for i in range(2, 256))]
-    for name in names:
-        if name not in point:
-            break
-        found += [str(label).strip() for label in point[name]["value"]]
-    return found
 
 
 def _plate(plate: Any, index: int, length: float, time: np.ndarray, path: Path) -> PlateRecording:

@@ -41,7 +41,7 @@ def check_recording(recording: Recording) -> Recording:
 def _check_frames(time: Array, path: Path) -> None:
     step = np.diff(time)
     usual = float(np.median(step))
-    if not _SLOWEST_HZ <= 1.0 / usual <= _FASTEST_HZ:
+    if not 1.0 / _FASTEST_HZ <= usual <= 1.0 / _SLOWEST_HZ:
         raise LogError(f"frames come every {usual:.3g} s", source=path, field="time", remedy="write seconds")
     if step.max() > _LONGEST_STEP * usual:
         row = int(np.argmax(step))

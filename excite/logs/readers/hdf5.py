@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from excite.errors import LogError
 from excite.logs.readers.reader import TrialReader, check_size, no_numbers, unreadable
-from excite.robot.robot import Array
 
 if TYPE_CHECKING:
     import h5py
+
+    from excite.robot.robot import Array
 
 
 class Hdf5Reader(TrialReader):
@@ -27,7 +28,7 @@ class Hdf5Reader(TrialReader):
 
     name: ClassVar[str] = "hdf5"
     suffixes: ClassVar[tuple[str, ...]] = (".h5", ".hdf5")
-    native: ClassVar[bool] = True
+    apart: ClassVar[str | None] = f"{__name__}:read_hdf5"
 
     def _columns(self, path: Path) -> dict[str, Array]:
         _require_h5py(path)
@@ -51,6 +52,11 @@ class Hdf5Reader(TrialReader):
         with h5py.File(path, "w") as file:
             for name, values in columns.items():
                 file.create_dataset(name, data=values, compression="gzip", fletcher32=True)
+
+
+def read_hdf5(paths: list[Path]) -> list[dict[str, Array]]:
+    """Columns of files, read in this process."""
+    return [Hdf5Reader().read(path) for path in paths]
 
 
 def _datasets(file: h5py.File, path: Path) -> dict[str, h5py.Dataset]:

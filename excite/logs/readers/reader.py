@@ -5,14 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.errors import LogError
 from excite.reading.file import check_file
-from excite.robot.robot import Array
+
+if TYPE_CHECKING:
+    # A process that reads one file shall not wait for the robots' library.
+    from excite.robot.robot import Array
 
 # An hour at 1 kHz of an arm with 55 channels: 1.6 GB as numbers, of which a few copies fit into a usual memory.
 MAX_NUMBERS = 200_000_000
@@ -28,12 +31,13 @@ class TrialReader(ABC):
     Attributes:
         name: name of the format.
         suffixes: file name endings that it answers to, lower case, with the dot.
-        native: whether damaged files make its library crash, so that it has to run in a process of its own.
+        apart: function that reads a list of files in a process of its own, ``package.module:name``, for formats
+            whose library damaged files make crash or hang; None for the others.
     """
 
     name: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
-    native: ClassVar[bool] = False
+    apart: ClassVar[str | None] = None
 
     def read(self, path: Path) -> dict[str, Array]:
         """Read all columns, ``(n,)`` each, as they stand in the file; those that hold no numbers come empty.

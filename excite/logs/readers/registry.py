@@ -16,7 +16,7 @@ from excite.reading.file import check_file
 from excite.robot.robot import Array
 
 # A process starts in less than a second; the rest is for the file, at a tenth of what disks and gzip do [s, bytes/s].
-_STARTING_S, _BYTES_PER_S = 60.0, 5e6
+_STARTING_S, _BYTES_PER_S = 20.0, 5e6
 
 READERS: dict[str, type[TrialReader]] = {
     reader.name: reader for reader in (ParquetReader, CsvReader, NpzReader, Hdf5Reader)
@@ -50,17 +50,19 @@ def read_trials(paths: Sequence[Path]) -> Iterator[dict[str, Array]]:
         LogError: no format has a suffix; a file is missing, is no such file, or holds more than can be read.
     """
     readers = [reader_for(path) for path in paths]
-    native = [path for path, reader in zip(paths, readers, strict=True) if reader.native]
-    elsewhere = dict(zip(native, _read_apart(native), strict=True)) if native else {}
+    found: dict[Path, dict[str, Array]] = {}
+    for function in {reader.apart for reader in readers if reader.apart is not None}:
+        own = [path for path, reader in zip(paths, readers, strict=True) if reader.apart == function]
+        found |= zip(own, _read_apart(function, own), strict=True)
     for path, reader in zip(paths, readers, strict=True):
-        yield elsewhere[path] if reader.native else reader.read(path)
+        yield found.pop(path) if reader.apart is not None else reader.read(path)
 
 
-def _read_apart(paths: list[Path]) -> list[dict[str, Array]]:
+def _read_apart(function: str, paths: list[Path]) -> list[dict[str, Array]]:
     size = sum(check_file(path, error=LogError).stat().st_size for path in paths)
     try:
         found: list[dict[str, Array]] = in_child(
-            "excite.logs.readers.registry:read_here",
+            function,
             paths,
             source=paths[0],
             error=LogError,
@@ -70,10 +72,5 @@ def _read_apart(paths: list[Path]) -> list[dict[str, Array]]:
         if len(paths) == 1:
             raise
         # One by one, to name the file that it was.
-        return [_read_apart([path])[0] for path in paths]
+        return [_read_apart(function, [path])[0] for path in paths]
     return found
-
-
-def read_here(paths: list[Path]) -> list[dict[str, Array]]:
-    """Columns of trial files, read in this process."""
-    return [reader_for(path).read(path) for path in paths]
