@@ -9,7 +9,7 @@ import yaml
 
 from excite.atomic import atomic_folder
 from excite.errors import LogError
-from excite.logs.columns import check_columns, read_columns, trial_columns
+from excite.logs.columns import check_columns, check_measured, read_columns, trial_columns
 from excite.logs.header import check_header, header_path, read_header
 from excite.logs.log import Log, LogHeader
 from excite.logs.readers.registry import read_trials, reader_for
@@ -48,6 +48,7 @@ def load_log(path: str | Path, robot: Robot | None = None) -> Log:
         for columns, entry, file in zip(read_trials(files), header.trials, files, strict=True)
     )
     check_log_clock(trials, header, path)
+    check_measured(trials, header, path)
     return Log(header=header, trials=trials, folder=path.parent, robot_text=robot_text)
 
 

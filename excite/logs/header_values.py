@@ -50,8 +50,9 @@ FileName = Annotated[str, Field(min_length=1), AfterValidator(_inside)]
 _Finite = BeforeValidator(_number)
 # Four times the gravity of Jupiter [m/s²].
 Acceleration = Annotated[float, _Finite, Field(ge=-100.0, le=100.0)]
-# No encoder is read a million times a second [Hz].
-Rate = Annotated[float, _Finite, Field(gt=0.0, le=1e6)]
+# No encoder is read a million times a second, and none that shows a motion less than once [Hz].
+Rate = Annotated[float, _Finite, Field(ge=1.0, le=1e6)]
+Cutoff = Annotated[float, _Finite, Field(gt=0.0, le=1e6)]
 # Places in a world's frame, which may be a map's [m].
 Length = Annotated[float, _Finite, Field(ge=-1e7, le=1e7)]
 # A full turn, with what rounding adds; more is degrees [rad].

@@ -16,6 +16,7 @@ from excite.logs.header_values import (
     MAX_TRIALS,
     Acceleration,
     Angle,
+    Cutoff,
     Factor,
     FileName,
     Length,
@@ -74,7 +75,7 @@ class LogHeader(_Block):
     base: Literal["fixed", "floating", "suspended"]
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     rate_hz: Rate
-    lowpass_hz: Rate | None = None
+    lowpass_hz: Cutoff | None = None
     joints: tuple[Name, ...] = Field(min_length=1, max_length=MAX_NAMES)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
     torque_constants: dict[Name, Factor] = {}

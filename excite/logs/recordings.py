@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from excite.errors import LogError
-from excite.logs.columns import numeric, read_columns
+from excite.logs.columns import check_measured, numeric, read_columns
 from excite.logs.header import check_header
 from excite.logs.log import Log, LogHeader, Role
 from excite.logs.readers.registry import read_trial
@@ -96,6 +96,7 @@ def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_tex
         for trial, entry in zip(parsed.trials, header.trials, strict=True)
     )
     check_log_clock(trials, header, folder / "log.yaml")
+    check_measured(trials, header, folder / "log.yaml")
     return Log(header=header, trials=trials, folder=None, robot_text=robot_text)
 
 

@@ -20,9 +20,12 @@ _FASTEST_HZ = 1e6
 _LATEST_S = 1e11
 _SINCE_1970 = 1.8e9
 _CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-# Trials are laid on a grid of their rate, gaps and all. So many points for each row that there is, and so many more,
-# cost no more than reading the file did; a gap of days at a usual rate is a hundred million points.
-_POINTS_PER_ROW, _POINTS = 20, 100_000
+# Trials are laid on a grid of their rate, gaps and all, and every step of an identification or a diagnosis takes time
+# and memory by its points. Ten for each row keep a pause within a recording affordable (a diagnosis of 200 rows and a
+# pause of 15 minutes at 100 Hz, 450 points a row, took 90 s); a gap of days is a hundred million points.
+_POINTS_PER_ROW, _POINTS = 10, 10_000
+# Stamps and ``rate_hz`` that differ so much are in different units; less is a finding, as one may be mistyped.
+_OTHER_UNIT = 100.0
 
 
 def check_stamps(time: Array, path: Path) -> None:
@@ -69,7 +72,7 @@ def check_span(time: Array, path: Path) -> None:
 
 
 def check_log_clock(trials: Sequence[Trial], header: LogHeader, path: Path) -> None:
-    """Refuse trials whose clocks differ so much that one grid for all is out of proportion; raises LogError.
+    """Refuse trials whose clocks are in another unit than the header's rate, or than each other's; raises LogError.
 
     Args:
         trials: read and repaired.
@@ -79,6 +82,16 @@ def check_log_clock(trials: Sequence[Trial], header: LogHeader, path: Path) -> N
     rates = [trial.cleaning.rate_hz for trial in trials]
     fastest = int(np.argmax(rates))
     for trial, rate, entry in zip(trials, rates, header.trials, strict=True):
+        factor = header.rate_hz / rate
+        if not 1.0 / _OTHER_UNIT < factor < _OTHER_UNIT:
+            near = [unit for scale, unit in _CLOCKS.items() if 0.5 < factor / scale < 2.0]
+            raise LogError(
+                f"runs at {rate:.4g} Hz, log.yaml says {header.rate_hz:g} Hz"
+                + (f": time looks like {near[0]}" if near else ""),
+                source=path.parent / entry.file,
+                field="time",
+                remedy="write seconds, or correct rate_hz",
+            )
         if _too_many(float(trial.time[-1] - trial.time[0]) * rates[fastest], trial.n_samples):
             raise LogError(
                 f"runs at {rate:.4g} Hz, {header.trials[fastest].file} at {rates[fastest]:.4g} Hz",

@@ -61,6 +61,17 @@ def _spoilt(**changed: Any) -> Callable[[Path], list[str]]:
     return build
 
 
+def _all(**changed: Any) -> Callable[[Path], list[str]]:
+    """A log in whose trials columns are replaced."""
+
+    def build(folder: Path) -> list[str]:
+        made = write_log(folder, None, changed)
+        (folder / "two.csv").write_bytes((folder / "one.csv").read_bytes())
+        return made
+
+    return build
+
+
 def _with(name: str, row: int, value: float) -> Callable[[Path], list[str]]:
     def build(folder: Path) -> list[str]:
         values = columns()[name].copy()
@@ -401,6 +412,11 @@ _MAGNITUDES = (
     ("position nan", _with("q.elbow", 7, np.nan), "q.elbow: is nan in row 7"),
     ("torque inf", _with("tau.shoulder", 9, np.inf), "tau.shoulder: is inf in row 9"),
     ("torque of 1e300", _with("tau.shoulder", 9, -1e300), "tau.shoulder: is -1e.300"),
+    (
+        "torques that never change",
+        _all(**{"tau.shoulder": np.zeros(ROWS), "tau.elbow": np.full(ROWS, 3.0)}),
+        r"tau\.\*: never changes",
+    ),
     ("counter overflowed", _with("q.shoulder", 3, 2.0**31), "q.shoulder: is 2.147e"),
 )
 _CLOCKS = (
@@ -408,6 +424,8 @@ _CLOCKS = (
     ("milliseconds since 1970", _spoilt(time=1.7e12 + 10.0 * np.arange(ROWS)), "milliseconds since 1970"),
     ("gap of 11 days", _spoilt(time=_CLOCK + 950400.0 * (np.arange(ROWS) > 99)), "gap of 11 days after 0.99 s"),
     ("one trial in milliseconds", _spoilt(time=1e6 * _CLOCK), "runs at"),
+    ("milliseconds", _spoilt(time=1e3 * _CLOCK), "time looks like milliseconds"),
+    ("pause of an hour", _spoilt(time=_CLOCK + 3600.0 * (np.arange(ROWS) > 99)), "gap of 3600 s after 0.99 s"),
     ("goes back", _spoilt(time=_CLOCK[::-1]), "goes back"),
     ("constant", _spoilt(time=np.zeros(ROWS)), "1 distinct samples"),
     ("one row", _spoilt(**{n.replace(".", "__"): v[:1] for n, v in columns().items()}), "1 distinct samples"),
