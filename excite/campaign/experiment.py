@@ -15,6 +15,7 @@ from excite.logs.files import save_log
 from excite.logs.log import Log
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
+from excite.reading.number import check_seed
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import inject as inject_effects
 from excite.simulation.replay import Replay
@@ -129,6 +130,7 @@ def virtual_robot(
     Raises:
         InputError: an effect is malformed; UnknownNameError: an effect or its place is unknown.
     """
+    check_seed(seed)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_TRUTH_STREAM,)))
     return inject_effects(nominal_robot(robot) if nominal else changed_robot(robot, rng), inject)
 

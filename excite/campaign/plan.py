@@ -19,9 +19,15 @@ from excite.excitation.selection import BEST_THREE, check_selection
 from excite.motion.generators.generator import child_seed
 from excite.motion.generators.registry import GENERATORS, plan_candidates
 from excite.progress import Progress, silent
+from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates
+
+# Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
+MAX_CANDIDATES = 1_000_000
+# From one sample to a season at the robot [s].
+_BUDGETS_S = (1e-3, 1e7)
 
 # Reason for which a motion is refused that topples the robot in simulation.
 FELL = "fell_in_rehearsal"
@@ -72,10 +78,9 @@ def plan(
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
-    if n_candidates < 1:
-        raise InputError(f"{n_candidates} candidates", field="n_candidates", remedy="ask for at least one")
+    check_count(n_candidates, "n_candidates", 1, MAX_CANDIDATES)
     _check_settings(generator, series, selection, budget_s)
-    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    root = check_seed(seed)
     started = time.perf_counter()
     if generator == optimised.NAME:
         number = child_seed(root, 0)
@@ -141,8 +146,7 @@ def _check_settings(
         )
     if budget_s is None:
         return
-    if not 0.0 < budget_s < np.inf:
-        raise InputError(f"is {budget_s} s", field="budget", remedy="give a positive duration")
+    check_number(budget_s, "budget", *_BUDGETS_S, "s")
     if selection == BEST_THREE:
         raise InputError(
             "the best three of every segment take as long as they take",

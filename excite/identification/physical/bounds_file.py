@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from excite.errors import InputError
 from excite.identification.drive_terms import DRIVE_TERMS
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.known_bounds import Interval, KnownBounds
+from excite.reading.yaml_document import read_yaml
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.physical_bounds/1"
@@ -93,17 +93,8 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
 
 
 def _document(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", source=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no text in UTF-8", source=path) from error
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError("is no YAML", source=path, remedy=str(error).splitlines()[0]) from error
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+    document = read_yaml(path)
+    if document.get("schema") != SCHEMA:
         raise InputError(
             "is not a bounds file", source=path, field="schema", remedy=f"start it with schema: {SCHEMA}"
         )

@@ -17,6 +17,7 @@ from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.log import Log, Role, Trial, TrialHeader
 from excite.progress import Progress, silent
+from excite.reading.number import check_count, check_seed
 from excite.robot.loading import load_robot
 from excite.robot.robot import Array
 from excite.simulation.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
@@ -37,6 +38,8 @@ from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
 from excite.simulation.virtual_robot import VirtualRobot
 
+# They take a day, and 10 GB.
+_MOST_CASES = 10_000
 _NOISE_Q = 2e-5
 _NOISE_TAU = 0.01
 
@@ -78,11 +81,10 @@ def make_cases(
         UnknownNameError: no such robot.
     """
     folder = Path(folder)
-    if cases < 1:
-        raise InputError(f"{cases} cases cannot be made", remedy="ask for at least one")
+    check_count(cases, "cases", 1, _MOST_CASES)
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder} is not empty", remedy="name another folder")
-    children = np.random.SeedSequence(seed).spawn(cases)
+    children = check_seed(seed).spawn(cases)
     families = _families(base, robots)
     tasks = (delayed(_case)(folder, k, child, families, torque) for k, child in enumerate(children))
     answers: dict[str, dict] = {}
