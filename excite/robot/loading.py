@@ -9,6 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
+from excite.reading.file import read_bytes
+from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
@@ -51,9 +53,10 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     check_joints(description, joint_names, path)
     segments = read_segments(model, description, path)
     feet = tuple(read_foot(model, description, block.name, path) for block in description.feet)
+    content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
     # The file as it is, not the text as loaded: that one holds paths of this machine.
     digest = hashlib.sha256(
-        description.model_dump_json(by_alias=True).encode() + b"\0" + model_path.read_bytes()
+        description.model_dump_json(by_alias=True).encode() + b"\0" + content
     )
     return Robot(
         name=description.name,

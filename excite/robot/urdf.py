@@ -14,15 +14,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import fromstring
 
 from excite.errors import RobotError
+from excite.reading.xml_document import read_xml
 from excite.robot.urdf_inertia import check_inertials
 from excite.robot.urdf_numbers import numbers
 from excite.robot.urdf_tree import MOVING, check_tree
 
-MAX_BYTES = 64 * 1024 * 1024
+# The deepest element known, a mesh of a link, is the sixth.
 MAX_NESTING = 32
 
 
@@ -77,25 +76,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     Raises:
         RobotError: the file is missing, is no XML, hides entities, or is another format.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise RobotError(
-            f"cannot be read ({error.strerror})", source=path, remedy="check the path"
-        ) from error
-    if len(content) > MAX_BYTES:
-        raise RobotError(f"has {len(content)} bytes", source=path, remedy=f"keep it below {MAX_BYTES}")
-    try:
-        root = fromstring(content)
-    except DefusedXmlException as error:
-        what = f"declares XML entities ({type(error).__name__})"
-        raise RobotError(
-            what, source=path, field="DOCTYPE", remedy="remove the document type declaration"
-        ) from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise RobotError(
-            f"is not valid XML ({error})", source=path, remedy="mend the syntax there"
-        ) from error
+    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
         known = {"mujoco": "a MuJoCo model", "sdf": "an SDF model"}
         what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
@@ -105,18 +86,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
             field=root.tag,
             remedy="export it as URDF; excite init-robot does so for MuJoCo",
         )
-    _bounded_nesting(root, path)
     return root
-
-
-def _bounded_nesting(root: ElementTree.Element, path: Path) -> None:
-    level, depth = [root], 0
-    while level:
-        depth += 1
-        if depth > MAX_NESTING:
-            what = f"elements are nested more than {MAX_NESTING} deep"
-            raise RobotError(what, source=path, field=level[0].tag, remedy="flatten it")
-        level = [child for element in level for child in element]
 
 
 def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:

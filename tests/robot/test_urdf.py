@@ -30,7 +30,7 @@ FAULTS = {
     "other XML": ("<html/>", "<html>", "URDF"),
     "no robot name": (spoiled(' name="small"', ""), "robot@name: is missing", "name the robot"),
     "no links": ("<robot name='r'/>", "no <link>", "describe"),
-    "deep nesting": ("<robot name='r'>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "nested", "flatten"),
+    "deep nesting": ("<robot name='r'>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "nested", "reduce"),
     "no inertial": (
         spoiled(
             ARM[ARM.index('    <inertial>\n      <origin xyz="0 0 0.15"') : ARM.index(INERTIA)], "<inertial>"
