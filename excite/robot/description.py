@@ -38,7 +38,6 @@ from excite.robot.quantities import (
     Vector3,
 )
 
-
 # A hull's planes and corners are compared pairwise: 2000 take seconds and 100 MB.
 MAX_HULL_CORNERS = 2000
 

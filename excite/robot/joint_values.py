@@ -92,7 +92,9 @@ def read_limits(
     block = description.limits
     lower, upper = model.lowerPositionLimit[nq:].copy(), model.upperPositionLimit[nq:].copy()
     for joint, (low, high) in block.position.joints.items():
-        check_range(joint, (low, high), "Prismatic" in _kind(model, joint), f"limits.position.joints.{joint}", path)
+        check_range(
+            joint, (low, high), "Prismatic" in _kind(model, joint), f"limits.position.joints.{joint}", path
+        )
         lower[names.index(joint)], upper[names.index(joint)] = low, high
     lower, upper = lower + block.position.margin, upper - block.position.margin
     nothing = np.full(len(names), np.nan)

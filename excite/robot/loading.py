@@ -55,9 +55,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     feet = tuple(read_foot(model, description, block.name, path) for block in description.feet)
     content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
     # The file as it is, not the text as loaded: that one holds paths of this machine.
-    digest = hashlib.sha256(
-        description.model_dump_json(by_alias=True).encode() + b"\0" + content
-    )
+    digest = hashlib.sha256(description.model_dump_json(by_alias=True).encode() + b"\0" + content)
     return Robot(
         name=description.name,
         description=description,

@@ -19,7 +19,10 @@ from excite.robot.quantities import (
 # No link, joint or file is named longer; a line on a terminal holds it.
 _LONGEST_NAME = 200
 Name = Annotated[
-    str, StringConstraints(min_length=1, max_length=_LONGEST_NAME, pattern=r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*$")
+    str,
+    StringConstraints(
+        min_length=1, max_length=_LONGEST_NAME, pattern=r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*$"
+    ),
 ]
 Source = Annotated[str, Field(min_length=1)]
 

@@ -47,7 +47,6 @@ MAX_GRAVITY = 100.0
 MAX_STAND_IN = 1e18
 
 
-
 def looks_like_degrees(angle: float) -> bool:
     """Whether an angle that is meant in radians can only be one in degrees.
 
@@ -90,7 +89,9 @@ def _within(most: float, unit: str, cause: str, sign: bool) -> Callable[[float],
     return check
 
 
-def _quantity(most: float, unit: str, cause: str = "check its unit and exponent", *, sign: bool = False) -> Any:
+def _quantity(
+    most: float, unit: str, cause: str = "check its unit and exponent", *, sign: bool = False
+) -> Any:
     return Annotated[float, BeforeValidator(_number), AfterValidator(_within(most, unit, cause, sign))]
 
 
@@ -106,7 +107,9 @@ def _above_zero(value: float) -> float:
 
 if TYPE_CHECKING:
     Coordinate = Length = JointValue = Angle = Margin = float
-    Velocity = Acceleration = Jerk = Torque = Gain = Noise = Rate = FrictionCoefficient = DriveFriction = float
+    Velocity = Acceleration = Jerk = Torque = Gain = Noise = Rate = FrictionCoefficient = DriveFriction = (
+        float
+    )
     Gravity = tuple[float, float, float]
 else:
     Coordinate = _quantity(MAX_LENGTH, "m", "write metres", sign=True)

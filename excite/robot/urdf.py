@@ -189,11 +189,12 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     other names are relative to the URDF.
     """
     folder = urdf.resolve().parent
-    if "\0" in name:
+    if "\0" in name or max(map(len, name.split("/"))) > 255:
         return None
     if not name.startswith("package://"):
         file = folder / name.removeprefix("file://")
-        return file.resolve() if name and file.is_file() else None
+        # Also what is no file, whose reader says so.
+        return file.resolve() if name and file.exists() else None
     relative = Path(name.removeprefix("package://").lstrip("/"))
     roots = [folder, *folder.parents]
     roots += [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]

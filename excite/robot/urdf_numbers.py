@@ -72,7 +72,10 @@ def numbers(
     values = tuple(float(part) for part in parts)
     if not all(map(math.isfinite, values)):
         raise RobotError(
-            f"is {shorten(text)!r}, too large for a number", source=source, field=place, remedy=f"give {wanted}"
+            f"is {shorten(text)!r}, too large for a number",
+            source=source,
+            field=place,
+            remedy=f"give {wanted}",
         )
     most, cause = _LARGEST.get(attribute, _STAND_IN)
     if max(map(abs, values)) > most:

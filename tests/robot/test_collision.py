@@ -16,7 +16,7 @@ from excite.robot.collision import TABLE, collision_model, collision_shapes, sha
 from excite.robot.com_box import com_boxes, shape_bounds
 from excite.robot.ignored_pairs import review_pairs
 from excite.robot.loading import load_robot
-from excite.robot.meshes import mesh_points
+from excite.robot.mesh_files import mesh_points
 from excite.robot.robot import Robot
 
 

@@ -203,7 +203,7 @@ def test_fault_is_one_error_with_file_element_and_remedy(fault: str, tmp_path: P
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match=r"none\.urdf: cannot be read .*check the path"):
+    with pytest.raises(RobotError, match=r"none\.urdf: no such file; check the path"):
         read_urdf(tmp_path / "none.urdf")
 
 
