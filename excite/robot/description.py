@@ -50,14 +50,14 @@ class ModelFile(Block):
 
     package: Literal["example-robot-data"] | None = None
     path: Annotated[str, Field(min_length=1)]
-    acknowledged: dict[str, Source] = {}
+    acknowledged: dict[str, Source] = Field(default_factory=dict)
     source: Source
 
 
 class PositionLimits(Block):
     """Position limits by joint; joints not named keep the URDF's limits."""
 
-    joints: dict[str, tuple[JointValue, JointValue]] = {}
+    joints: dict[str, tuple[JointValue, JointValue]] = Field(default_factory=dict)
     margin: Margin = 0.0
     source: Source
 
@@ -155,9 +155,9 @@ class CollisionBlock(Block):
 class SegmentsBlock(Block):
     """Readable names of the segments by link, and which are each other's mirror image."""
 
-    names: dict[str, str] = {}
+    names: dict[str, str] = Field(default_factory=dict)
     pairs: tuple[tuple[str, str], ...] = ()
-    com_box: dict[str, tuple[Vector3, Vector3]] = {}
+    com_box: dict[str, tuple[Vector3, Vector3]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _boxes(self) -> SegmentsBlock:
@@ -174,7 +174,7 @@ class PostureBlock(Block):
     unless ``base_height`` gives it.
     """
 
-    joints: dict[str, JointValue] = {}
+    joints: dict[str, JointValue] = Field(default_factory=dict)
     base_height: Coordinate | None = None
     base_rpy: Rotation3 = (0.0, 0.0, 0.0)
     source: Source
@@ -188,7 +188,7 @@ class RobotDescription(Block):
     title: Name
     model: ModelFile
     base: Literal["fixed", "floating"]
-    locked_joints: dict[str, JointValue] = {}
+    locked_joints: dict[str, JointValue] = Field(default_factory=dict)
     posture: PostureBlock
     limits: LimitsBlock
     feet: tuple[FootBlock, ...] = ()

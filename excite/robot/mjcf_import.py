@@ -62,8 +62,8 @@ def convert_mjcf(path: Path) -> MjcfConversion:
     """Read a MuJoCo model and write it as a URDF.
 
     The model is compiled by MuJoCo, in a process of its own, so defaults, includes, orientations of every kind
-    and inertias that follow from geometry are as MuJoCo understands them. Bodies, hinges and slides, inertials, primitive solids and
-    meshes are carried over; a joint coupled to another by a linear equality becomes a mimic joint.
+    and inertias that follow from geometry are as MuJoCo understands them. Bodies, hinges and slides, inertials,
+    primitive solids and meshes are carried over; a joint coupled to another by a linear equality becomes a mimic joint.
 
     Args:
         path: the MJCF file.

@@ -37,7 +37,7 @@ class PerJoint(Block):
     """One number for every joint: ``default``, and exceptions by joint name."""
 
     default: float | None = None
-    joints: dict[str, float] = {}
+    joints: dict[str, float] = Field(default_factory=dict)
     source: Source
 
 
@@ -45,46 +45,46 @@ class Velocities(PerJoint):
     """[rad/s or m/s]"""
 
     default: Velocity | None = None
-    joints: dict[str, Velocity] = {}
+    joints: dict[str, Velocity] = Field(default_factory=dict)
 
 
 class Accelerations(PerJoint):
     """[rad/s² or m/s²]"""
 
     default: Acceleration | None = None
-    joints: dict[str, Acceleration] = {}
+    joints: dict[str, Acceleration] = Field(default_factory=dict)
 
 
 class Jerks(PerJoint):
     """[rad/s³ or m/s³]"""
 
     default: Jerk | None = None
-    joints: dict[str, Jerk] = {}
+    joints: dict[str, Jerk] = Field(default_factory=dict)
 
 
 class Torques(PerJoint):
     """[N·m or N]"""
 
     default: Torque | None = None
-    joints: dict[str, Torque] = {}
+    joints: dict[str, Torque] = Field(default_factory=dict)
 
 
 class Gains(PerJoint):
     """[N·m/rad, N·m·s/rad; for slides N/m, N·s/m]"""
 
     default: Gain | None = None
-    joints: dict[str, Gain] = {}
+    joints: dict[str, Gain] = Field(default_factory=dict)
 
 
 class TorqueNoises(PerJoint):
     """Standard deviations, positive [N·m or N]."""
 
     default: Annotated[Noise, Field(gt=0.0)] | None = None
-    joints: dict[str, Annotated[Noise, Field(gt=0.0)]] = {}
+    joints: dict[str, Annotated[Noise, Field(gt=0.0)]] = Field(default_factory=dict)
 
 
 class DriveFrictions(PerJoint):
     """[N·m·s/rad, N·m or kg·m²; for slides N·s/m, N or kg]"""
 
     default: DriveFriction | None = None
-    joints: dict[str, DriveFriction] = {}
+    joints: dict[str, DriveFriction] = Field(default_factory=dict)
