@@ -17,6 +17,7 @@ from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
 from excite.robot.robot import Array, Foot, Robot
 from excite.robot.urdf import Stated, read_urdf
+from excite.robot.weights import check_weights
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -41,6 +42,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         )
     robot = build_robot(read_description(path), path)
     _rest_within_limits(robot)
+    check_weights(robot.model, robot.limits.torque, model_file(robot))
     return robot
 
 

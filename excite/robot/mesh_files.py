@@ -72,7 +72,7 @@ def _loaded(paths: list[Path]) -> dict[Path, Array]:
     points = in_child(
         "excite.robot.mesh_files:load_points",
         tuple(paths),
-        source=paths[0] if len(paths) == 1 else f"one of {len(paths)} meshes, {paths[0].name} …",
+        source=paths[0] if len(paths) == 1 else Path(f"one of {len(paths)} meshes, {paths[0].name} …"),
         error=RobotError,
         seconds=LOADING_SECONDS,
         memory_gb=LOADING_MEMORY_GB,

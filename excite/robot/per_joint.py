@@ -11,8 +11,8 @@ from excite.robot.quantities import (
     DriveFriction,
     Gain,
     Jerk,
-    Noise,
     Torque,
+    TorqueNoise,
     Velocity,
 )
 
@@ -79,8 +79,8 @@ class Gains(PerJoint):
 class TorqueNoises(PerJoint):
     """Standard deviations, positive [N·m or N]."""
 
-    default: Annotated[Noise, Field(gt=0.0)] | None = None
-    joints: dict[str, Annotated[Noise, Field(gt=0.0)]] = Field(default_factory=dict)
+    default: TorqueNoise | None = None
+    joints: dict[str, TorqueNoise] = Field(default_factory=dict)
 
 
 class DriveFrictions(PerJoint):

@@ -7,11 +7,11 @@ few in an exponent, degrees, millimetres) and nothing that exists.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator
-from pydantic_core import PydanticCustomError
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import PydanticCustomError, core_schema
 
 # The longest robot arms built, for the space station and for ships' hulls, have less than 100 m.
 MAX_LENGTH = 1e3
@@ -67,67 +67,72 @@ def in_radians(angle: float) -> str:
     )
 
 
-def _number(value: Any) -> Any:
-    if isinstance(value, bool):
-        raise PydanticCustomError("quantity", "is true or false, not a number", {"remedy": "give a number"})
-    if isinstance(value, str) and not value.isascii():
-        raise PydanticCustomError("quantity", "is no number", {"remedy": "write it with the digits 0 to 9"})
-    return value
+@dataclass(frozen=True)
+class Bounded:
+    """What pydantic checks of a number.
 
+    Attributes:
+        most: largest magnitude.
+        unit: its unit, for the error.
+        least: ``any`` sign, ``from 0`` or ``above 0``.
+        cause: what to do about a larger one.
+    """
 
-def _within(most: float, unit: str, cause: str, sign: bool) -> Callable[[float], float]:
-    def check(value: float) -> float:
+    most: float
+    unit: str
+    least: Literal["any", "from 0", "above 0"] = "above 0"
+    cause: str = "check its unit and exponent"
+
+    def __get_pydantic_core_schema__(
+        self, source: type, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Check what stands there, read it as a number, check that."""
+        number = core_schema.no_info_before_validator_function(_written, handler(source))
+        return core_schema.no_info_after_validator_function(self._check, number)
+
+    def _check(self, value: float) -> float:
         if not math.isfinite(value):
-            raise PydanticCustomError("quantity", "is not finite", {"remedy": f"give a number in {unit}"})
-        if abs(value) > most:
-            what = f"is more than any robot has ({most:.4g} {unit})"
-            raise PydanticCustomError("quantity", "{what}", {"what": what, "remedy": cause})
-        if value < 0.0 and not sign:
-            raise PydanticCustomError("quantity", "is negative", {"remedy": "give a number from 0"})
+            raise _refused("is not finite", f"give a number in {self.unit}")
+        if abs(value) > self.most:
+            raise _refused(f"is more than any robot has ({self.most:.4g} {self.unit})", self.cause)
+        if value < 0.0 and self.least != "any":
+            raise _refused("is negative", f"give a number {self.least}")
+        if value == 0.0 and self.least == "above 0":
+            raise _refused("is 0", "give a number above 0")
         return value
 
-    return check
 
-
-def _quantity(
-    most: float, unit: str, cause: str = "check its unit and exponent", *, sign: bool = False
-) -> Any:
-    return Annotated[float, BeforeValidator(_number), AfterValidator(_within(most, unit, cause, sign))]
-
-
-def _positive(quantity: Any) -> Any:
-    return Annotated[quantity, AfterValidator(_above_zero)]
-
-
-def _above_zero(value: float) -> float:
-    if value <= 0.0:
-        raise PydanticCustomError("quantity", "is not above 0", {"remedy": "give a positive number"})
+def _written(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise _refused("is true or false, not a number", "give a number")
+    if isinstance(value, str) and not value.isascii():
+        raise _refused("is no number", "write it with the digits 0 to 9")
     return value
 
 
-if TYPE_CHECKING:
-    Coordinate = Length = JointValue = Angle = Margin = float
-    Velocity = Acceleration = Jerk = Torque = Gain = Noise = Rate = FrictionCoefficient = DriveFriction = (
-        float
-    )
-    Gravity = tuple[float, float, float]
-else:
-    Coordinate = _quantity(MAX_LENGTH, "m", "write metres", sign=True)
-    Length = _positive(_quantity(MAX_LENGTH, "m", "write metres"))
-    JointValue = _quantity(MAX_ANGLE, "rad or m", "write radians or metres", sign=True)
-    Angle = _quantity(MAX_ORIENTATION, "rad", "looks like degrees: write radians", sign=True)
-    Margin = _quantity(MAX_TRAVEL, "rad or m", "write radians or metres")
-    Velocity = _positive(_quantity(MAX_VELOCITY, "rad/s or m/s"))
-    Acceleration = _positive(_quantity(MAX_ACCELERATION, "rad/s² or m/s²"))
-    Jerk = _positive(_quantity(MAX_JERK, "rad/s³ or m/s³"))
-    Torque = _positive(_quantity(MAX_FORCE, "N·m or N"))
-    Gain = _positive(_quantity(MAX_GAIN, "N·m/rad"))
-    Noise = _quantity(MAX_NOISE, "N, N·m, m or rad")
-    Rate = _positive(_quantity(MAX_RATE, "Hz"))
-    FrictionCoefficient = _positive(_quantity(MAX_FRICTION, "N/N"))
-    DriveFriction = _positive(_quantity(MAX_FORCE, "N·m·s/rad, N·m or kg·m²"))
-    _Component = _quantity(MAX_GRAVITY, "m/s²", "write m/s², about 9.81 on the ground", sign=True)
-    Gravity = tuple[_Component, _Component, _Component]
+def _refused(what: str, remedy: str) -> PydanticCustomError:
+    return PydanticCustomError("quantity", "{what}", {"what": what, "remedy": remedy})
+
+
+Coordinate = Annotated[float, Bounded(MAX_LENGTH, "m", "any", "write metres")]
+Length = Annotated[float, Bounded(MAX_LENGTH, "m", "above 0", "write metres")]
+JointValue = Annotated[float, Bounded(MAX_ANGLE, "rad or m", "any", "write radians or metres")]
+Angle = Annotated[float, Bounded(MAX_ORIENTATION, "rad", "any", "looks like degrees: write radians")]
+Margin = Annotated[float, Bounded(MAX_TRAVEL, "rad or m", "from 0", "write radians or metres")]
+Velocity = Annotated[float, Bounded(MAX_VELOCITY, "rad/s or m/s")]
+Acceleration = Annotated[float, Bounded(MAX_ACCELERATION, "rad/s² or m/s²")]
+Jerk = Annotated[float, Bounded(MAX_JERK, "rad/s³ or m/s³")]
+Torque = Annotated[float, Bounded(MAX_FORCE, "N·m or N")]
+Gain = Annotated[float, Bounded(MAX_GAIN, "N·m/rad or N·m·s/rad")]
+Noise = Annotated[float, Bounded(MAX_NOISE, "N, N·m, m or rad", "from 0")]
+TorqueNoise = Annotated[float, Bounded(MAX_NOISE, "N·m or N")]
+Rate = Annotated[float, Bounded(MAX_RATE, "Hz")]
+FrictionCoefficient = Annotated[float, Bounded(MAX_FRICTION, "newtons a newton")]
+DriveFriction = Annotated[float, Bounded(MAX_FORCE, "N·m·s/rad, N·m or kg·m²")]
+GravityComponent = Annotated[
+    float, Bounded(MAX_GRAVITY, "m/s²", "any", "write m/s²; on the ground it is 9.81 downwards")
+]
 
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 Rotation3 = tuple[Angle, Angle, Angle]
+Gravity = tuple[GravityComponent, GravityComponent, GravityComponent]
