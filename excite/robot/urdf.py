@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from excite.errors import RobotError
 from excite.reading.xml_document import read_xml
+from excite.robot.joint_values import check_range
 from excite.robot.urdf_inertia import check_inertials
 from excite.robot.urdf_numbers import numbers
 from excite.robot.urdf_tree import MOVING, check_tree
@@ -99,6 +100,9 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
                 field="locked_joints",
                 remedy="the model has " + ", ".join(n for n, j in joints.items() if j.get("type") in MOVING),
             )
+        check_range(
+            name, (values[name],), joints[name].get("type") == "prismatic", f"locked_joints.{name}", path
+        )
     for name, joint in joints.items():
         mimic = joint.find("mimic")
         if mimic is None or joint.get("type") == "fixed":

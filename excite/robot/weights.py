@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 
-# Half of each known robot's mass (69 models) lies in bodies below 5 400 kg/m³ by their own inertia; the densest
-# metal has 22 600. Grams make 4e5 of the usual 400 … 5 400.
+# Half of each known robot's mass (66 models) lies in bodies below 21 000 kg/m³ by their own inertia, and mostly
+# below 5 000; the densest metal has 22 600. Grams make 4e5 of the usual 400.
 MAX_DENSITY = 1e5
-# Known robots' drives hold at least a fifth of the weight that their limb stretched out has; grams make 1000 times.
+# The weight of known robots' limbs is at most twice what the drives there can hold; grams make a thousand times.
 MAX_WEIGHT = 30.0
 # Thinner bodies are points and lines, which models use where inertia does not matter [m].
 _THINNEST = 1e-3
