@@ -10,12 +10,15 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
+from excite.reading.file import read_bytes
+from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
 from excite.robot.robot import Array, Foot, Robot
 from excite.robot.urdf import Stated, read_urdf
+from excite.robot.weights import check_weights
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -40,6 +43,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         )
     robot = build_robot(read_description(path), path)
     _rest_within_limits(robot)
+    check_weights(robot.model, robot.limits.torque, model_file(robot))
     return robot
 
 
@@ -75,12 +79,13 @@ def _fingerprint(description: RobotDescription, model_path: Path, urdf: str) -> 
     """
     stated = description.model_dump_json(by_alias=True, exclude_defaults=True)
     # The file as it is, not the text as loaded: that one holds paths of this machine.
-    digest = hashlib.sha256(stated.encode() + b"\0" + model_path.read_bytes())
+    content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
+    digest = hashlib.sha256(stated.encode() + b"\0" + content)
     for link in ElementTree.fromstring(urdf).findall("link"):
         for mesh in link.iterfind(f"{description.collision.geometry}/geometry/mesh"):
             file = Path(mesh.get("filename", ""))
-            # A mesh that is not there is refused where the geometry is built.
-            if file.is_file():
+            # A mesh that is not there, or is no mesh, is refused where the geometry is built.
+            if file.is_file() and file.stat().st_size <= MAX_XML_BYTES:
                 digest.update(b"\0" + hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
 

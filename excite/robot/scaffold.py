@@ -33,6 +33,7 @@ from excite.robot.scaffold_text import render
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_inertia import inertial_faults
 from excite.robot.urdf_tree import check_tree
+from excite.robot.weights import check_weights
 
 Array = NDArray[np.float64]
 
@@ -116,6 +117,7 @@ def draft_description(
     rest = {guess.name: value for guess in free if (value := _rest(guess)) != 0.0}
     stand_in = _StandIn(path, floating, free, locked, tuple(faults), rest)
     robot, geometry, geometry_fault = stand_in.with_geometry()
+    check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
     inertia = dict(
         zip(robot.joint_names, (float(value) for value in joint_inertias(robot, rng)), strict=True)
     )

@@ -8,11 +8,23 @@ from xml.etree import ElementTree
 import numpy as np
 
 from excite.errors import RobotError
-from excite.robot.urdf_numbers import numbers
+from excite.robot.joint_values import check_range
+from excite.robot.quantities import MAX_ANGLE
+from excite.robot.urdf_numbers import numbers, shorten
 
 MOVING = ("revolute", "continuous", "prismatic")
 MAX_LINKS = 2000
 MAX_DEPTH = 200
+# Names become parts of columns, file names and lines of text.
+MAX_NAME = 200
+# Readers take the first or the last of what stands twice, each its own.
+_ONCE = {
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "collision": ("origin", "geometry"),
+    "visual": ("origin", "geometry"),
+}
 
 
 def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.Element]:
@@ -34,6 +46,9 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     if len(links) > MAX_LINKS:
         what = f"has {len(links)} links, more than {MAX_LINKS}"
         raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+    for kind, elements in (("link", links), ("joint", joints)):
+        for name, element in elements.items():
+            _check_once(element, f"{kind} {name!r}", path)
     parents: dict[str, str] = {}
     carriers: dict[str, str] = {}
     for name, joint in joints.items():
@@ -59,12 +74,33 @@ def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, Element
         name = element.get("name", "")
         if not name.strip():
             raise RobotError("has no name", source=path, field=f"{tag} {number}", remedy="name it")
+        if len(name) > MAX_NAME or not name.isprintable():
+            what = f"has the name {shorten(name)!r}"
+            remedy = f"give it a name of at most {MAX_NAME} printable characters"
+            raise RobotError(what, source=path, field=f"{tag} {number}", remedy=remedy)
         if name in found:
             raise RobotError(
                 "occurs twice", source=path, field=f"{tag} {name!r}", remedy="rename one of them"
             )
         found[name] = element
     return found
+
+
+def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
+    for tag in _ONCE.get(element.tag, ()):
+        found = element.findall(tag)
+        if len(found) > 1:
+            raise RobotError("occurs twice", source=path, field=f"{where}/{tag}", remedy="keep one")
+    for child in element:
+        if child.tag in _ONCE:
+            _check_once(child, f"{where}/{child.tag}", path)
+        elif child.tag == "geometry" and len(child) > 1:
+            raise RobotError(
+                f"holds {len(child)} solids",
+                source=path,
+                field=f"{where}/geometry",
+                remedy=f"give each a <{element.tag}> of its own",
+            )
 
 
 def _end(
@@ -107,10 +143,10 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
             raise RobotError(what, source=path, field=f"{where}/axis", remedy="give a vector of length 1")
     limit = joint.find("limit")
     if limit is not None:
-        _check_limit(limit, f"{where}/limit", path)
+        _check_limit(joint, limit, f"{where}/limit", path)
 
 
-def _check_limit(limit: ElementTree.Element, where: str, path: Path) -> None:
+def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: str, path: Path) -> None:
     for attribute in ("effort", "velocity"):
         (value,) = numbers(limit, attribute, 1, path, where, default="0")
         if value < 0.0:
@@ -120,6 +156,13 @@ def _check_limit(limit: ElementTree.Element, where: str, path: Path) -> None:
     if lower > upper:
         what = f"lower {lower} is above upper {upper}"
         raise RobotError(what, source=path, field=where, remedy="exchange or correct them")
+    if joint.get("type") == "continuous":
+        return
+    if joint.get("type") == "revolute" and max(-lower, upper) > MAX_ANGLE:
+        # How exporters say that it turns without end.
+        joint.set("type", "continuous")
+    else:
+        check_range(joint.get("name", ""), (lower, upper), joint.get("type") == "prismatic", where, path)
 
 
 def _check_origin(element: ElementTree.Element, where: str, path: Path) -> None:
@@ -182,6 +225,8 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
         "mesh": (("scale", 3, "1 1 1"),),
     }
     where = f"{where}/{solid.tag}"
+    if solid.tag == "mesh" and not solid.get("filename", "").strip():
+        raise RobotError("is missing", source=path, field=f"{where}@filename", remedy="name the mesh file")
     for attribute, count, default in lengths.get(solid.tag, ()):
         values = numbers(solid, attribute, count, path, where, default=default)
         # A mesh may be mirrored by a negative scale, and scaled to nothing by none.

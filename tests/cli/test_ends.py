@@ -131,7 +131,8 @@ def test_a_terminal_without_unicode_shows_all_that_it_can(tmp_path: Path) -> Non
     ],
 )
 def test_with_json_a_failure_is_one_document(arguments: tuple[str, ...], code: int, tmp_path: Path) -> None:
-    call = f"import sys; sys.argv = ['excite', *{[*arguments, '--json']!r}]\nfrom excite.cli.main import program\nprogram()"
+    given = ["excite", *arguments, "--json"]
+    call = f"import sys; sys.argv = {given!r}\nfrom excite.cli.main import program\nprogram()"
     done = python(call, cwd=tmp_path)
     assert done.returncode == code
     assert json.loads(done.stdout)["error"]["code"] == code

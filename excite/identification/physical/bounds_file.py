@@ -15,6 +15,7 @@ from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.known_bounds import Interval, KnownBounds
 from excite.reading.yaml_document import read_yaml
+from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.physical_bounds/1"
@@ -88,12 +89,17 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
     for name, entry in (_document(Path(path)).get("parameters") or {}).items():
         if not isinstance(entry, dict) or column not in entry:
             raise InputError(f"has no value {column!r}", source=path, field=name)
-        values[name] = float(entry[column])
+        value = _number(entry[column])
+        if value is None or not math.isfinite(value):
+            raise InputError(
+                f"is {entry[column]!r}", source=path, field=f"{name}.{column}", remedy="give a number"
+            )
+        values[name] = value
     return values
 
 
 def _document(path: Path) -> dict[str, Any]:
-    document = read_yaml(path)
+    document = read_yaml(path, remedy=f"start it with schema: {SCHEMA}")
     if document.get("schema") != SCHEMA:
         raise InputError(
             "is not a bounds file", source=path, field="schema", remedy=f"start it with schema: {SCHEMA}"
@@ -172,12 +178,12 @@ def _pair(path: Path, name: str, value: Any) -> Interval:
             f"has bounds {value!r}", source=path, field=name, remedy="write [lower, upper], two numbers in SI"
         )
     low, high = float(numbers[0] or 0.0), float(numbers[1] or 0.0)
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if not (abs(low) <= MAX_INERTIA and abs(high) <= MAX_INERTIA):
         raise InputError(
             f"has bounds [{low:g}, {high:g}]",
             source=path,
             field=name,
-            remedy="write finite numbers, or leave the line out",
+            remedy=f"write numbers up to {MAX_INERTIA:g}, or leave the line out",
         )
     if not low < high:
         raise InputError(
@@ -193,9 +199,11 @@ def _number(value: Any) -> float | None:
     """YAML 1.1 reads ``1e-4`` as text; it is meant as a number."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
+    if isinstance(value, str) and not value.isascii():
+        return None
     try:
         return float(value)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
 
 
