@@ -5,6 +5,7 @@ The command line turns each of them into one line: which file, what is wrong, wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 
@@ -57,6 +58,21 @@ class UnknownNameError(InputError):
     def __init__(self, kind: str, name: str, known: list[str]):
         self.kind, self.name, self.known = kind, name, known
         super().__init__(f"unknown {kind} {name!r}", remedy="choose one of " + ", ".join(known))
+
+
+class UnsafeMotionError(ExciteError):
+    """A motion may not leave: the independent check does not find it safe.
+
+    Attributes:
+        verdicts: what the check says of each motion that is not safe.
+        remedy: what the caller can do about it.
+    """
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, verdicts: Sequence[Any] = (), remedy: str | None = None):
+        self.what, self.verdicts, self.remedy = what, tuple(verdicts), remedy
+        super().__init__(f"{what}; {remedy}" if remedy else what)
 
 
 class NoSolutionError(ExciteError):

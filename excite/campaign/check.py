@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,7 +45,7 @@ class CheckReport:
 def check(
     robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent
 ) -> CheckReport:
-    """Judge motions independently of whatever planned them.
+    """Judge motions independently of whatever planned them; those of a chain have to be among them all.
 
     Args:
         robot: the robot that shall run them.
@@ -59,8 +59,17 @@ def check(
     if not motions:
         raise InputError("no motions to check", remedy="name at least one")
     verdicts: list[Verdict] = []
-    tasks = (delayed(check_motion)(robot, motion) for motion in motions)
+    named = {motion.name: motion for motion in motions}
+    tasks = (
+        delayed(check_motion)(robot, motion, neighbours=_neighbours(motion, named)) for motion in motions
+    )
     for verdict in Parallel(n_jobs=jobs, return_as="generator")(tasks):
         verdicts.append(verdict)
         progress("check", len(verdicts), len(motions))
     return CheckReport(tuple(verdicts))
+
+
+def _neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:
+    """The motions that a motion says it lies between, as far as they are there."""
+    names = (motion.metadata.previous, motion.metadata.following)
+    return {name: named[name] for name in names if name in named}

@@ -17,7 +17,7 @@ from excite.campaign.findings import (
     merged_plan,
     robot_file,
 )
-from excite.campaign.journal import Journal, PlannedMotions
+from excite.campaign.journal import Journal, PlannedMotions, prefix
 from excite.campaign.plan import plan
 from excite.campaign.result import Campaign, Iteration
 from excite.campaign.settings import CampaignSettings
@@ -121,7 +121,7 @@ class _State:
             n_candidates=count,
             targets=targets,
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
-            prefix=f"i{number}_",
+            prefix=prefix(number),
             jobs=self.jobs,
             progress=self.progress,
         )
@@ -130,14 +130,15 @@ class _State:
 
     def run(self, number: int, planned: PlannedMotions) -> Log | None:
         """The log of an iteration: recorded before, or simulated now; None if it is to be recorded."""
-        found = self.journal.logged(number, self.robot)
+        motions = (*planned.chosen, *planned.validation)
+        found = self.journal.logged(number, self.robot, None if self.settings.on_robot else motions)
         if found is not None or self.settings.on_robot:
             return found
         roles: dict[str, Role] = {motion.name: "identification" for motion in planned.chosen}
         roles |= {motion.name: "validation" for motion in planned.validation}
         experiment = simulate(
             self.robot,
-            (*planned.chosen, *planned.validation),
+            motions,
             roles=roles,
             seed=self.settings.seed,
             batch=number,

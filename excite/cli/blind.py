@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import sys
@@ -79,19 +78,26 @@ def score(
 ) -> None:
     """Diagnose every case in a process of its own that sees nothing but a copy of the log, then compare."""
     from excite.json_document import write_json
-    from excite.simulation.blind.make import load_answers
+    from excite.simulation.blind.make import answers_file, load_answers
     from excite.simulation.blind.score import score as compare
 
     cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
     if not cases:
         raise InputError(f"{folder} holds no cases", remedy="make some with `excite blind make`")
+    answers = load_answers(folder)
+    for case in cases:
+        if case.name not in answers:
+            remedy = "make the cases again, or take this one away"
+            raise InputError(
+                f"has no answer to {case.name}", source=answers_file(folder), field="cases", remedy=remedy
+            )
     documents: dict[str, dict[str, Any]] = {}
     seconds: dict[str, float] = {}
     with progress_bars() as progress, ThreadPoolExecutor(jobs) as pool:
         for done, (name, document, taken) in enumerate(pool.map(lambda c: _diagnosed(c, seed), cases)):
             documents[name], seconds[name] = document, taken
             progress("diagnose", done + 1, len(cases))
-    result = compare(load_answers(folder), documents, seconds)
+    result = compare(answers, documents, seconds)
     if out is not None:
         write_json(result.to_json(), out / "blind_score.json")
     emit(result.summary(), result.to_json(), as_json=as_json)
@@ -99,6 +105,9 @@ def score(
 
 def _diagnosed(case: Path, seed: int) -> tuple[str, dict[str, Any], float]:
     """One diagnosis from a copy of the log that does not say where it came from."""
+    from excite.documents.diagnosis import Diagnosis
+    from excite.reading.json_document import checked, parse_json
+
     with tempfile.TemporaryDirectory() as private:
         copy = Path(shutil.copytree(case, Path(private) / "log"))
         started = time.perf_counter()
@@ -117,4 +126,10 @@ def _diagnosed(case: Path, seed: int) -> tuple[str, dict[str, Any], float]:
     if child.returncode != 0:
         last = (child.stderr.strip().splitlines() or ["no message"])[-1]
         raise ExciteError(f"the diagnosis of {case.name} failed: {last}")
-    return case.name, json.loads(child.stdout), taken
+    try:
+        document = parse_json(child.stdout)
+    except ValueError as error:
+        raise ExciteError(
+            f"the diagnosis of {case.name} is no JSON ({' '.join(str(error).split())})"
+        ) from error
+    return case.name, checked(Diagnosis, document, case, remedy="diagnose it alone").content(), taken

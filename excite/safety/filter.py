@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any
 
 from excite.errors import InputError
+from excite.motion.content import with_verdict
 from excite.motion.generators.candidate import Candidate
 from excite.motion.motion import Motion
 from excite.progress import Progress, silent
@@ -139,7 +140,7 @@ class SafetyFilter:
         return FilterOutcome(
             candidate=candidate.name,
             generator=candidate.generator,
-            motion=draft.motion if verdict.safe else None,
+            motion=with_verdict(draft.motion, verdict.to_json(), self._robot.hash) if verdict.safe else None,
             verdict=verdict,
             rejection=_rejection(draft, verdict),
             seconds=seconds,

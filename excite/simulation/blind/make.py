@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,8 @@ from typing import Literal
 import numpy as np
 from joblib import Parallel, delayed
 
+from excite.documents.blind import BlindAnswers
+from excite.documents.document import read_document
 from excite.errors import InputError
 from excite.json_document import write_json
 from excite.logs.files import save_log
@@ -99,12 +100,10 @@ def load_answers(folder: str | Path) -> dict[str, Answer]:
     """What is hidden in the cases of a folder.
 
     Raises:
-        InputError: there is no such file.
+        InputError: there is no such file, or a field in it is missing or wrong.
     """
     path = answers_file(Path(folder))
-    if not path.is_file():
-        raise InputError(f"{path} is missing", remedy="make the cases with `excite blind make`")
-    document = json.loads(path.read_text(encoding="utf-8"))
+    document = read_document(path, BlindAnswers, remedy="make the cases with `excite blind make`").content()
     return {name: Answer.from_json(item) for name, item in document["cases"].items()}
 
 
