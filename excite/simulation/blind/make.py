@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from excite.documents.blind import BlindAnswers
 from excite.documents.document import read_document
@@ -16,6 +15,8 @@ from excite.errors import InputError
 from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.log import Log, Role, Trial, TrialHeader
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs, check_jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_seed
 from excite.robot.loading import load_robot
@@ -57,7 +58,7 @@ def make_cases(
     base: Literal["fixed", "floating", "both"] = "fixed",
     robots: tuple[str, ...] = (),
     torque: Literal["motor_side", "none"] = "motor_side",
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Path:
     """Write cases ``case_000`` … into a folder and what is hidden in them into a file beside it.
@@ -70,14 +71,14 @@ def make_cases(
         robots: to choose from, whatever ``base``; none: those of the base.
         torque: what the logs of arms have; without torque, commands and position servos of several forms, whose gains
             are stated in about half of the cases.
-        jobs: number of processes; the cases do not depend on it.
+        jobs: number of processes, or an executor; the cases do not depend on it.
         progress: told after each case.
 
     Returns:
         The file of answers.
 
     Raises:
-        InputError: the folder holds cases already, or no cases are asked for.
+        InputError: the folder holds cases already, no cases are asked for, or ``jobs`` out of range.
         UnknownNameError: no such robot.
     """
     folder = Path(folder)
@@ -86,9 +87,9 @@ def make_cases(
         raise InputError(f"{folder} is not empty", remedy="name another folder")
     children = check_seed(seed).spawn(cases)
     families = _families(base, robots)
-    tasks = (delayed(_case)(folder, k, child, families, torque) for k, child in enumerate(children))
+    made = _Made(folder.absolute(), families, torque)
     answers: dict[str, dict] = {}
-    for k, answer in enumerate(Parallel(n_jobs=jobs, return_as="generator")(tasks)):
+    for k, answer in enumerate(in_order(_case, enumerate(children), jobs=jobs, shared=made)):
         answers[f"case_{k:03d}"] = answer.to_json()
         progress("blind cases", k + 1, cases)
     target = answers_file(folder)
@@ -117,26 +118,31 @@ def _families(base: str, robots: tuple[str, ...]) -> tuple[tuple[bool, tuple[str
     return tuple((kind, STANDING_ROBOTS if kind else ROBOTS) for kind in wanted)
 
 
-def _case(
-    folder: Path,
-    number: int,
-    child: np.random.SeedSequence,
-    families: tuple[tuple[bool, tuple[str, ...]], ...],
-    torque: str,
-) -> Answer:
+@dataclass(frozen=True)
+class _Made:
+    """What all cases of a folder have in common."""
+
+    folder: Path
+    families: tuple[tuple[bool, tuple[str, ...]], ...]
+    torque: str
+
+
+def _case(made: _Made, drawn: tuple[int, np.random.SeedSequence]) -> Answer:
+    number, child = drawn
     rng = np.random.default_rng(child)
-    standing, robots = families[number % len(families)]
-    turn = number // len(families)
+    standing, robots = made.families[number % len(made.families)]
+    turn = number // len(made.families)
+    target = made.folder / f"case_{number:03d}"
     if standing:
         case = build_floating_case(floating_draft(turn, rng, robots), rng)
-        save_log(case.log, folder / f"case_{number:03d}")
+        save_log(case.log, target)
         return case.answer
     plan = draft(turn, rng, robots)
-    servo = drawn_servo(rng) if torque == "none" else None
+    servo = drawn_servo(rng) if made.torque == "none" else None
     log, answer = build_case(plan, rng, servo)
     if servo is not None:
         log, answer = servo.logged(log, answer)
-    save_log(log, folder / f"case_{number:03d}")
+    save_log(log, target)
     return answer
 
 
