@@ -14,6 +14,10 @@ from excite.robot.urdf_numbers import numbers, shorten
 
 MOVING = ("revolute", "continuous", "prismatic")
 MAX_LINKS = 2000
+# The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
+# other one, in 100 postures: these bounds keep that below half a minute.
+MAX_MOVING = 200
+MAX_SOLIDS = 400
 MAX_DEPTH = 200
 # Names become parts of columns, file names and lines of text.
 MAX_NAME = 200
@@ -65,6 +69,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
         parents[child], carriers[child] = parent, name
         _check_joint(joint, name, path)
     _check_roots(links, parents, path)
+    _check_count(root, path)
     for name, link in links.items():
         _check_geometry(link, name, path)
     return joints
@@ -83,6 +88,18 @@ def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, Element
             )
         found[name] = element
     return found
+
+
+def _check_count(root: ElementTree.Element, path: Path) -> None:
+    moving = sum(joint.get("type") in MOVING for joint in root.findall("joint"))
+    solids = {kind: len(root.findall(f"link/{kind}")) for kind in ("collision", "visual")}
+    for what, number, most in (
+        ("joints that move", moving, MAX_MOVING),
+        *((f"{kind} elements", number, MAX_SOLIDS) for kind, number in solids.items()),
+    ):
+        if number > most:
+            what = f"has {number} {what}, more than {most}"
+            raise RobotError(what, source=path, field="robot", remedy="reduce the model")
 
 
 def _check_name(name: str, where: str, path: Path) -> None:
