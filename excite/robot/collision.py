@@ -169,7 +169,7 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         root = fromstring(robot.urdf)
         meshes = root.iterfind(f"link/{block.geometry}/geometry/mesh")
         points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-        for link in root.iter("link"):
+        for link in root.findall("link"):
             shapes += _link_shapes(robot, link, block.geometry, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")

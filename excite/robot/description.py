@@ -17,6 +17,7 @@ from excite.robot.per_joint import (
     Accelerations,
     Block,
     DriveFrictions,
+    FileName,
     Gains,
     Jerks,
     Name,
@@ -49,7 +50,7 @@ class ModelFile(Block):
     """
 
     package: Literal["example-robot-data"] | None = None
-    path: Annotated[str, Field(min_length=1)]
+    path: FileName
     acknowledged: dict[str, Source] = Field(default_factory=dict)
     source: Source
 

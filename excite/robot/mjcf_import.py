@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,7 +121,9 @@ def compile_mjcf(path: Path) -> MjcfConversion:
 def _strip_missing_meshes(spec: mujoco.MjSpec, path: Path, notes: list[str]) -> None:
     """Take geoms out whose mesh file is not there, where no inertia depends on them."""
     folder = path.parent / (spec.meshdir or "")
-    missing = {mesh.name: mesh for mesh in spec.meshes if mesh.file and not (folder / mesh.file).is_file()}
+    missing = {
+        mesh.name: mesh for mesh in spec.meshes if mesh.file and not os.path.isfile(folder / mesh.file)
+    }
     if not missing:
         return
     for geom in list(spec.geoms):
@@ -161,9 +164,7 @@ def _refuse(model: mujoco.MjModel, path: Path) -> None:
             remedy="remove it, or hold still what it drives",
         )
     if model.nflex:
-        raise RobotError(
-            "is deformable", source=path, field=f"flex {model.flex(0).name!r}", remedy="remove it"
-        )
+        raise RobotError("is deformable", source=path, field="flex", remedy="remove it")
 
 
 def _root(model: mujoco.MjModel, path: Path) -> int:

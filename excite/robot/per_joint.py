@@ -18,12 +18,11 @@ from excite.robot.quantities import (
 
 # No link, joint or file is named longer; a line on a terminal holds it.
 _LONGEST_NAME = 200
-Name = Annotated[
-    str,
-    StringConstraints(
-        min_length=1, max_length=_LONGEST_NAME, pattern=r"^[^\x00-\x1f\x7f]*\S[^\x00-\x1f\x7f]*$"
-    ),
-]
+# What Linux takes.
+_LONGEST_PATH = 4096
+_PRINTABLE = r"^[^\x00-\x1f\x7f]*[^\x00-\x20\x7f][^\x00-\x1f\x7f]*$"
+Name = Annotated[str, StringConstraints(min_length=1, max_length=_LONGEST_NAME, pattern=_PRINTABLE)]
+FileName = Annotated[str, StringConstraints(min_length=1, max_length=_LONGEST_PATH, pattern=_PRINTABLE)]
 Source = Annotated[str, Field(min_length=1)]
 
 

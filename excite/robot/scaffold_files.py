@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +70,7 @@ def _described(conversion: MjcfConversion, urdf: Path, file: Path, seed: int) ->
 
 
 def _absent(path: Path, overwrite: bool) -> None:
-    if path.exists() and not overwrite:
+    if os.path.exists(path) and not overwrite:
         raise InputError("exists already", source=path, remedy="give --force to overwrite it, or --out DIR")
 
 

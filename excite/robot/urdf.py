@@ -193,21 +193,21 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     other names are relative to the URDF.
     """
     folder = urdf.resolve().parent
-    if "\0" in name or max(map(len, name.split("/"))) > 255:
+    if "\0" in name:
         return None
     if not name.startswith("package://"):
         file = folder / name.removeprefix("file://")
         # Also what is no file, whose reader says so.
-        return file.resolve() if name and file.exists() else None
+        return file.resolve() if name and os.path.exists(file) else None
     relative = Path(name.removeprefix("package://").lstrip("/"))
     roots = [folder, *folder.parents]
     roots += [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
     for root in roots:
         inside = root / relative
-        if inside.is_file():
+        if os.path.isfile(inside):
             return inside.resolve()
         # $ROS_PACKAGE_PATH may name the package's own folder.
         below = root.joinpath(*relative.parts[1:])
-        if relative.parts and root.name == relative.parts[0] and below.is_file():
+        if relative.parts and root.name == relative.parts[0] and os.path.isfile(below):
             return below.resolve()
     return None

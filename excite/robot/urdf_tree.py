@@ -14,6 +14,10 @@ from excite.robot.urdf_numbers import numbers, shorten
 
 MOVING = ("revolute", "continuous", "prismatic")
 MAX_LINKS = 2000
+# The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
+# other one, in 100 postures: these bounds keep that below half a minute.
+MAX_MOVING = 200
+MAX_SOLIDS = 400
 MAX_DEPTH = 200
 # Names become parts of columns, file names and lines of text.
 MAX_NAME = 200
@@ -39,6 +43,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     """
     if not root.get("name", "").strip():
         raise RobotError("is missing", source=path, field="robot@name", remedy="name the robot")
+    _check_name(root.get("name", ""), "robot@name", path)
     links = _named(root, "link", path)
     joints = _named(root, "joint", path)
     if not links:
@@ -49,6 +54,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     for kind, elements in (("link", links), ("joint", joints)):
         for name, element in elements.items():
             _check_once(element, f"{kind} {name!r}", path)
+            _check_flat(element, f"{kind} {name!r}", path)
     parents: dict[str, str] = {}
     carriers: dict[str, str] = {}
     for name, joint in joints.items():
@@ -63,6 +69,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
         parents[child], carriers[child] = parent, name
         _check_joint(joint, name, path)
     _check_roots(links, parents, path)
+    _check_count(root, path)
     for name, link in links.items():
         _check_geometry(link, name, path)
     return joints
@@ -74,16 +81,32 @@ def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, Element
         name = element.get("name", "")
         if not name.strip():
             raise RobotError("has no name", source=path, field=f"{tag} {number}", remedy="name it")
-        if len(name) > MAX_NAME or not name.isprintable():
-            what = f"has the name {shorten(name)!r}"
-            remedy = f"give it a name of at most {MAX_NAME} printable characters"
-            raise RobotError(what, source=path, field=f"{tag} {number}", remedy=remedy)
+        _check_name(name, f"{tag} {number}", path)
         if name in found:
             raise RobotError(
                 "occurs twice", source=path, field=f"{tag} {name!r}", remedy="rename one of them"
             )
         found[name] = element
     return found
+
+
+def _check_count(root: ElementTree.Element, path: Path) -> None:
+    moving = sum(joint.get("type") in MOVING for joint in root.findall("joint"))
+    solids = {kind: len(root.findall(f"link/{kind}")) for kind in ("collision", "visual")}
+    for what, number, most in (
+        ("joints that move", moving, MAX_MOVING),
+        *((f"{kind} elements", number, MAX_SOLIDS) for kind, number in solids.items()),
+    ):
+        if number > most:
+            what = f"has {number} {what}, more than {most}"
+            raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+
+
+def _check_name(name: str, where: str, path: Path) -> None:
+    if len(name) > MAX_NAME or not name.isprintable():
+        what = f"has the name {shorten(name)!r}"
+        remedy = f"give it a name of at most {MAX_NAME} printable characters"
+        raise RobotError(what, source=path, field=where, remedy=remedy)
 
 
 def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
@@ -101,6 +124,14 @@ def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
                 field=f"{where}/geometry",
                 remedy=f"give each a <{element.tag}> of its own",
             )
+
+
+def _check_flat(element: ElementTree.Element, where: str, path: Path) -> None:
+    """Readers pass over a link or joint inside another one."""
+    for inside in element.iter():
+        if inside is not element and inside.tag in {"link", "joint"}:
+            what = f"holds the {inside.tag} {shorten(inside.get('name', ''))!r}"
+            raise RobotError(what, source=path, field=where, remedy="put it beside, not inside")
 
 
 def _end(

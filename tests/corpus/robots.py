@@ -200,7 +200,7 @@ _YAML_NAMES: dict[str, tuple[str, str, str]] = {
     "empty path": ("path: arm.urdf", "path: ''", r"model\.path: .*at least 1"),
     "path is a folder": ("path: arm.urdf", "path: .", r"is a folder, not a file"),
     "path is a device": ("path: arm.urdf", "path: /dev/zero", r"/dev/zero: is a device"),
-    "NUL in path": ("path: arm.urdf", 'path: "a\\0.urdf"', r"name that no file can have"),
+    "NUL in path": ("path: arm.urdf", 'path: "a\\0.urdf"', r"model\.path: .*pattern"),
     "other schema": ("excite.robot/1", "excite.robot/2", r"schema: .*excite\.robot/1"),
     "no foot": ("base: fixed", "base: floating", r"sensors\.wrench: a floating-base robot needs"),
     "no torque": ("joint_torque: link_side, ", "", r"joint_torque: a fixed-base robot needs"),
@@ -324,6 +324,11 @@ _URDF_STRUCTURE: dict[str, tuple[str, str, str]] = {
         '<box size="0.06 0.06 0.25"/>',
         '<box size="1 1 1"/><sphere radius="1"/>',
         r"holds 2 solids; give each",
+    ),
+    "link in a link": (
+        '<link name="tool"/>',
+        '<link name="tool"><link name="in"/></link>',
+        r"holds the link 'in'; put",
     ),
     "no name": ('<robot name="small">', '<robot name="">', r"robot@name: is missing"),
     "nameless link": ('<link name="tool"/>', '<link name=" "/>', r"has no name; name it"),
@@ -546,7 +551,18 @@ _BOUNDS: dict[str, tuple[str, str]] = {
 }
 
 
+_ARGUMENTS: dict[str, tuple[str, str]] = {
+    "unknown robot": ("g7", r"unknown robot 'g7'; choose one of g1"),
+    "no robot": ("", r"unknown robot ''; choose one of"),
+    "long name": ("x" * 5000, r"unknown robot 'x+"),
+    "NUL in name": ("a\0b", r"unknown robot"),
+    "URDF": ("arm.urdf", r"is a model, and a robot also needs limits.*init-robot"),
+}
+
+
 def _cases() -> Iterator[Case]:
+    for name, (robot, line) in _ARGUMENTS.items():
+        yield Case("name of a robot", name, lambda folder, robot=robot: ["check", robot, "motion.csv"], line)  # type: ignore[misc]
     yield from _places("robot.yaml as a file", "robot.yaml", _check)
     yield from _places("URDF as a file", "arm.urdf", _init)
     yield from _places("MJCF as a file", "arm.xml", _init)
