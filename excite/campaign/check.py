@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from joblib import Parallel, delayed
+
 from excite.errors import InputError
 from excite.motion.motion import Motion
-from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -43,18 +43,18 @@ class CheckReport:
 
 
 def check(
-    robot: Robot, motions: Sequence[Motion], *, jobs: Jobs = 1, progress: Progress = silent
+    robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent
 ) -> CheckReport:
     """Judge motions independently of whatever planned them; those of a chain have to be among them all.
 
     Args:
         robot: the robot that shall run them.
         motions: what to judge.
-        jobs: number of processes, or an executor.
+        jobs: number of processes.
         progress: told after each motion.
 
     Raises:
-        InputError: no motions, or ``jobs`` out of range.
+        InputError: no motions.
     """
     if not motions:
         raise InputError("no motions to check", remedy="name at least one")

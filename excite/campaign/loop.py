@@ -30,7 +30,6 @@ from excite.identification.result import Identification
 from excite.json_document import write_json
 from excite.logs.joined import join_logs
 from excite.logs.log import Log, Role
-from excite.parallel.jobs import Jobs, check_jobs, workers
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
@@ -45,7 +44,7 @@ def campaign(
     settings: CampaignSettings | None = None,
     *,
     resume: bool = False,
-    jobs: Jobs = 1,
+    jobs: int = 1,
     progress: Progress = silent,
 ) -> Campaign:
     """Run the loop until all targets are met or nothing more can be expected.
@@ -60,7 +59,7 @@ def campaign(
         folder: where everything is written.
         settings: what is asked for; defaults if None.
         resume: go on with the campaign that ``folder`` holds.
-        jobs: number of processes, or an executor; the result does not depend on it.
+        jobs: number of processes; the result does not depend on it.
         progress: told as work proceeds.
 
     Returns:
@@ -72,11 +71,10 @@ def campaign(
         LogError: a recorded log does not fit.
     """
     settings = settings or CampaignSettings()
-    check_jobs(jobs)
-    with claimed(Path(folder)), workers(jobs, settings.n_candidates) as processes:
+    with claimed(Path(folder)):
         journal = Journal(Path(folder))
         journal.open(robot, settings, resume=resume)
-        return _run(_State(robot, settings, journal, processes, progress))
+        return _run(_State(robot, settings, journal, jobs, progress))
 
 
 def _run(state: _State) -> Campaign:
@@ -101,7 +99,7 @@ class _State:
     robot: Robot
     settings: CampaignSettings
     journal: Journal
-    jobs: Jobs
+    jobs: int
     progress: Progress
 
     def __post_init__(self) -> None:

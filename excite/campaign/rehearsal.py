@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from excite.motion.motion import Motion
-from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs, check_jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.simulation.replay import replay
@@ -25,7 +24,7 @@ _LOAD_SIZE_M = 0.1
 
 
 def rehearse(
-    robot: Robot, motions: Sequence[Motion], *, jobs: Jobs = 1, progress: Progress = silent
+    robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent
 ) -> tuple[bool, ...]:
     """Whether a standing robot stays on its feet and clear of itself in each motion.
 
@@ -36,24 +35,24 @@ def rehearse(
     Args:
         robot: the robot.
         motions: what to run, in MuJoCo with contacts and the robot's position servo.
-        jobs: number of processes, or an executor; the answer does not depend on it.
+        jobs: number of processes; the answer does not depend on it.
         progress: told after each motion.
-
-    Raises:
-        InputError: ``jobs`` out of range.
     """
-    check_jobs(jobs)
     if not robot.feet or not robot.floating:
         return (True,) * len(motions)
     verdicts: list[bool] = []
-    for verdict in in_order(_stands, motions, jobs=jobs, shared=loaded_robot(robot)):
+    for verdict in Parallel(n_jobs=jobs, return_as="generator")(_tasks(robot, motions)):
         verdicts.append(verdict)
         progress("rehearse", len(verdicts), len(motions))
     return tuple(verdicts)
 
 
-def _stands(loaded: VirtualRobot, motion: Motion) -> bool:
-    return replay(loaded, motion).on_its_feet
+def _tasks(robot: Robot, motions: Sequence[Motion]) -> Iterable:
+    return (delayed(_stands)(robot, motion) for motion in motions)
+
+
+def _stands(robot: Robot, motion: Motion) -> bool:
+    return replay(loaded_robot(robot), motion).on_its_feet
 
 
 def loaded_robot(robot: Robot, offset: tuple[float, float, float] = KNAPSACK) -> VirtualRobot:

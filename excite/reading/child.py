@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from excite.errors import ExciteError, InputError
-from excite.lifetime import die_with_parent
 
 _MAIN = "from excite.reading.child import answer; answer()"
 
@@ -44,7 +43,7 @@ def in_child(
         InputError: of the class ``error``: the child crashed, took too long or too much memory.
         ExciteError: what the function itself raised.
     """
-    task = pickle.dumps((function, args, memory_gb, os.getpid()))
+    task = pickle.dumps((function, args, memory_gb))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry)}
     try:
         done = subprocess.run(
@@ -76,8 +75,8 @@ def answer() -> None:
     out = os.fdopen(os.dup(1), "wb")
     # What native code prints shall not be taken for the answer.
     os.dup2(2, 1)
-    function, args, memory_gb, parent = pickle.load(sys.stdin.buffer)  # noqa: S301  (from our own parent)
-    die_with_parent(parent)
+    _die_with_parent()
+    function, args, memory_gb = pickle.load(sys.stdin.buffer)  # noqa: S301  (from our own parent)
     limit = int(memory_gb * 1e9)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     # A crash shall leave no core file beside people's data.
@@ -91,6 +90,14 @@ def answer() -> None:
     pickle.dump(result, buffer, protocol=pickle.HIGHEST_PROTOCOL)
     out.write(buffer.getvalue())
     out.close()
+
+
+def _die_with_parent() -> None:
+    if sys.platform == "linux":
+        import ctypes
+
+        death_signal = 1  # PR_SET_PDEATHSIG
+        ctypes.CDLL(None).prctl(death_signal, signal.SIGKILL)
 
 
 def _ending(code: int) -> str:

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from excite.errors import InputError
 from excite.logs.log import Log, Role, Trial, TrialHeader
 from excite.motion.motion import Motion
-from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.simulation.replay import Replay, watched_run
 from excite.simulation.sensing import log_header, sense
@@ -49,7 +48,7 @@ def simulate(
     *,
     seed: int | np.random.SeedSequence,
     roles: Mapping[str, Role] | None = None,
-    jobs: Jobs = 1,
+    jobs: int = 1,
     progress: Progress = silent,
 ) -> Log:
     """The log of :func:`run_experiment`, same arguments and errors."""
@@ -62,7 +61,7 @@ def run_experiment(
     *,
     seed: int | np.random.SeedSequence,
     roles: Mapping[str, Role] | None = None,
-    jobs: Jobs = 1,
+    jobs: int = 1,
     progress: Progress = silent,
 ) -> SimulatedRuns:
     """Run each motion under the robot's position servo and log what its sensors say.
@@ -75,15 +74,14 @@ def run_experiment(
         motions: what to run, names all different.
         seed: of the sensors' noise.
         roles: by motion name, ``identification`` (the default) or ``validation``.
-        jobs: number of processes, or an executor.
+        jobs: number of processes.
         progress: told after each motion.
 
     Returns:
         The log, complete for :func:`excite.logs.files.save_log`, and a judgement of each run.
 
     Raises:
-        InputError: no motions, two of one name, a role for a motion that is not there, or ``jobs`` out
-            of range.
+        InputError: no motions, two of one name, or a role for a motion that is not there.
         MotionError: a motion is not for this robot, or the simulation diverged.
         UnphysicalParametersError: the true parameters belong to no body.
     """
@@ -102,12 +100,18 @@ def run_experiment(
     starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     tasks = (
-        _Run(motion, roles.get(motion.name, "identification"), _child(root, index), float(starts[index]))
+        delayed(_trial)(
+            virtual,
+            motion,
+            roles.get(motion.name, "identification"),
+            _child(root, index),
+            float(starts[index]),
+        )
         for index, motion in enumerate(motions)
     )
     trials: list[Trial] = []
     replays: list[Replay] = []
-    for trial, judgement in in_order(_trial, tasks, jobs=jobs, shared=virtual):
+    for trial, judgement in Parallel(n_jobs=jobs, return_as="generator")(tasks):
         trials.append(trial)
         replays.append(judgement)
         progress("simulate", len(trials), len(names))
@@ -134,20 +138,8 @@ def _child(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, index), pool_size=root.pool_size)
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """One motion and when in the session it starts."""
-
-    motion: Motion
-    role: Role
-    seed: np.random.SeedSequence
-    session_s: float
-
-    @property
-    def name(self) -> str:
-        return self.motion.name
-
-
-def _trial(virtual: VirtualRobot, run: _Run) -> tuple[Trial, Replay]:
-    watched = watched_run(virtual, run.motion, run.session_s)
-    return sense(virtual, watched.recording, run.role, np.random.default_rng(run.seed)), watched.replay
+def _trial(
+    virtual: VirtualRobot, motion: Motion, role: Role, seed: np.random.SeedSequence, session_s: float
+) -> tuple[Trial, Replay]:
+    run = watched_run(virtual, motion, session_s)
+    return sense(virtual, run.recording, role, np.random.default_rng(seed)), run.replay

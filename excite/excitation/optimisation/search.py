@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.chain import Chain, Point
@@ -15,8 +16,6 @@ from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.curves import Curve
 from excite.motion.generators.generator import child_seed
 from excite.motion.motion import Motion, MotionMetadata
-from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs, workers
 from excite.progress import Progress, silent
 from excite.robot.robot import Array, Robot
 from excite.safety.check import check_motion
@@ -104,7 +103,7 @@ def optimise(
     task: ExcitationTask,
     settings: SearchSettings | None = None,
     *,
-    jobs: Jobs = 1,
+    jobs: int = 1,
     progress: Progress = silent,
 ) -> SearchResult:
     """Search for the best motion of a task.
@@ -116,7 +115,7 @@ def optimise(
     Args:
         task: what to optimise.
         settings: how hard to search.
-        jobs: number of processes, or an executor; the result does not depend on it.
+        jobs: number of processes; the result does not depend on it.
         progress: told after each solve, stage ``optimise``.
 
     Returns:
@@ -124,22 +123,26 @@ def optimise(
 
     Raises:
         NoSolutionError: limits leave no room, or no start ended in a safe motion; the error counts the reasons.
-        InputError: settings, noise or columns do not fit, or ``jobs`` out of range.
+        InputError: settings, noise or columns do not fit.
     """
     settings = settings or SearchSettings()
+    if jobs < 1:
+        raise InputError(f"{jobs} jobs", field="jobs", remedy="ask for at least one")
     chain = Chain(task, settings.effort)
     points: list[Point | None] = [None] * settings.starts
     history: list[list[float]] = []
     interrupted = False
     rounds, done = settings.kicks + 2, 0
     try:
-        with workers(jobs, settings.starts) as processes:
+        with Parallel(n_jobs=min(jobs, settings.starts), return_as="generator") as workers:
             for number in range(rounds):
-                steps = [
-                    _Step(point, number, rounds, child_seed(_root(settings), index * rounds + number))
-                    for index, point in enumerate(points)
-                ]
-                for index, point in enumerate(in_order(_step, steps, jobs=processes, shared=chain)):
+                calls = (
+                    delayed(_step)(
+                        chain, point, number, rounds, child_seed(_root(settings), index * rounds + number)
+                    )
+                    for index, point in enumerate(list(points))
+                )
+                for index, point in enumerate(_kept(workers(calls))):
                     points[index] = point
                     done += 1
                     progress("optimise", done, rounds * settings.starts)
@@ -155,21 +158,16 @@ def _root(settings: SearchSettings) -> np.random.SeedSequence:
     return np.random.SeedSequence(settings.seed)
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
+def _kept(results: Iterator[Point]) -> Iterator[Point]:
+    yield from results
+
+
+def _step(chain: Chain, point: Point | None, number: int, rounds: int, seed: int) -> Point:
     """One round of one start."""
-
-    point: Point | None
-    number: int
-    rounds: int
-    seed: int
-
-
-def _step(chain: Chain, step: _Step) -> Point:
-    rng = np.random.default_rng(step.seed)
-    if step.point is None:
+    rng = np.random.default_rng(seed)
+    if point is None:
         return chain.begin(rng)
-    return chain.finish(step.point) if step.number == step.rounds - 1 else chain.kick(step.point, rng)
+    return chain.finish(point) if number == rounds - 1 else chain.kick(point, rng)
 
 
 def _result(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from excite.documents.blind import BlindAnswers
 from excite.documents.document import read_document
@@ -15,8 +16,6 @@ from excite.errors import InputError
 from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.log import Log, Role, Trial, TrialHeader
-from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs, check_jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_seed
 from excite.robot.loading import load_robot
@@ -58,7 +57,7 @@ def make_cases(
     base: Literal["fixed", "floating", "both"] = "fixed",
     robots: tuple[str, ...] = (),
     torque: Literal["motor_side", "none"] = "motor_side",
-    jobs: Jobs = 1,
+    jobs: int = 1,
     progress: Progress = silent,
 ) -> Path:
     """Write cases ``case_000`` … into a folder and what is hidden in them into a file beside it.
@@ -71,14 +70,14 @@ def make_cases(
         robots: to choose from, whatever ``base``; none: those of the base.
         torque: what the logs of arms have; without torque, commands and position servos of several forms, whose gains
             are stated in about half of the cases.
-        jobs: number of processes, or an executor; the cases do not depend on it.
+        jobs: number of processes; the cases do not depend on it.
         progress: told after each case.
 
     Returns:
         The file of answers.
 
     Raises:
-        InputError: the folder holds cases already, no cases are asked for, or ``jobs`` out of range.
+        InputError: the folder holds cases already, or no cases are asked for.
         UnknownNameError: no such robot.
     """
     folder = Path(folder)
@@ -87,9 +86,9 @@ def make_cases(
         raise InputError(f"{folder} is not empty", remedy="name another folder")
     children = check_seed(seed).spawn(cases)
     families = _families(base, robots)
-    made = _Made(folder.absolute(), families, torque)
+    tasks = (delayed(_case)(folder, k, child, families, torque) for k, child in enumerate(children))
     answers: dict[str, dict] = {}
-    for k, answer in enumerate(in_order(_case, enumerate(children), jobs=jobs, shared=made)):
+    for k, answer in enumerate(Parallel(n_jobs=jobs, return_as="generator")(tasks)):
         answers[f"case_{k:03d}"] = answer.to_json()
         progress("blind cases", k + 1, cases)
     target = answers_file(folder)
@@ -118,31 +117,26 @@ def _families(base: str, robots: tuple[str, ...]) -> tuple[tuple[bool, tuple[str
     return tuple((kind, STANDING_ROBOTS if kind else ROBOTS) for kind in wanted)
 
 
-@dataclass(frozen=True)
-class _Made:
-    """What all cases of a folder have in common."""
-
-    folder: Path
-    families: tuple[tuple[bool, tuple[str, ...]], ...]
-    torque: str
-
-
-def _case(made: _Made, drawn: tuple[int, np.random.SeedSequence]) -> Answer:
-    number, child = drawn
+def _case(
+    folder: Path,
+    number: int,
+    child: np.random.SeedSequence,
+    families: tuple[tuple[bool, tuple[str, ...]], ...],
+    torque: str,
+) -> Answer:
     rng = np.random.default_rng(child)
-    standing, robots = made.families[number % len(made.families)]
-    turn = number // len(made.families)
-    target = made.folder / f"case_{number:03d}"
+    standing, robots = families[number % len(families)]
+    turn = number // len(families)
     if standing:
         case = build_floating_case(floating_draft(turn, rng, robots), rng)
-        save_log(case.log, target)
+        save_log(case.log, folder / f"case_{number:03d}")
         return case.answer
     plan = draft(turn, rng, robots)
-    servo = drawn_servo(rng) if made.torque == "none" else None
+    servo = drawn_servo(rng) if torque == "none" else None
     log, answer = build_case(plan, rng, servo)
     if servo is not None:
         log, answer = servo.logged(log, answer)
-    save_log(log, target)
+    save_log(log, folder / f"case_{number:03d}")
     return answer
 
 
