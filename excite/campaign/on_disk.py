@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 import pickle
-import shutil
-import tempfile
-import weakref
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
 from excite.errors import InputError
+from excite.temporary_folder import TemporaryFolder
 
 T = TypeVar("T")
-
-
-class TemporaryFolder:
-    """A folder that goes away with the last of those that refer to it, or with the process."""
-
-    def __init__(self) -> None:
-        self.path = Path(tempfile.mkdtemp(prefix="excite_"))
-        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
 def write_value(value: object, path: Path) -> Path:

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.campaign import optimised
 from excite.campaign.choice import Rule, choose
-from excite.campaign.on_disk import TemporaryFolder
+from excite.temporary_folder import TemporaryFolder
 from excite.campaign.optimised import SeriesSettings
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool

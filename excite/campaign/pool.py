@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.campaign.on_disk import OnDisk, TemporaryFolder, write_value
+from excite.campaign.on_disk import OnDisk, write_value
 from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.ranking import Ranking, ranking
 from excite.excitation.sub_regressors import SegmentCondition, segment_columns, segment_conditions

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from excite.campaign.choice import Rule, candidates, choose
-from excite.campaign.on_disk import TemporaryFolder
+from excite.temporary_folder import TemporaryFolder
 from excite.campaign.pool import Keeper, Pool
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import select
