@@ -32,6 +32,23 @@ def write_value(value: object, path: Path) -> Path:
     return path
 
 
+def read_value(path: Path) -> Any:
+    """A value from :func:`write_value`.
+
+    Raises:
+        InputError: this machine does not see the file.
+    """
+    try:
+        with path.open("rb") as file:
+            return pickle.load(file)  # noqa: S301  (written by this run, in a folder of its own)
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror})",
+            source=path,
+            remedy="leave the temporary folder alone; with several machines, set TMPDIR to one that they share",
+        ) from error
+
+
 @dataclass(frozen=True, eq=False)
 class OnDisk(Sequence[T], Generic[T]):
     """A sequence whose values are read anew at each access.
@@ -58,8 +75,7 @@ class OnDisk(Sequence[T], Generic[T]):
         """One value; of a slice, the sequence of its values."""
         if isinstance(index, slice):
             return OnDisk(self.files[index], self.folder)
-        with self.files[index].open("rb") as file:
-            value: Any = pickle.load(file)  # noqa: S301  (written by this process, in a folder of its own)
+        value: T = read_value(self.files[index])
         return value
 
     def only(self, indices: Iterable[int]) -> OnDisk[T]:

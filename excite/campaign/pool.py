@@ -17,6 +17,7 @@ from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import measured_columns
 from excite.robot.robot import Array, Robot
+from excite.temporary_folder import TemporaryFolder
 from excite.threads import one_blas_thread
 
 

@@ -161,7 +161,7 @@ def _starter(process: int) -> ThreadPoolExecutor:
 
 
 def _start_tracker() -> None:
-    """Start loky's tracker, which removes the semaphores of a process that was killed, such that it does so silently."""
+    """Start loky's tracker, which removes the semaphores of a process that was killed; let it do so silently."""
     from joblib.externals.loky.backend import resource_tracker
 
     before = os.environ.get("PYTHONWARNINGS")

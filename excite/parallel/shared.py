@@ -10,7 +10,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from joblib.externals.loky.backend import reduction
 
 from excite.errors import InputError
 from excite.temporary_folder import TemporaryFolder
@@ -51,6 +50,8 @@ class Shared(Generic[T]):
             InputError: it cannot be written.
         """
         if self._written is None:
+            from joblib.externals.loky.backend import reduction
+
             content = bytes(reduction.dumps(self.value))
             folder = TemporaryFolder()
             path = folder.path / "shared.pickle"
@@ -81,7 +82,5 @@ def load_shared(file: SharedFile) -> Any:
             f"cannot be read on {socket.gethostname()} ({error.strerror})", source=file.path, remedy=remedy
         ) from error
     if hashlib.sha256(content).hexdigest() != file.digest:
-        raise InputError(
-            f"has another content on {socket.gethostname()}", source=file.path, remedy=remedy
-        )
+        raise InputError(f"has another content on {socket.gethostname()}", source=file.path, remedy=remedy)
     return pickle.loads(content)  # noqa: S301  (of the digest that came with the task)

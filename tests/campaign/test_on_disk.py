@@ -10,6 +10,7 @@ import pytest
 
 from excite.campaign.on_disk import OnDisk, write_value
 from excite.errors import InputError
+from excite.temporary_folder import TemporaryFolder
 
 
 @pytest.fixture
