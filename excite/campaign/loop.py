@@ -30,6 +30,7 @@ from excite.identification.result import Identification
 from excite.json_document import write_json
 from excite.logs.joined import join_logs
 from excite.logs.log import Log, Role
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
@@ -44,7 +45,7 @@ def campaign(
     settings: CampaignSettings | None = None,
     *,
     resume: bool = False,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Campaign:
     """Run the loop until all targets are met or nothing more can be expected.
@@ -59,7 +60,7 @@ def campaign(
         folder: where everything is written.
         settings: what is asked for; defaults if None.
         resume: go on with the campaign that ``folder`` holds.
-        jobs: number of processes; the result does not depend on it.
+        jobs: number of processes, or an executor; the result does not depend on it.
         progress: told as work proceeds.
 
     Returns:
@@ -99,7 +100,7 @@ class _State:
     robot: Robot
     settings: CampaignSettings
     journal: Journal
-    jobs: int
+    jobs: Jobs
     progress: Progress
 
     def __post_init__(self) -> None:

@@ -15,6 +15,7 @@ from excite.excitation.optimisation.search import NAME, OptimisedMotion, SearchS
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
 from excite.motion.generators.candidate import Candidate, SupportPhase
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_number
 from excite.robot.robot import Robot
@@ -74,7 +75,7 @@ def optimised_candidates(
     *,
     targets: Sequence[str] = (),
     settings: SeriesSettings | None = None,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> list[Candidate]:
     """Optimised Fourier series within the share of the limits that repairs leave alone.
@@ -86,7 +87,7 @@ def optimised_candidates(
         targets: joints to aim at, each with its share of the starts: it has the whole of its range, the others a
             part of theirs about where they rest. All have the whole, if empty.
         settings: criterion and period; defaults if None.
-        jobs: number of processes; the candidates do not depend on it.
+        jobs: number of processes, or an executor; the candidates do not depend on it.
         progress: told after each solve.
 
     Raises:

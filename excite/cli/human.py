@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.atomic import atomic_folder
 from excite.cli.human_figures import human_figures
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, SeedOption
 from excite.cli.output import emit, progress_bars
 from excite.cli.segment_options import (
     AsymmetricOption,
@@ -92,7 +92,7 @@ def command(
     mass_range: MassRangeOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
     if identify is None and (asymmetric or mass_range):
