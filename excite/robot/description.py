@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
 from excite.reading.yaml_document import read_yaml
+from excite.robot.collision_block import CollisionBlock
 from excite.robot.per_joint import (
     Accelerations,
     Block,
@@ -31,16 +32,12 @@ from excite.robot.quantities import (
     FrictionCoefficient,
     Gravity,
     JointValue,
-    Length,
     Margin,
     Noise,
     Rate,
     Rotation3,
     Vector3,
 )
-
-# A hull's planes and corners are compared pairwise: 2000 take seconds and 100 MB.
-MAX_HULL_CORNERS = 2000
 
 
 class ModelFile(Block):
@@ -124,33 +121,6 @@ class ControllerBlock(Block):
     kp: Gains
     kd: Gains
     rate_hz: Rate = 1000.0
-
-
-class CollisionShape(Block):
-    """An authored collision primitive on a link; ``size`` is metres: radius | radius, length | x, y, z."""
-
-    link: str
-    kind: Literal["sphere", "capsule", "box"]
-    size: tuple[Length, ...]
-    xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Rotation3 = (0.0, 0.0, 0.0)
-
-
-class CollisionBlock(Block):
-    """Collision geometry: convex hulls of the URDF's meshes, or authored primitives.
-
-    ``hull_corners`` is how many corners a hull may have; more of them hug the mesh closer, which parts need that
-    pass each other within millimetres. ``ignored_pairs`` are pairs of links that may touch or that cannot reach
-    each other.
-    """
-
-    geometry: Literal["collision", "visual", "authored"]
-    hull_corners: Annotated[int, Field(ge=32, le=MAX_HULL_CORNERS)] = 96
-    shapes: tuple[CollisionShape, ...] = ()
-    ignored_pairs: tuple[tuple[str, str], ...] = ()
-    margin: Margin
-    table_height: Coordinate | None = None
-    source: Source
 
 
 class SegmentsBlock(Block):

@@ -10,6 +10,7 @@ import numpy as np
 from excite.errors import RobotError
 from excite.robot.joint_values import check_range
 from excite.robot.quantities import MAX_ANGLE
+from excite.robot.urdf_geometry import check_geometry, check_origin
 from excite.robot.urdf_numbers import numbers, shorten
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -71,7 +72,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     _check_roots(links, parents, path)
     _check_count(root, path)
     for name, link in links.items():
-        _check_geometry(link, name, path)
+        check_geometry(link, name, path)
     return joints
 
 
@@ -163,7 +164,7 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
             field=where,
             remedy="use one of fixed, " + ", ".join(MOVING),
         )
-    _check_origin(joint, where, path)
+    check_origin(joint, where, path)
     if kind == "fixed":
         return
     axis = joint.find("axis")
@@ -194,13 +195,6 @@ def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: 
         joint.set("type", "continuous")
     else:
         check_range(joint.get("name", ""), (lower, upper), joint.get("type") == "prismatic", where, path)
-
-
-def _check_origin(element: ElementTree.Element, where: str, path: Path) -> None:
-    origin = element.find("origin")
-    if origin is not None:
-        for attribute in ("xyz", "rpy"):
-            numbers(origin, attribute, 3, path, f"{where}/origin", default="0 0 0")
 
 
 def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str], path: Path) -> None:
@@ -236,31 +230,3 @@ def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str],
     if depth[deepest] > MAX_DEPTH:
         what = f"lies {depth[deepest]} joints from the root, more than {MAX_DEPTH}"
         raise RobotError(what, source=path, field=f"link {deepest!r}", remedy="shorten the chain")
-
-
-def _check_geometry(link: ElementTree.Element, name: str, path: Path) -> None:
-    for kind in ("collision", "visual"):
-        for number, element in enumerate(link.findall(kind)):
-            where = f"link {name!r}/{kind} {number}"
-            _check_origin(element, where, path)
-            for solid in element.iterfind("geometry/*"):
-                _check_solid(solid, where, path)
-
-
-def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
-    lengths: dict[str, tuple[tuple[str, int, str | None], ...]] = {
-        "box": (("size", 3, None),),
-        "sphere": (("radius", 1, None),),
-        "cylinder": (("radius", 1, None), ("length", 1, None)),
-        "capsule": (("radius", 1, None), ("length", 1, None)),
-        "mesh": (("scale", 3, "1 1 1"),),
-    }
-    where = f"{where}/{solid.tag}"
-    if solid.tag == "mesh" and not solid.get("filename", "").strip():
-        raise RobotError("is missing", source=path, field=f"{where}@filename", remedy="name the mesh file")
-    for attribute, count, default in lengths.get(solid.tag, ()):
-        values = numbers(solid, attribute, count, path, where, default=default)
-        # A mesh may be mirrored by a negative scale, and scaled to nothing by none.
-        if any(value == 0.0 if solid.tag == "mesh" else value <= 0.0 for value in values):
-            what = f"is {solid.get(attribute)!r}"
-            raise RobotError(what, source=path, field=f"{where}@{attribute}", remedy="give lengths above 0")

@@ -233,6 +233,19 @@ _URDF_TEXTS: dict[str, tuple[str | bytes, str]] = {
     ),
     "many elements": ("<robot name='r'>" + "<a/>" * 300_000 + "</robot>", r"has more than 200000 elements"),
     "long chain": (chain(300), r"joints from the root, more than 200; shorten"),
+    "many joints": (
+        "<robot name='r'><link name='l'/>"
+        + "".join(
+            f"<link name='l{i}'/><joint name='j{i}' type='revolute'><parent link='l'/><child link='l{i}'/></joint>"
+            for i in range(500)
+        )
+        + "</robot>",
+        r"has 500 joints that move, more than 200; reduce the model",
+    ),
+    "many solids": (
+        replaced(ARM, '<link name="tool"/>', f'<link name="tool">{"<visual/>" * 999}</link>'),
+        r"999 visual",
+    ),
     "attribute twice": (
         replaced(ARM, 'mass value="2.0"', 'mass value="2.0" value="3.0"'),
         r"duplicate attribute",
