@@ -48,9 +48,9 @@ class Reach:
     def tests(self, mutant: Mutant, root: Path) -> list[str]:
         """Tests that a mutant is given: those that enter the function that it changes, the fastest first.
 
-        Where no test is seen to enter it (compiled code, a line outside functions), those that enter its file. The
-        other tests of the same files follow, those with the same parameters before the rest: they may look at what an
-        earlier one has made and kept.
+        Where no test is seen to enter it (compiled code, a line outside functions), those that enter its file, and
+        where there are none (a file of constants) all. The other tests of the same files follow, those with the same
+        parameters before the rest: they may look at what an earlier one has made and kept.
         """
         function = (
             mutant.path,
@@ -60,6 +60,7 @@ class Reach:
         if not direct:
             entered_by = self.functions.items()
             direct = {test for test, entered in entered_by if any(path == mutant.path for path, _ in entered)}
+        direct = direct or set(self.functions)
         files = {_file(test) for test in direct}
         parameters = {_parameters(test) for test in direct}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import coal
 import numpy as np
@@ -335,3 +336,60 @@ def test_a_curve_that_must_not_be_redrawn_is_shrunk_ten_times(panda: Robot) -> N
         assert isinstance(outcome, Draft)
         assert np.allclose(outcome.candidate.posture.control - panda.rest, share * (control - panda.rest))
     assert isinstance(Waypoints(panda, After(10)).repair(Draft(candidate)), Rejection)
+
+
+# --- The search itself, on distances that are functions of time
+
+
+class Profiles:
+    """Stands for :class:`Distances`: pair ``k`` is ``level − steepness·max(0, width − |t − at|)`` apart."""
+
+    def __init__(
+        self, dips: list[tuple[float, float, float]], duration: float, rate_hz: float = 200.0
+    ) -> None:
+        self.dips = np.array(dips)
+        self.time = np.linspace(0.0, duration, round(duration * rate_hz) + 1)
+        self.sweep = SimpleNamespace(fine=SimpleNamespace(time=self.time))
+        self.n_pairs = len(dips)
+        self.asked = 0
+
+    steepness = 2.0
+
+    def at(self, time: float, pairs: np.ndarray) -> np.ndarray:
+        self.asked += 1
+        level, at, width = self.dips[pairs].T
+        return level - self.steepness * np.maximum(0.0, width - np.abs(time - at))
+
+    def approach(self, start: float, end: float, pairs: np.ndarray) -> np.ndarray:
+        return np.full(len(pairs), self.steepness * (end - start))
+
+    midpoint = Distances.midpoint
+
+
+@pytest.mark.parametrize("duration", [0.33, 1.0, 2.7])
+def test_the_search_finds_every_dip_wherever_it_is(duration: float) -> None:
+    """Also between two samples of the grid, in the first and the last of them, and of the pair that is far at first."""
+    rng = np.random.default_rng(0)
+    places = [0.002, 0.4 * duration, duration - 0.0021, *rng.uniform(0.0, duration, size=5)]
+    for at in places:
+        for depth in (0.004, 0.03, 0.3):
+            dips = [(1.0, 0.0, 0.0), (0.2 + depth, at, 0.5 * depth), (0.25, 0.5 * duration, 0.01)]
+            profiles = Profiles(dips, duration)
+            truth = float(min(0.2, profiles.at(0.5 * duration, np.arange(3)).min()))
+            for required, found in ((0.15, False), (0.205, True)):
+                closest = find_closest(profiles, required)
+                assert closest.lower <= truth + 1e-12
+                assert closest.upper >= truth - 1e-12
+                assert closest.upper - closest.lower <= 1e-3
+                assert (1 in closest.found) is found or not found
+                assert bool(closest.found) is found
+                for pair, (time, value) in closest.found.items():
+                    assert value == pytest.approx(profiles.at(time, np.array([pair]))[0])
+                    assert value < required
+
+
+def test_the_search_evaluates_little_where_nothing_comes_near() -> None:
+    far = Profiles([(1.0, 0.0, 0.0), (0.9, 0.5, 0.001)], 2.0)
+    closest = find_closest(far, 0.05)
+    assert closest.lower >= 0.05 and not closest.found
+    assert far.asked < 2000
