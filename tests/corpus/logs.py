@@ -251,7 +251,7 @@ _HEADER = (
     ("contains itself", _text("a: &a {b: *a}\n"), "contains itself"),
     ("other schema", _stated(schema="excite.log/7"), "schema"),
     ("no schema", _stated(schema=None), "schema"),
-    ("unknown field", _stated(rate=100), "rate: Extra inputs"),
+    ("unknown field", _stated(rate=100), "rate: extra inputs"),
     ("no joints", _stated(joints=[]), "joints"),
     ("no trials", _stated(trials=[]), "trials"),
     ("python object", _text("!!python/object/apply:os.system ['true']\n"), "is not valid YAML"),
