@@ -75,6 +75,11 @@ def _checked(robot: Robot, task: tuple[Motion, dict[str, Motion]]) -> Verdict:
 
 
 def _neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:
-    """The motions that a motion says it lies between, as far as they are there."""
-    names = (motion.metadata.previous, motion.metadata.following)
-    return {name: named[name] for name in names if name in named}
+    """The motions of the chain that a motion says it is part of, as far as they are there."""
+    found: dict[str, Motion] = {}
+    for end in ("previous", "following"):
+        name = getattr(motion.metadata, end)
+        while name in named and name not in found:
+            found[name] = named[name]
+            name = getattr(named[name].metadata, end)
+    return found

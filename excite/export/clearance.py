@@ -101,8 +101,8 @@ def _cleared(
                 remedy=f"give at least {MIN_RATE_HZ:g} Hz",
             )
         written = on_grid(motion, robot, rate_hz)
-        # What cannot be read cannot be compared either; its verdict says why.
-        if verdict.readable:
+        # What is not safe does not leave at any rate, and what cannot be read cannot be compared.
+        if verdict.safe or (verdict.readable and reason is not None):
             _check_loss(robot, motion, written, rate_hz)
         if verdict.safe:
             verdict = check_motion(robot, written, neighbours=named)

@@ -81,6 +81,22 @@ def test_a_neighbour_that_does_not_fit_is_none(
     assert "chain_does_not_fit" in kinds(humanoid, one, replace(other, contacts=lifted))
 
 
+def test_a_chain_that_never_rests_is_none(arm: Robot, swinging: Motion) -> None:
+    """A ring: each motion goes on from the other, and no robot can get onto it."""
+    rows = [k for k in range(1, swinging.n_samples) if np.abs(swinging.v[k]).max() > 0.1]
+    one = part(swinging, slice(rows[0], rows[40] + 1), "one", following="back", previous="back")
+    back = replace(one.renamed("back"), q=one.q[::-1], v=one.v[::-1], a=-one.a[::-1])
+    back = replace(back, metadata=replace(one.metadata, following="one", previous="one"))
+    loop = replace(one, metadata=replace(one.metadata, following="one", previous="one"))
+    assert kinds(arm, one, back) >= {"chain_does_not_fit"} and kinds(arm, loop, loop) >= {
+        "chain_does_not_fit"
+    }
+    first, second = halves(swinging)
+    third = replace(second.renamed("third"), metadata=replace(second.metadata, previous="first"))
+    assert not kinds(arm, first, second, third)
+    assert "chain_does_not_fit" in kinds(arm, third, first, second)
+
+
 def test_a_motion_is_of_its_robot_only(arm: Robot, swinging: Motion) -> None:
     assert check_motion(arm, swinging).safe
     assert kinds(arm, replace(swinging, robot="another")) == {"other_robot"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -25,22 +26,22 @@ class RestCheck(Check):
     a joint's limit. Motions that start and end at rest, sampled at 50 to 1000 Hz and stripped of all but positions,
     use up to 14 % of that. A motion whose file names the one before or after it may start or end moving, if that one is
     among those that are judged together, names it in turn, and ends or starts in the same posture with the same
-    velocities and contacts.
+    velocities and contacts; and if the chain comes from rest and to rest at its ends.
     """
 
     name: ClassVar[str] = "rest"
 
     def judge(self, sweep: Sweep) -> CheckResult:
         robot, motion = sweep.robot, sweep.motion
-        metadata, names = motion.metadata, coordinate_names(robot)
+        names = coordinate_names(robot)
         found: list[Violation] = []
-        for row, kind, neighbour in (
-            (0, "starts_moving", metadata.previous),
-            (-1, "ends_moving", metadata.following),
-        ):
+        for row, kind in ((0, "starts_moving"), (-1, "ends_moving")):
+            neighbour = _neighbour(motion, row)
             speed, limit = np.abs(motion.v[row]), velocity_tolerance(robot)
             if neighbour:
-                apart = _misfit(robot, motion, row, sweep.neighbours.get(neighbour))
+                apart = _open_end(motion, row, sweep.neighbours) or _misfit(
+                    robot, motion, row, sweep.neighbours[neighbour]
+                )
                 if apart is not None:
                     time = float(motion.time[row])
                     found.append(Violation("chain_does_not_fit", time, f"{neighbour} ({apart})", None, None))
@@ -53,10 +54,27 @@ class RestCheck(Check):
         return CheckResult(violations=tuple(found))
 
 
-def _misfit(robot: Robot, motion: Motion, row: int, neighbour: Motion | None) -> str | None:
+def _open_end(motion: Motion, row: int, others: Mapping[str, Motion]) -> str | None:
+    """What keeps a chain from coming from rest (row 0) or to rest (row -1): a motion that is not there, or a ring."""
+    seen, name = {motion.name}, _neighbour(motion, row)
+    while name:
+        if name not in others:
+            return "not among the motions checked"
+        if name in seen:
+            return "leads back to itself and never rests"
+        seen.add(name)
+        name = _neighbour(others[name], row)
+    return None
+
+
+def _neighbour(motion: Motion, row: int) -> str:
+    return motion.metadata.previous if row == 0 else motion.metadata.following
+
+
+def _misfit(robot: Robot, motion: Motion, row: int, neighbour: Motion) -> str | None:
     """What keeps a motion's first (row 0) or last (row -1) sample from being where its neighbour ends or starts."""
-    if neighbour is None or neighbour.joint_names != motion.joint_names:
-        return "not among the motions checked"
+    if neighbour.joint_names != motion.joint_names:
+        return "has other joints"
     back = neighbour.metadata.following if row == 0 else neighbour.metadata.previous
     if back != motion.name:
         return "does not name it"
