@@ -10,7 +10,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-
 from excite.errors import InputError
 from excite.temporary_folder import TemporaryFolder
 
