@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from excite.parallel.worker import begin, ready
@@ -26,6 +28,9 @@ _WORKERS_A_CORE = 4
 _IN_FLIGHT_A_WORKER = 8
 # How long idle workers wait for more work [s]; as joblib has it.
 _IDLE_S = 300.0
+# Where Linux keeps semaphores, and how old they are when nobody opens them by name any more [s]: workers do so when
+# they start, and containers that share memory do not see each other's processes.
+_SEMAPHORES, _LEFT_S = Path("/dev/shm"), 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +169,7 @@ def _start_tracker() -> None:
     """Start loky's tracker, which removes the semaphores of a process that was killed; let it do so silently."""
     from joblib.externals.loky.backend import resource_tracker
 
+    _sweep_semaphores()
     before = os.environ.get("PYTHONWARNINGS")
     os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
     try:
@@ -172,3 +178,20 @@ def _start_tracker() -> None:
         os.environ.pop("PYTHONWARNINGS")
         if before is not None:
             os.environ["PYTHONWARNINGS"] = before
+
+
+def _sweep_semaphores() -> None:
+    """Remove semaphores that a run left whose tracker was killed too, as all processes of a cluster's job are."""
+    for path in _SEMAPHORES.glob("sem.loky-*"):
+        with suppress(OSError, ValueError):
+            found, owner = path.stat(), int(path.name.split("-")[1])
+            if found.st_uid == os.geteuid() and time.time() - found.st_mtime > _LEFT_S and not _alive(owner):
+                path.unlink()
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True

@@ -71,6 +71,11 @@ def begin(parent: int) -> None:
     # Ctrl-C reaches the whole group of processes; what becomes of the work is the parent's affair.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(parent)
+    # Where psutil is installed, loky takes a worker that has loaded a robot for one that leaks memory, ends it and
+    # warns of it.
+    from joblib.externals.loky import process_executor
+
+    process_executor._USE_PSUTIL = False
 
 
 def ready() -> int:
