@@ -6,7 +6,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 JOBS ?= 2
 
-.PHONY: demo test test-all test-fast bench bench-all reproduce lint format licences mutation report clean
+.PHONY: demo test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean
 
 # The environment is rebuilt whenever the pins or the project file change.
 $(VENV)/.ready: pyproject.toml constraints.txt
@@ -42,6 +42,10 @@ lint: $(VENV)/.ready
 
 format: $(VENV)/.ready
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
+
+FUZZ_SECONDS ?= 300
+fuzz: $(VENV)/.ready
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
 
 licences: $(VENV)/.ready
 	$(BIN)/python -m tests.supply

@@ -1,0 +1,1 @@
+"""Files that were damaged at random, handed to the commands that read them."""
