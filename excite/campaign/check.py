@@ -75,6 +75,7 @@ def _checked(robot: Robot, task: tuple[Motion, dict[str, Motion]]) -> Verdict:
 
 
 def _neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:
-    """The motions that a motion says it lies between, as far as they are there."""
-    names = (motion.metadata.previous, motion.metadata.following)
-    return {name: named[name] for name in names if name in named}
+    """The other motions of a motion's chain, as far as they are there; none for one that is in none."""
+    if not (motion.metadata.previous or motion.metadata.following):
+        return {}
+    return {n: other for n, other in named.items() if other.metadata.previous or other.metadata.following}

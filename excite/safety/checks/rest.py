@@ -31,26 +31,43 @@ class RestCheck(Check):
     name: ClassVar[str] = "rest"
 
     def judge(self, sweep: Sweep) -> CheckResult:
-        robot, motion = sweep.robot, sweep.motion
-        metadata, names = motion.metadata, coordinate_names(robot)
-        found: list[Violation] = []
-        for row, kind, neighbour in (
-            (0, "starts_moving", metadata.previous),
-            (-1, "ends_moving", metadata.following),
-        ):
-            speed, limit = np.abs(motion.v[row]), velocity_tolerance(robot)
-            if neighbour:
-                apart = _misfit(robot, motion, row, sweep.neighbours.get(neighbour))
-                if apart is not None:
-                    time = float(motion.time[row])
-                    found.append(Violation("chain_does_not_fit", time, f"{neighbour} ({apart})", None, None))
-                continue
-            for column in np.flatnonzero(~(speed <= limit)):
-                value = float(speed[column])
-                found.append(
-                    Violation(kind, float(motion.time[row]), names[column], value, float(limit[column]))
-                )
-        return CheckResult(violations=tuple(found))
+        return CheckResult(violations=_end(sweep, 0, "starts_moving") + _end(sweep, -1, "ends_moving"))
+
+
+def _end(sweep: Sweep, row: int, kind: str) -> tuple[Violation, ...]:
+    """What is wrong with a motion's start (row 0) or end (row -1)."""
+    robot, motion = sweep.robot, sweep.motion
+    time, names = float(motion.time[row]), coordinate_names(robot)
+    neighbour = _next(motion, row)
+    if neighbour:
+        apart = _misfit(robot, motion, row, sweep.neighbours.get(neighbour)) or _circle(sweep, row)
+        return (
+            () if apart is None else (Violation("chain_does_not_fit", time, f"{neighbour} ({apart})", None, None),)
+        )
+    speed, limit = np.abs(motion.v[row]), velocity_tolerance(robot)
+    return tuple(
+        Violation(kind, time, names[column], float(speed[column]), float(limit[column]))
+        for column in np.flatnonzero(~(speed <= limit))
+    )
+
+
+def _next(motion: Motion, row: int) -> str:
+    """Name of the motion that a motion goes on from (row 0), or that goes on from it (row -1)."""
+    return motion.metadata.previous if row == 0 else motion.metadata.following
+
+
+def _circle(sweep: Sweep, row: int) -> str | None:
+    """Whether those before (row 0) or after a motion lead back to it: a chain that nowhere is at rest."""
+    seen, motion = {sweep.motion.name}, sweep.motion
+    while True:
+        name = _next(motion, row)
+        if not name or name not in sweep.neighbours:
+            # Whether the chain fits beyond its neighbours is judged with those.
+            return None
+        if name in seen:
+            return "leads back to it, and nowhere to rest"
+        seen.add(name)
+        motion = sweep.neighbours[name]
 
 
 def _misfit(robot: Robot, motion: Motion, row: int, neighbour: Motion | None) -> str | None:
