@@ -14,7 +14,7 @@ from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from tests.export.mutations import MUTATIONS, NEVER, FLOATING, spoilt
+from tests.export.mutations import FLOATING, MUTATIONS, NEVER, spoilt
 from tests.export.oracle import unsafe
 
 # The shortest ready motions of an arm and of a humanoid.
@@ -24,6 +24,8 @@ STARTS = (
     ("ur10", "random_joint_003"),
     ("g1", "random_joint_016"),
 )
+MUTATED = (*MUTATIONS, *FLOATING)
+"""All ways to spoil a motion."""
 
 
 @dataclass(frozen=True)
