@@ -77,7 +77,9 @@ def clear_motions(
     broken = next((verdict for verdict in failed if _unwritable(verdict)), None)
     if broken is not None and unsafe_anyway is not None:
         raise UnsafeMotionError(
-            broken.summary(), verdicts=failed, remedy="nothing was written, and for no reason: nobody can run it"
+            broken.summary(),
+            verdicts=failed,
+            remedy="nothing was written, and for no reason: nobody can run it",
         )
     if failed and unsafe_anyway is None:
         more = (

@@ -137,7 +137,9 @@ def _low_rate(robot: Robot, motion: Motion, rng: Generator, folder: Path) -> Mot
 def _wider(field: str) -> Mutation:
     def mutate(robot: Robot, motion: Motion, rng: Generator, folder: Path) -> Motion:
         values = getattr(motion, field)
-        return replace(motion, **{field: values[:, :, None] if rng.random() < 0.5 else np.hstack([values, values])})
+        return replace(
+            motion, **{field: values[:, :, None] if rng.random() < 0.5 else np.hstack([values, values])}
+        )
 
     return mutate
 
@@ -178,14 +180,20 @@ def _held_beyond(robot: Robot, motion: Motion, rng: Generator, folder: Path) -> 
     j = _joint(robot, rng)
     beyond = robot.limits.position_upper[j] + _share(rng)
     for field, value in (("q", beyond), ("v", 0.0), ("a", 0.0)):
-        motion = _edited(motion, field, lambda x, y=value: x.__setitem__((slice(None), j - robot.n_joints), y))
+        motion = _edited(
+            motion, field, lambda x, y=value: x.__setitem__((slice(None), j - robot.n_joints), y)
+        )
     return motion
 
 
 def _offset(robot: Robot, motion: Motion, rng: Generator, folder: Path) -> Motion:
     """Joints held elsewhere all along: limits are kept, bodies may touch and balance may be lost."""
     limits, q = robot.limits, motion.joint_positions()
-    room = np.where(rng.random(robot.n_joints) < 0.5, limits.position_upper - q.max(axis=0), limits.position_lower - q.min(axis=0))
+    room = np.where(
+        rng.random(robot.n_joints) < 0.5,
+        limits.position_upper - q.max(axis=0),
+        limits.position_lower - q.min(axis=0),
+    )
     shift = np.concatenate([np.zeros(robot.n_base_q), float(rng.uniform(0.2, 0.95)) * room])
     return replace(motion, q=motion.q + shift)
 

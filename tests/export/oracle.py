@@ -36,7 +36,9 @@ def unsafe(robot: Robot, path: Path) -> list[str]:
     names = robot.joint_names
     q, v, a = (np.column_stack([columns[f"{p}.{name}"] for name in names]) for p in "qva")
     dense = np.arange(time[0], time[-1], 1e-3)
-    path_of = [BPoly.from_derivatives(time, np.stack([q[:, j], v[:, j], a[:, j]], axis=1)) for j in range(len(names))]
+    path_of = [
+        BPoly.from_derivatives(time, np.stack([q[:, j], v[:, j], a[:, j]], axis=1)) for j in range(len(names))
+    ]
     found = _joints(robot, dense, path_of)
     limit = robot.limits.velocity
     if (np.abs(v[[0, -1]]) > 0.01 * limit).any():
@@ -89,7 +91,9 @@ def _torques(robot: Robot, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> list[
     return ["torque"] if (np.abs(tau) > _ROOM * robot.limits.torque).any() else []
 
 
-def _standing(robot: Robot, columns: dict, time: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> list[str]:
+def _standing(
+    robot: Robot, columns: dict, time: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> list[str]:
     feet = [foot for foot in robot.feet if f"contact.{foot.name}" in columns]
     if len(feet) < len(robot.feet):
         return ["no contact flags"]
@@ -113,12 +117,21 @@ def _standing(robot: Robot, columns: dict, time: np.ndarray, q: np.ndarray, v: n
                 found.add("foot off the ground")
             if np.abs(sole - stood.setdefault(i, sole)).max() > 0.02:
                 found.add("foot slips")
-        if not _carries(robot, data, q[k], v[k], a[k], np.vstack([s for s, on in zip(soles, contact[k], strict=True) if on])):
+        if not _carries(
+            robot,
+            data,
+            q[k],
+            v[k],
+            a[k],
+            np.vstack([s for s, on in zip(soles, contact[k], strict=True) if on]),
+        ):
             found.add("zero-moment point")
     return sorted(found)
 
 
-def _carries(robot: Robot, data: pin.Data, q: np.ndarray, v: np.ndarray, a: np.ndarray, corners: np.ndarray) -> bool:
+def _carries(
+    robot: Robot, data: pin.Data, q: np.ndarray, v: np.ndarray, a: np.ndarray, corners: np.ndarray
+) -> bool:
     """Whether the zero-moment point is inside the soles' hull, or out of it by no more than 5 mm."""
     pin.computeCentroidalMomentumTimeVariation(robot.model, data, q, v, a)
     force = np.array(data.dhg.linear) - robot.mass * robot.model.gravity.linear

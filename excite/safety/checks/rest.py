@@ -42,7 +42,9 @@ def _end(sweep: Sweep, row: int, kind: str) -> tuple[Violation, ...]:
     if neighbour:
         apart = _misfit(robot, motion, row, sweep.neighbours.get(neighbour)) or _circle(sweep, row)
         return (
-            () if apart is None else (Violation("chain_does_not_fit", time, f"{neighbour} ({apart})", None, None),)
+            ()
+            if apart is None
+            else (Violation("chain_does_not_fit", time, f"{neighbour} ({apart})", None, None),)
         )
     speed, limit = np.abs(motion.v[row]), velocity_tolerance(robot)
     return tuple(
