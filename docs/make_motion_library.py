@@ -1,15 +1,19 @@
-"""Make the motion library anew: ``python docs/make_motion_library.py [ROBOT …]``.
+"""Make the motion library anew: ``python docs/make_motion_library.py [--judge] [ROBOT …]``.
 
 For each robot, as ``excite plan --select rsd`` does: candidates of a fixed seed, filtered; those that together leave
 the least RSD within a total duration, rehearsed in simulation. In between the motions are written coarsely, read back,
-and judged by the independent check as they were read; what the written file no longer passes is left out.
+and judged by the independent check as they were read; what the written file no longer passes is left out. The verdict
+travels in the file.
+
+``--judge`` leaves the motions as they are and judges them anew, for a robot whose description has changed or a check
+that has: a set of which one motion no longer passes has to be made anew.
 """
 
 from __future__ import annotations
 
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 
@@ -24,14 +28,18 @@ from excite.excitation.greedy import TotalDeviation, greedy_choice, information
 from excite.excitation.precision import nominal_values, row_noise
 from excite.excitation.selection import NEGLIGIBLE
 from excite.json_document import write_json
+from excite.motion.content import with_verdict
 from excite.motion.files import load_motion, save_motion
 from excite.motion.generators.registry import plan_candidates
 from excite.motion.motion import Motion
+from excite.reading.json_document import read_json
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.report.plots.snapshots import choose_motions, plot_snapshots
 from excite.report.theme import to_png
 from excite.robot.robot import Robot
+from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidates
+from excite.safety.verdict import Verdict, check_document
 
 LIBRARY = Path(__file__).resolve().parents[1] / "motion_library"
 SEED = 1
@@ -131,11 +139,37 @@ def _written(robot: Robot, motion: Motion, folder: Path, rate_hz: float) -> Moti
     """Write a motion as the library holds it and read it back; None, and no file, if that is not safe."""
     path = folder / "motions" / f"{motion.name}.parquet"
     save_motion(motion.resampled(robot, rate_hz), path, single=True)
+    if _judged(robot, path) is None:
+        path.unlink()
+        return None
+    return load_motion(path, robot)
+
+
+def _judged(robot: Robot, path: Path) -> Verdict | None:
+    """Judge a file and write the verdict into it; None, and the file as it was, if it is not safe."""
     found = load_motion(path, robot)
-    if excite.check(robot, [found]).safe:
-        return found
-    path.unlink()
-    return None
+    motion = replace(found, metadata=replace(found.metadata, robot_hash=robot.hash, verdict=None))
+    verdict = check_motion(robot, motion)
+    if not verdict.safe:
+        return None
+    sealed = with_verdict(motion, verdict.to_json(), robot.hash)
+    again = load_motion(save_motion(sealed, path, single=True), robot)
+    if again.metadata.verdict != sealed.metadata.verdict:
+        raise SystemExit(f"{path} does not hold what was judged")
+    return verdict
+
+
+def judge(name: str) -> str:
+    """Judge one robot's set anew; returns a line about it."""
+    robot, folder = excite.load_robot(name), LIBRARY / name
+    verdicts = []
+    for entry in read_json(folder / "conditioning.json")["motions"]:
+        verdict = _judged(robot, folder / entry["motion"])
+        if verdict is None:
+            raise SystemExit(f"{entry['motion']} is no longer safe: make the set of {name} anew")
+        verdicts.append(verdict)
+    write_json(check_document(verdicts), folder / "check.json")
+    return f"{name}: {len(verdicts)} motions, all safe"
 
 
 def _draw(robot: Robot, motions: list[Motion], path: Path) -> None:
@@ -152,13 +186,15 @@ def _draw(robot: Robot, motions: list[Motion], path: Path) -> None:
 
 
 def main() -> None:
-    """Make the sets that are named, or all of them."""
-    names = sys.argv[1:] or list(RECIPES)
+    """Make the sets that are named, or all of them; with ``--judge``, judge them."""
+    arguments = sys.argv[1:]
+    work = judge if "--judge" in arguments else lambda name: make(name, RECIPES[name])
+    names = [argument for argument in arguments if argument != "--judge"] or list(RECIPES)
     unknown = [name for name in names if name not in RECIPES]
     if unknown:
         raise SystemExit(f"no recipe for {unknown[0]!r}; choose from {', '.join(RECIPES)}")
     for name in names:
-        sys.stdout.write(make(name, RECIPES[name]) + "\n")
+        sys.stdout.write(work(name) + "\n")
         sys.stdout.flush()
 
 

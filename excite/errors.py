@@ -48,6 +48,19 @@ class MotionError(InputError):
     """A motion file is malformed or does not fit the robot."""
 
 
+class OtherRobotError(MotionError):
+    """A motion that says that it is another robot's, and whose joints this one lacks; ``robot`` is whom it names."""
+
+    def __init__(self, whose: str, robot: str, source: object):
+        self.robot = whose
+        super().__init__(
+            f"is a motion of {whose!r}, not of {robot!r}",
+            source=source,
+            field="robot",
+            remedy="name the robot that it was made for",
+        )
+
+
 class LogError(InputError):
     """A log folder is malformed or does not fit the robot."""
 

@@ -25,6 +25,9 @@ _WHOLE = {"position": "range", "velocity": "limit", "acceleration": "limit"}
 # Instants at which both are compared, for each sample of the finer of the two.
 _COMPARED = 4
 
+# What no file holds, or of which nothing can be said: not written for any reason.
+_UNWRITABLE = {"shape", "joint_order", "not_finite", "time_not_increasing", "too_few_samples"}
+
 OVERRIDE = "--unsafe-anyway REASON (unsafe_anyway in Python) is the only way round"
 
 
@@ -71,6 +74,13 @@ def clear_motions(
         for robot, motion in zip(robots, motions, strict=True)
     ]
     failed = [item.verdict for item in cleared if not item.verdict.safe]
+    broken = next((verdict for verdict in failed if _unwritable(verdict)), None)
+    if broken is not None and unsafe_anyway is not None:
+        raise UnsafeMotionError(
+            broken.summary(),
+            verdicts=failed,
+            remedy="nothing was written, and for no reason: nobody can run it",
+        )
     if failed and unsafe_anyway is None:
         more = (
             f", and {len(failed) - 1} more of {len(cleared)} motions are not safe" if len(failed) > 1 else ""
@@ -91,6 +101,8 @@ def _cleared(
             remedy="export it with its robot",
         )
     verdict = check_motion(robot, motion, neighbours=named)
+    if _unwritable(verdict):
+        return Cleared(motion, verdict, reason)
     written = motion
     if rate_hz is not None:
         if rate_hz < MIN_RATE_HZ:
@@ -112,6 +124,10 @@ def _cleared(
     metadata = replace(written.metadata, robot_hash=robot.hash, stated_hash="")
     sealed = with_verdict(replace(written, robot=robot.name, metadata=metadata), said, robot.hash)
     return Cleared(sealed, verdict, None if verdict.safe else reason)
+
+
+def _unwritable(verdict: Verdict) -> bool:
+    return any(violation.kind in _UNWRITABLE for violation in verdict.violations)
 
 
 def _check_loss(robot: Robot, motion: Motion, written: Motion, rate_hz: float) -> None:

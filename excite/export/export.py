@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.atomic import all_or_nothing
-from excite.errors import InputError, MotionError, UnknownNameError
+from excite.errors import InputError, MotionError, OtherRobotError, UnknownNameError, UnsafeMotionError
 from excite.export.clearance import Cleared, clear_motions
 from excite.export.registry import EXPORTERS
 from excite.json_document import write_json
@@ -17,6 +17,7 @@ from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.verdict import Margins, Verdict, Violation
 
 SCHEMA = "excite.export/1"
 
@@ -132,7 +133,7 @@ def export_with_verdicts(
             f"two motions are called {repeated[0]!r}", source="export", remedy="export them apart"
         )
     robots = _robots(files, robot)
-    motions = [load_motion(file, its) for file, its in zip(files, robots, strict=True)]
+    motions = [_read(file, its) for file, its in zip(files, robots, strict=True)]
     cleared = clear_motions(robots, motions, rate_hz, unsafe_anyway)
     with all_or_nothing():
         return [
@@ -158,6 +159,19 @@ def _robots(files: Sequence[Path], robot: str | None) -> list[Robot]:
             loaded[name] = load_robot(name)
         found.append(loaded[name])
     return found
+
+
+def _read(file: Path, robot: Robot) -> Motion:
+    try:
+        return load_motion(file, robot)
+    except OtherRobotError as error:
+        found = Violation("other_robot", None, error.robot, None, None)
+        verdict = Verdict(file.stem, Margins(), (found,), readable=False)
+        raise UnsafeMotionError(
+            verdict.summary(),
+            verdicts=[verdict],
+            remedy="nothing was written, and for no reason: its joints differ",
+        ) from error
 
 
 def _write(cleared: Cleared, format: str, path: Path) -> Path:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
-from excite.errors import MotionError
+from excite.errors import MotionError, OtherRobotError
 from excite.motion.content import (
     BASE_ACCELERATION,
     BASE_POSE,
@@ -120,6 +120,7 @@ def load_motion(path: Path, robot: Robot) -> Motion:
         The motion.
 
     Raises:
+        OtherRobotError: it names another robot, and joints that this one lacks.
         MotionError: unreadable, wrong schema, missing columns, NaN, a column with too many axes, unsorted time, joints
             that the robot lacks.
     """
@@ -127,7 +128,7 @@ def load_motion(path: Path, robot: Robot) -> Motion:
     raw = read_motion(path, robot.joint_names)
     said = _said(raw.metadata, path)
     columns = _numeric(raw.columns, path)
-    _check_joints(columns, robot, path)
+    _check_joints(columns, robot, path, "" if said is None else said.robot)
     _check_time(columns, path)
     digest = content_hash(columns) if said is not None and said.content_hash else ""
     columns = with_derivatives(columns, robot.joint_names, path)
@@ -250,9 +251,11 @@ def _column(column: NDArray[Any], name: str, path: Path) -> Array:
     return values
 
 
-def _check_joints(columns: Iterable[str], robot: Robot, path: Path) -> None:
+def _check_joints(columns: Iterable[str], robot: Robot, path: Path, whose: str) -> None:
     found = {name.partition(".")[2] for name in columns if name.startswith(("q.", "v.", "a."))}
     unknown = sorted(found - set(robot.joint_names))
+    if unknown and whose not in ("", robot.name):
+        raise OtherRobotError(whose, robot.name, path)
     if unknown:
         raise MotionError(
             f"robot {robot.name!r} has no such joint",

@@ -10,6 +10,7 @@ import pytest
 
 import excite
 from excite.errors import InputError, UnknownNameError
+from excite.motion.content import content_hash, motion_columns
 from excite.motion.files import load_motion, save_motion
 from excite.motion.library import library_folder, library_names
 
@@ -38,6 +39,17 @@ def test_a_set_holds_its_motions_and_what_is_said_of_them(name: str) -> None:
     assert said["conditioning"]["rank"] == said["conditioning"]["n_base_parameters"]
     picture = folder / "motions.png"
     assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size <= 60_000
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_motion_carries_the_verdict_on_it_for_the_robot_as_it_is(name: str) -> None:
+    """Where this fails after a change of a robot: ``python docs/make_motion_library.py --judge``."""
+    robot = excite.load_robot(name)
+    for motion in excite.load_motions(name):
+        verdict = motion.metadata.verdict
+        assert verdict is not None and verdict["safe"] and not motion.metadata.stated_hash
+        assert verdict["robot_hash"] == motion.metadata.robot_hash == robot.hash
+        assert verdict["content_hash"] == content_hash(motion_columns(motion))
 
 
 def test_the_library_is_small() -> None:

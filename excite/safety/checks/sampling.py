@@ -15,6 +15,8 @@ from excite.safety.verdict import Violation
 
 # Longest step between samples relative to the median one: more is a gap in which anything may happen.
 _STEP_RATIO = 1.5
+# Shortest step relative to the median one: a clock jitters far less, and derivatives over less of a step say nothing.
+_SHORTEST_STEP = 0.01
 # Slowest sampling at which interpolation still says what a controller would do [Hz].
 MIN_RATE_HZ = 20.0
 # How far v and a may be from the derivatives of q and v, relative to the joints' limits; chosen here: a tenth
@@ -107,6 +109,9 @@ def _time(motion: Motion) -> tuple[Violation, ...]:
     median = float(np.median(step))
     if median > (1.0 + 1e-9) / MIN_RATE_HZ:
         return (Violation("rate_too_low", None, "time", 1.0 / median, MIN_RATE_HZ),)
+    if (step < _SHORTEST_STEP * median).any():
+        k = int(np.argmax(step < _SHORTEST_STEP * median))
+        return (Violation("time_step", float(time[k]), "time", float(step[k]), _SHORTEST_STEP * median),)
     longest = min(_STEP_RATIO * median, 1.0 / MIN_RATE_HZ)
     if (step > longest * (1.0 + 1e-9)).any():
         k = int(np.argmax(step > longest * (1.0 + 1e-9)))

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.errors import InputError
-from excite.motion.motion import Motion
+from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Array, Robot
 from excite.safety.contact_wrench import wrench_at_world_origin, zero_moment_point
 from excite.safety.force_distribution import ContactForces, distribute_wrench
@@ -19,6 +19,9 @@ from excite.safety.force_distribution import ContactForces, distribute_wrench
 # Grid of the judgement: this many times the motion's own rate, and never below MIN_RATE_HZ.
 FINER = 2
 MIN_RATE_HZ = 200.0
+# Steps that differ by less than this share are one grid, which the finer one shares. Of other motions the own samples
+# are added to the finer grid, and of its own those left out that are within this share of a step of one.
+_EVEN, _APART = 1e-6, 0.3
 # Contact forces and joint torques, smoother and dearer, are evaluated at about this rate.
 TORQUE_RATE_HZ = 200.0
 
@@ -84,12 +87,19 @@ class Sweep:
 
     @cached_property
     def fine(self) -> Motion:
-        """The motion on the finer grid; every sample of an evenly sampled motion is one of the grid's."""
-        own = (self.motion.n_samples - 1) / self.motion.duration
+        """The motion on the finer grid; every one of its own samples is one of the grid's."""
+        time, duration = self.motion.time, self.motion.duration
+        own = (self.motion.n_samples - 1) / duration
+        rate = max(FINER, int(np.ceil(MIN_RATE_HZ / own))) * own
         if self.rate_hz is not None:
-            return self.motion.resampled(self.robot, max(self.rate_hz, own))
-        factor = max(FINER, int(np.ceil(MIN_RATE_HZ / own)))
-        return self.motion.resampled(self.robot, factor * own)
+            rate = max(self.rate_hz, own)
+        step = np.diff(time)
+        if step.max() - step.min() <= _EVEN * step.max():
+            return self.motion.resampled(self.robot, rate)
+        grid = time[0] + np.linspace(0.0, duration, round(duration * rate) + 1)
+        after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
+        nearest = np.minimum(np.abs(grid - time[after - 1]), np.abs(grid - time[after]))
+        return interpolate(self.motion, self.robot, np.sort(np.append(time, grid[nearest * rate > _APART])))
 
     @cached_property
     def control_points(self) -> ControlPoints:
