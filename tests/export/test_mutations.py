@@ -32,7 +32,7 @@ def test_a_spoilt_motion_of_an_arm_is_refused_or_harmless(kind: str) -> None:
     assert found.good, found
 
 
-@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.sampled_from(kinds(_HUMANOID)), st.integers(0, 2**32 - 1))
 def test_a_spoilt_motion_of_a_humanoid_is_refused_or_harmless(kind: str, seed: int) -> None:
     found = outcome(None, (_HUMANOID, kind, seed))
