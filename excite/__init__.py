@@ -20,6 +20,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "ExciteError": "excite.errors",
     "NoSolutionError": "excite.errors",
+    "UnsafeMotionError": "excite.errors",
     "Robot": "excite.robot.robot",
     "load_robot": "excite.robot.loading",
     "bundled_robots": "excite.robot.catalogue",

@@ -1,82 +1,253 @@
-"""Files and folders that appear under their name only when they are complete."""
+"""Files and folders that appear under their name only when they are complete.
+
+What is being written lies in a hidden folder beside it, which its writer keeps locked. A writer that was killed leaves
+its lock free: the next one in the same place removes what it left.
+"""
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from excite.errors import InputError
 
+HIDDEN = ".excite-"
+"""How the names of hidden folders begin."""
+
+_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+@dataclass(frozen=True)
+class _Hidden:
+    """A hidden folder, in which something is being written, or is complete and waits for others.
+
+    Attributes:
+        folder: the hidden folder.
+        path: what it is for; the same name in the hidden folder is what is written.
+        lock: open descriptor that keeps the folder locked.
+        made: folders that were made for it, the deepest first.
+    """
+
+    folder: Path
+    path: Path
+    lock: int
+    made: tuple[Path, ...]
+
+    @property
+    def temporary(self) -> Path:
+        """What is written."""
+        return self.folder / self.path.name
+
+
+@dataclass
+class _Written:
+    """What this process has written, and what it is writing.
+
+    Attributes:
+        complete: files and folders that appeared under their names, in order.
+        hidden: hidden folders in use.
+        swept: folders from which others' leftovers were removed.
+        waiting: what is complete and is renamed together later; None where each is at once.
+    """
+
+    complete: list[Path] = field(default_factory=list)
+    hidden: set[Path] = field(default_factory=set)
+    swept: set[Path] = field(default_factory=set)
+    waiting: list[_Hidden] | None = None
+
+
+_WRITTEN = _Written()
+
+
+def completed() -> tuple[Path, ...]:
+    """Files and folders that this process has completed, in order."""
+    return tuple(_WRITTEN.complete)
+
+
+def discard_unfinished() -> None:
+    """Remove what is being written, for a process that is about to end without unwinding."""
+    for folder in tuple(_WRITTEN.hidden):
+        shutil.rmtree(folder, ignore_errors=True)
+
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """Give a temporary path in the same folder; on success sync it and rename it to ``path``.
+    """Give a temporary path of the same name; on success sync it and rename it to ``path``.
 
     Nothing is left behind when the block raises. What may not be written is an InputError.
     """
     path = Path(path)
-    make_folder(path.parent)
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
-    try:
+    with _hidden_folder(path) as temporary:
         yield temporary
-        with temporary.open("rb") as stream:
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    except OSError as error:
-        if isinstance(error, PermissionError) or error.filename == str(temporary):
-            raise _unwritable(path, error) from error
-        raise
-    finally:
-        temporary.unlink(missing_ok=True)
+        _sync(temporary)
 
 
 @contextmanager
 def atomic_folder(path: Path) -> Iterator[Path]:
     """Give a path for a folder (not yet there, same name); on success it replaces ``path`` whole.
 
-    The temporary one keeps the final name, inside a hidden parent, for writers that name files after
-    their folder. Nothing is left behind when the block raises, and an older ``path`` then stays as it was.
+    Nothing is left behind when the block raises, and an older ``path`` then stays as it was.
     """
     path = Path(path)
-    make_folder(path.parent)
-    hidden = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    make_folder(hidden)
-    try:
-        yield hidden / path.name
-        for file in sorted((hidden / path.name).rglob("*")):
+    with _hidden_folder(path) as temporary:
+        yield temporary
+        for file in sorted(temporary.rglob("*")):
             if file.is_file():
-                with file.open("rb") as stream:
-                    os.fsync(stream.fileno())
-        if path.exists():
-            path.replace(hidden / "replaced")
-        (hidden / path.name).replace(path)
+                _sync(file)
+
+
+@contextmanager
+def all_or_nothing() -> Iterator[None]:
+    """Let everything that is written in the block appear together at its end, or nothing of it if it raises.
+
+    Files are not to be read again inside the block. A block inside another one is part of that.
+    """
+    if _WRITTEN.waiting is not None:
+        yield
+        return
+    waiting = _WRITTEN.waiting = []
+    try:
+        yield
+        _WRITTEN.waiting = None
+        for item in waiting:
+            _rename(item.temporary, item.path)
     finally:
-        shutil.rmtree(hidden, ignore_errors=True)
+        _WRITTEN.waiting = None
+        for item in waiting:
+            _remove(item)
 
 
 def make_folder(path: Path) -> Path:
     """Make a folder and those above it where they are not there; raises InputError where that cannot be done."""
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unwritable(path, error) from error
+    except (OSError, ValueError) as error:
+        raise unwritable(path, error) from error
     return path
 
 
-def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(
-        f"cannot be written ({error.strerror or error})",
-        source=path,
-        remedy="choose a folder that may be written to",
-    )
+def missing_folders(folder: Path) -> tuple[Path, ...]:
+    """A folder and those above it that are not there, the deepest first."""
+    return tuple(path for path in (folder, *folder.parents) if not os.path.exists(path))
+
+
+def remove_empty(folders: Iterable[Path]) -> None:
+    """Remove folders that are empty, the deepest first; others stay."""
+    for folder in folders:
+        # Not empty, or taken by somebody else meanwhile.
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def unwritable(path: Path, error: Exception) -> InputError:
+    """The error for a place that the system does not let anyone write to."""
+    code = error.errno if isinstance(error, OSError) else None
+    said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    remedy = "choose a folder that may be written to"
+    if code in _DISK:
+        remedy = "make room on the disk, or choose another folder; what was there before is as it was"
+    return InputError(f"cannot be written ({said})", source=str(path).replace("\0", "\\0"), remedy=remedy)
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a text file atomically, UTF-8."""
+    """Write a text file atomically, UTF-8; what no UTF-8 can hold, as names of files may, is escaped."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
     return Path(path)
+
+
+def write_bytes(path: Path, content: bytes) -> Path:
+    """Write a file atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+    return Path(path)
+
+
+def sweep(folder: Path) -> None:
+    """Remove hidden folders whose writers were killed; once a process and place."""
+    if folder in _WRITTEN.swept:
+        return
+    _WRITTEN.swept.add(folder)
+    for hidden in folder.glob(f"{HIDDEN}*"):
+        with suppress(OSError):
+            lock = os.open(hidden, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(hidden, ignore_errors=True)
+            finally:
+                os.close(lock)
+
+
+@contextmanager
+def _hidden_folder(path: Path) -> Iterator[Path]:
+    """A place of the same name in a locked hidden folder beside ``path``; what is there at the end appears there."""
+    if "\0" in str(path):
+        raise unwritable(path, ValueError("no name holds a zero byte"))
+    made = missing_folders(path.parent)
+    make_folder(path.parent)
+    hidden = _Hidden(*_locked_folder(path), made)
+    _WRITTEN.hidden.add(hidden.folder)
+    waits = False
+    try:
+        yield hidden.temporary
+        if _WRITTEN.waiting is None:
+            _rename(hidden.temporary, path)
+        else:
+            _WRITTEN.waiting.append(hidden)
+            waits = True
+    except OSError as error:
+        ours = error.filename is not None and str(error.filename).startswith(str(hidden.folder))
+        if ours or error.errno in _DISK or isinstance(error, PermissionError):
+            raise unwritable(path, error) from error
+        raise
+    finally:
+        if not waits:
+            _remove(hidden)
+
+
+def _locked_folder(path: Path) -> tuple[Path, Path, int]:
+    try:
+        sweep(path.parent)
+        while True:
+            hidden = path.parent / f"{HIDDEN}{secrets.token_hex(8)}"
+            hidden.mkdir()
+            lock = os.open(hidden, os.O_RDONLY | os.O_DIRECTORY)
+            # Some network file systems do not lock folders; theirs are then left to whoever finds them.
+            with suppress(OSError):
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if hidden.exists():
+                return hidden, path, lock
+            # Another process took it for a leftover before it was locked.
+            os.close(lock)
+    except (OSError, ValueError) as error:
+        raise unwritable(path, error) from error
+
+
+def _rename(temporary: Path, path: Path) -> None:
+    try:
+        if temporary.is_dir() and path.exists():
+            path.replace(temporary.parent / "replaced by this")
+        temporary.replace(path)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    _WRITTEN.complete.append(path)
+
+
+def _remove(hidden: _Hidden) -> None:
+    """Remove a hidden folder, and the folders that were made for it and in which nothing appeared."""
+    shutil.rmtree(hidden.folder, ignore_errors=True)
+    _WRITTEN.hidden.discard(hidden.folder)
+    os.close(hidden.lock)
+    remove_empty(hidden.made)
+
+
+def _sync(file: Path) -> None:
+    with file.open("rb") as stream:
+        os.fsync(stream.fileno())

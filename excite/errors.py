@@ -5,11 +5,20 @@ The command line turns each of them into one line: which file, what is wrong, wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 
 class ExciteError(Exception):
-    """Base of all errors raised by excite; ``exit_code`` is what the command line ends with."""
+    """Base of all errors raised by excite; ``exit_code`` is what the command line ends with.
+
+    All of them can be pickled with everything that they carry, so that they reach the process that asked.
+    """
 
     exit_code = 4
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (type(self), self.args, dict(self.__dict__))
 
 
 class InputError(ExciteError):
@@ -51,6 +60,21 @@ class UnknownNameError(InputError):
         super().__init__(f"unknown {kind} {name!r}", remedy="choose one of " + ", ".join(known))
 
 
+class UnsafeMotionError(ExciteError):
+    """A motion may not leave: the independent check does not find it safe.
+
+    Attributes:
+        verdicts: what the check says of each motion that is not safe.
+        remedy: what the caller can do about it.
+    """
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, verdicts: Sequence[Any] = (), remedy: str | None = None):
+        self.what, self.verdicts, self.remedy = what, tuple(verdicts), remedy
+        super().__init__(f"{what}; {remedy}" if remedy else what)
+
+
 class NoSolutionError(ExciteError):
     """A search or a solver ended without a solution; ``best`` is the best found, if there is one."""
 
@@ -59,3 +83,11 @@ class NoSolutionError(ExciteError):
     def __init__(self, what: str, *, best: object = None, remedy: str | None = None):
         self.what, self.best, self.remedy = what, best, remedy
         super().__init__(f"{what}; {remedy}" if remedy else what)
+
+
+def _rebuilt(kind: type[ExciteError], args: tuple[Any, ...], attributes: dict[str, Any]) -> ExciteError:
+    """An error as it was, without the checks and sentences of its constructor."""
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error

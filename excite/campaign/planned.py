@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from excite.atomic import all_or_nothing
 from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.campaign.on_disk import OnDisk
 from excite.campaign.outlook import Outlook, outlook, predictable
@@ -129,10 +130,11 @@ class Plan:
         )
 
     def save(self, folder: Path) -> Path:
-        """Write the chosen and the validation motions to ``motions/``, the report's arrays, last ``plan.json``."""
+        """Write chosen and validation motions to ``motions/``, the report's arrays and ``plan.json``: all or none."""
         folder = Path(folder)
-        for motion in (*self.motions, *self.validation_motions):
-            save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
-        save_report_data(self.report_data(), folder / "report_data.npz")
-        write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
+        with all_or_nothing():
+            for motion in (*self.motions, *self.validation_motions):
+                save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
+            save_report_data(self.report_data(), folder / "report_data.npz")
+            write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
         return folder

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
 from excite.cli.output import emit
+from excite.json_document import write_json
 
 NAME = "export"
 
@@ -25,16 +27,46 @@ def command(
         str | None,
         typer.Option("--robot", help="Robot, where the motion file's metadata do not name a bundled one."),
     ] = None,
+    unsafe_anyway: Annotated[
+        str | None,
+        typer.Option(
+            "--unsafe-anyway",
+            metavar="REASON",
+            help="Write motions that fail the check all the same; reason and violations stand in what is written.",
+        ),
+    ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
-    """Write motions in the format of a controller."""
-    written = excite.export_motions(motions, format_name, out=out or Path(), rate_hz=rate_hz, robot=robot)
+    """Write motions in the format of a controller, if the independent check finds all of them safe."""
+    from excite.export.export import SCHEMA, export_with_verdicts
+
+    try:
+        written = export_with_verdicts(
+            motions,
+            format_name,
+            out=out or Path(),
+            rate_hz=rate_hz,
+            robot=robot,
+            unsafe_anyway=unsafe_anyway,
+        )
+    except excite.UnsafeMotionError as error:
+        # One line each; the last one, which says what to do, is the error's own.
+        for verdict in error.verdicts[1:]:
+            print(f"excite: {verdict.summary()}", file=sys.stderr)
+        raise
+    for item in written:
+        if item.cleared.reason is not None:
+            print(f"excite: written all the same: {item.cleared.verdict.summary()}", file=sys.stderr)
+    entries = [item.to_json(out) for item in written]
     document = {
-        "schema": "excite.export/1",
+        "schema": SCHEMA,
         "format": format_name,
-        "files": [str(path.relative_to(out) if out else path) for path in written],
+        "files": [entry["file"] for entry in entries],
+        "motions": entries,
     }
-    emit("\n".join(f"wrote {path}" for path in written), document, as_json=as_json)
+    if out is not None:
+        write_json(document, out / "export.json")
+    emit("\n".join(f"wrote {item.path}" for item in written), document, as_json=as_json)

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.atomic import all_or_nothing
+from excite.cli.failure import of_error
+from excite.cli.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import emit
 from excite.cli.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
 from excite.json_document import write_json
+
+if TYPE_CHECKING:
+    from excite.identification.sessions import Sessions
+    from excite.logs.signals.trace import SignalTrace
 
 NAME = "identify"
 
@@ -83,7 +89,7 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Identify the inertial parameters: values, relative standard deviations, fit, validation.
 
@@ -106,32 +112,44 @@ def command(
     try:
         result = excite.identify(loaded, log, method, settings=estimator, problem_settings=settings)
     except excite.NoSolutionError as error:
-        _show_best(error, out, as_json=as_json)
-        raise
+        if not isinstance(error.best, excite.Identification):
+            raise
+        _show_best(error, error.best, out, as_json=as_json)
+        raise typer.Exit(error.exit_code) from error
     document, summary = result.to_json(), result.summary()
     if lag is not None:
         document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
         summary += f"\naligned: {lag.summary()}"
-    if sessions:
-        pooled = excite.identify_sessions(loaded, excite.split_sessions(read), problem_settings=settings)
+    pooled = _pooled(loaded, read, settings) if sessions else None
+    if pooled is not None:
         document["sessions"] = pooled.to_json()
         summary += f"\n\n{pooled.summary()}"
-        if out is not None:
-            excite.write_ranges(pooled, out / "ranges.yaml")
-    if explain_signals:
-        trace = excite.explain_signals(loaded, log, settings)
-        summary += f"\n\n{trace.summary()}"
+    trace = excite.explain_signals(loaded, log, settings) if explain_signals else None
+    if trace is not None:
         document["signals"] = [{"step": step.name, "effect": step.effect} for step in trace.steps]
-        if out is not None:
-            write_json(trace.to_json(), out / "signals.json")
-            excite.save_signal_figure(trace, out / "signals.png")
+        summary += f"\n\n{trace.summary()}"
     if out is not None:
-        excite.save_findings(loaded, result, log, out, settings)
-        models = excite.write_models(loaded, result, out, drives=drives, force=force, template=template)
-        document["models"] = models.to_json()
-        summary = f"{summary}\n\n{models.summary()}"
-        write_json(document, out / "identification.json")
+        with all_or_nothing():
+            _write_extras(pooled, trace, out)
+            excite.save_findings(loaded, result, log, out, settings)
+            models = excite.write_models(loaded, result, out, drives=drives, force=force, template=template)
+            document["models"] = models.to_json()
+            summary = f"{summary}\n\n{models.summary()}"
+            write_json(document, out / "identification.json")
     emit(summary, document, as_json=as_json)
+
+
+def _pooled(robot: excite.Robot, logs: list[excite.Log], settings: excite.ProblemSettings) -> Sessions:
+    return excite.identify_sessions(robot, excite.split_sessions(logs), problem_settings=settings)
+
+
+def _write_extras(pooled: Sessions | None, trace: SignalTrace | None, out: Path) -> None:
+    """Write what was asked for beside the identification."""
+    if pooled is not None:
+        excite.write_ranges(pooled, out / "ranges.yaml")
+    if trace is not None:
+        write_json(trace.to_json(), out / "signals.json")
+        excite.save_signal_figure(trace, out / "signals.png")
 
 
 def _check_template(template: Path | None, out: Path | None) -> None:
@@ -142,11 +160,13 @@ def _check_template(template: Path | None, out: Path | None) -> None:
         raise InputError("nothing to write into", source="--template", remedy="give --out DIR")
 
 
-def _show_best(error: excite.NoSolutionError, out: Path | None, *, as_json: bool) -> None:
-    """Show and write the best that is known, which says of itself what it is; no model is made of it."""
-    if not isinstance(error.best, excite.Identification):
-        return
-    document = error.best.to_json()
+def _show_best(
+    error: excite.NoSolutionError, best: excite.Identification, out: Path | None, *, as_json: bool
+) -> None:
+    """Show and write the best that is known, and say what it is; no model is made of it."""
+    failure = of_error(error)
+    document = {**best.to_json(), "error": failure.to_json()}
     if out is not None:
         write_json(document, out / "identification.json")
-    emit(error.best.summary(), document, as_json=as_json)
+    emit(best.summary(), document, as_json=as_json)
+    failure.show(as_json=False)

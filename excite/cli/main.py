@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import io
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any, NoReturn
 
 # Many small factorisations: one BLAS thread is faster and repeatable. Set before numpy is imported.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -30,7 +32,21 @@ from excite.cli import (  # noqa: E402
     robots,
     simulate,
 )
+from excite.cli.failure import (  # noqa: E402
+    EXIT_BAD_INPUT,
+    EXIT_USAGE,
+    of_error,
+    of_system,
+    of_unforeseen,
+    of_usage,
+)
+from excite.cli.interruption import Interrupted, handle_signals, say_interrupted  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
+
+# What typer raises for a command line that means nothing; it is click's, which typer may or may not bring along.
+_UsageError: Any = typer.BadParameter.__mro__[2]
+# 128 and the number of SIGPIPE, as shells have it.
+_EXIT_BROKEN_PIPE = 141
 
 app = typer.Typer(
     name="excite",
@@ -78,18 +94,75 @@ def _main(
     """Design, check, run and evaluate the experiments that identify a robot's dynamics."""
 
 
-def main() -> None:
-    """Run the command line; errors that excite knows become one line on stderr and an exit code."""
+def program() -> NoReturn:
+    """The ``excite`` program: the command line in a process of its own, which it ends."""
+    for stream in (sys.stdout, sys.stderr):
+        # Names of files, and terminals that know no UTF-8, hold what their encoding does not.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    handle_signals()
     try:
-        app()
+        main()
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 0
+    # Threads of native libraries that still wait for work end some one in a dozen processes by an abort, with an exit
+    # code that says nothing of what was done, where the interpreter takes itself apart. All else is tidied up as usual.
+    atexit._run_exitfuncs()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def main() -> None:
+    """Run the command line; however it ends, it says so in one line on stderr and raises SystemExit with its code."""
+    try:
+        code = _run(sys.argv[1:])
+        sys.stdout.flush()
+    except Interrupted as interruption:
+        say_interrupted()
+        code = interruption.exit_code
+    except BrokenPipeError:
+        # Whoever read the output has gone; the interpreter shall not try to write the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        code = _EXIT_BROKEN_PIPE
+    except OSError as error:
+        of_system(error).show(as_json=False)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        code = EXIT_BAD_INPUT
+    sys.exit(code)
+
+
+def _run(arguments: list[str]) -> int:
+    """Run one command; its exit code."""
+    as_json = "--json" in arguments
+    try:
+        # Not by calling the app, which ends the process by itself for some errors, with exit codes of its own.
+        command = typer.main.get_command(app)
+        with command.make_context("excite", arguments) as context:
+            command.invoke(context)
+        return 0
+    except typer.Exit as end:
+        return end.exit_code
+    except SystemExit as end:
+        # How rich ends where whoever read its table has gone.
+        if isinstance(end.__context__, BrokenPipeError):
+            raise BrokenPipeError from end
+        raise
     except ExciteError as error:
-        line = " ".join(str(error).split())
-        print(f"excite: {line}", file=sys.stderr)
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        print("excite: interrupted", file=sys.stderr)
-        sys.exit(130)
+        failure = of_error(error)
+    except _UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            error.show()
+            return EXIT_USAGE
+        failure = of_usage(error)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        failure = of_system(error)
+    except Exception as error:  # noqa: BLE001  (no traceback is a user's)
+        failure = of_unforeseen(error, arguments)
+    failure.show(as_json=as_json)
+    return failure.code
 
 
 if __name__ == "__main__":
-    main()
+    program()

@@ -8,21 +8,36 @@ from typing import Annotated
 
 import typer
 
+from excite.claim import claimed
 from excite.errors import InputError
+from excite.parallel.jobs import check_jobs
 
 
-def _usable(folder: Path | None) -> Path | None:
-    """The folder of results, refused before any work is done for it."""
+def _usable(context: typer.Context, folder: Path | None) -> Path | None:
+    """The folder of results, refused before any work is done for it, and kept for this run until it ends."""
     if folder is None:
         return None
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if "\0" in str(folder):
+        raise InputError("has a name that no folder can have", field="--out", remedy="give another --out")
+    there = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
     if not there.is_dir():
         raise InputError("is a file, not a folder", source=there, remedy="give another --out")
     if not os.access(there, os.W_OK):
         raise InputError(
             "may not be written to", source=there, remedy="give another --out, or change its permissions"
         )
+    context.with_resource(claimed(folder))
     return folder
+
+
+def _possible(jobs: int | None) -> int | None:
+    """The number of processes, refused where no machine runs as many."""
+    if jobs is not None:
+        try:
+            check_jobs(jobs)
+        except InputError as error:
+            raise typer.BadParameter(f"{error.what}; {error.remedy}", param_hint="'--jobs'") from error
+    return jobs
 
 
 RobotArgument = Annotated[
@@ -37,11 +52,23 @@ JsonOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
 JobsOption = Annotated[
-    int, typer.Option("--jobs", min=1, help="Processes to use; the result does not depend on it.")
+    int | None,
+    typer.Option(
+        "--jobs",
+        help="Processes to use; the result does not depend on it.",
+        show_default="one a core",
+        callback=_possible,
+    ),
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Dask scheduler whose workers are to be used instead, such as tcp://10.0.0.1:8786.",
+    ),
 ]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder that results are written to.", callback=_usable),
 ]
-
-DEFAULT_JOBS = os.cpu_count() or 1

@@ -2,28 +2,58 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
+from excite.atomic import all_or_nothing
 from excite.errors import InputError, MotionError, UnknownNameError
+from excite.export.clearance import Cleared, clear_motions
 from excite.export.registry import EXPORTERS
+from excite.json_document import write_json
 from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
-_AT_REST = 1e-6  # [rad/s or m/s]; below it a motion that ends between two grid points may be held
+SCHEMA = "excite.export/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """A motion that left, and what it carries.
+
+    Attributes:
+        path: the file, or the folder of a bag.
+        cleared: the motion as written, and its verdict.
+    """
+
+    path: Path
+    cleared: Cleared
+
+    def to_json(self, folder: Path | None = None) -> dict[str, Any]:
+        """Its entry in ``excite.export/1``; the path relative to ``folder``."""
+        motion = self.cleared.motion
+        return {
+            "motion": motion.name,
+            "file": str(self.path.relative_to(folder) if folder else self.path),
+            "robot": motion.robot,
+            "verdict": motion.metadata.verdict,
+        }
 
 
 def export_motion(
-    motion: Motion, robot: Robot, format: str, path: Path, rate_hz: float | None = None
+    motion: Motion,
+    robot: Robot,
+    format: str,
+    path: Path,
+    rate_hz: float | None = None,
+    *,
+    unsafe_anyway: str | None = None,
 ) -> Path:
-    """Write a motion in a controller's format.
+    """Write a motion in a controller's format, if the independent check finds it safe.
 
     Args:
         motion: the motion.
@@ -31,29 +61,22 @@ def export_motion(
         format: a name in ``EXPORTERS``.
         path: file or folder to write; the format's suffix is added where it is missing.
         rate_hz: samples per second of the file; None keeps the motion's own samples.
+        unsafe_anyway: why a motion that fails the check is written all the same. The reason and what is violated then
+            stand in the file, where its format can hold them, and in ``NAME.unsafe.json`` beside it.
 
     Returns:
         The path written.
 
     Raises:
         UnknownNameError: no such format.
+        UnsafeMotionError: the check does not find it safe, as it is or at ``rate_hz``; nothing was written.
         MotionError: the motion is not this robot's.
-        InputError: ``rate_hz`` is not positive and finite, or gives fewer than two samples.
+        InputError: ``rate_hz`` is not positive and finite, gives fewer than two samples, or loses the motion.
     """
-    if format not in EXPORTERS:
-        raise UnknownNameError("format", format, sorted(EXPORTERS))
-    if motion.joint_names != robot.joint_names:
-        raise MotionError(
-            f"its joints are not those of robot {robot.name!r}",
-            source=motion.name,
-            remedy="export it with its robot",
-        )
-    exporter = EXPORTERS[format]()
-    path = Path(path)
-    if exporter.suffix and path.suffix != exporter.suffix:
-        path = path.with_name(path.name + exporter.suffix)
-    exporter.write(motion if rate_hz is None else on_grid(motion, robot, rate_hz), path)
-    return path
+    _check_format(format)
+    (cleared,) = clear_motions([robot], [motion], rate_hz, unsafe_anyway)
+    with all_or_nothing():
+        return _write(cleared, format, Path(path))
 
 
 def export_motions(
@@ -63,8 +86,25 @@ def export_motions(
     out: Path,
     rate_hz: float | None = None,
     robot: str | None = None,
+    unsafe_anyway: str | None = None,
 ) -> list[Path]:
-    """Write motion files in a controller's format, each under its own name.
+    """The paths that :func:`export_with_verdicts` writes; arguments and errors as there."""
+    written = export_with_verdicts(
+        paths, format, out=out, rate_hz=rate_hz, robot=robot, unsafe_anyway=unsafe_anyway
+    )
+    return [item.path for item in written]
+
+
+def export_with_verdicts(
+    paths: Iterable[Path],
+    format: str,
+    *,
+    out: Path,
+    rate_hz: float | None = None,
+    robot: str | None = None,
+    unsafe_anyway: str | None = None,
+) -> list[Exported]:
+    """Write motion files in a controller's format, each under its own name; all of them, or none.
 
     Args:
         paths: motion files, or folders of them.
@@ -72,17 +112,18 @@ def export_motions(
         out: folder to write to.
         rate_hz: samples per second; None keeps each motion's own samples.
         robot: name or file of the robot; the one that each file names where left out.
+        unsafe_anyway: as for :func:`export_motion`.
 
     Returns:
-        The paths written, one a motion.
+        What was written, one a motion.
 
     Raises:
         UnknownNameError: no such format or robot.
-        MotionError: a file is malformed or not this robot's.
+        UnsafeMotionError: a motion is not safe, as it is or at ``rate_hz``; nothing was written.
+        MotionError: a file is malformed, not this robot's, or does not say whose it is.
         InputError: bad rate, or two motions of the same name.
     """
-    if format not in EXPORTERS:
-        raise UnknownNameError("format", format, sorted(EXPORTERS))
+    _check_format(format)
     files = motion_paths(paths)
     names = [file.stem for file in files]
     repeated = sorted({name for name in names if names.count(name) > 1})
@@ -90,58 +131,41 @@ def export_motions(
         raise InputError(
             f"two motions are called {repeated[0]!r}", source="export", remedy="export them apart"
         )
-    robots: dict[str, Robot] = {}
-    written = []
+    robots = _robots(files, robot)
+    motions = [load_motion(file, its) for file, its in zip(files, robots, strict=True)]
+    cleared = clear_motions(robots, motions, rate_hz, unsafe_anyway)
+    with all_or_nothing():
+        return [
+            Exported(_write(item, format, Path(out) / file.stem), item)
+            for file, item in zip(files, cleared, strict=True)
+        ]
+
+
+def _check_format(format: str) -> None:
+    if format not in EXPORTERS:
+        raise UnknownNameError("format", format, sorted(EXPORTERS))
+
+
+def _robots(files: Sequence[Path], robot: str | None) -> list[Robot]:
+    """The robot of each file; each is loaded once."""
+    loaded: dict[str, Robot] = {}
+    found = []
     for file in files:
         name = robot or motion_robot(file)
-        if name not in robots:
-            robots[name] = load_robot(name)
-        motion = load_motion(file, robots[name])
-        written.append(export_motion(motion, robots[name], format, Path(out) / file.stem, rate_hz))
-    return written
+        if not name:
+            raise MotionError("does not say whose motion it is", source=file, remedy="give --robot")
+        if name not in loaded:
+            loaded[name] = load_robot(name)
+        found.append(loaded[name])
+    return found
 
 
-def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
-    """The motion from time zero, at exactly ``k / rate_hz`` [s].
-
-    When the duration is no whole number of periods and the motion ends at rest, one more sample holds its
-    last posture; when it ends moving, the grid stops at the last whole period.
-
-    Args:
-        motion: the motion.
-        robot: its robot.
-        rate_hz: samples per second.
-
-    Returns:
-        The motion on the grid, its q, v, a belonging together.
-
-    Raises:
-        InputError: ``rate_hz`` is not positive and finite, or gives fewer than two samples.
-    """
-    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
-        raise InputError(
-            f"rate is {rate_hz} Hz", source="export", field="rate_hz", remedy="give a positive rate"
-        )
-    periods = motion.duration * rate_hz
-    whole = math.floor(periods + 1e-6)
-    inside = np.arange(whole + 1) / rate_hz
-    if len(inside) < 2:
-        raise InputError(
-            f"{rate_hz} Hz gives {len(inside)} sample of a motion of {motion.duration:.3f} s",
-            source=motion.name,
-            field="rate_hz",
-            remedy=f"give at least {1.0 / motion.duration:.3f} Hz",
-        )
-    sampled = interpolate(motion, robot, np.minimum(motion.time[0] + inside, motion.time[-1]))
-    if periods - whole > 1e-6 and np.abs(motion.v[-1]).max() < _AT_REST:
-        return replace(
-            sampled,
-            time=np.arange(whole + 2) / rate_hz,
-            q=np.vstack([sampled.q, motion.q[-1]]),
-            v=np.vstack([sampled.v, np.zeros(motion.v.shape[1])]),
-            a=np.vstack([sampled.a, np.zeros(motion.a.shape[1])]),
-            contacts={
-                name: np.append(flags, motion.contacts[name][-1]) for name, flags in sampled.contacts.items()
-            },
-        )
-    return replace(sampled, time=inside)
+def _write(cleared: Cleared, format: str, path: Path) -> Path:
+    exporter = EXPORTERS[format]()
+    if exporter.suffix and path.suffix != exporter.suffix:
+        path = path.with_name(path.name + exporter.suffix)
+    exporter.write(cleared.motion, path)
+    if cleared.reason is not None:
+        beside = path.with_name(path.name + ".unsafe.json")
+        write_json({"schema": SCHEMA, "motions": [Exported(path, cleared).to_json(path.parent)]}, beside)
+    return path

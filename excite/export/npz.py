@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ class NpzExporter(Exporter):
     """Arrays ``time`` (n,), ``q``, ``v``, ``a`` (n, n_joints) [SI] and ``joint_names``; no pickled objects.
 
     A free base adds ``base_pose`` (n, 7: x y z qx qy qz qw, world frame), ``base_twist`` and
-    ``base_acceleration`` (n, 6: linear, angular, base frame); feet add ``contact.FOOT`` (n,) booleans.
+    ``base_acceleration`` (n, 6: linear, angular, base frame); feet add ``contact.FOOT`` (n,) booleans. ``robot``,
+    ``robot_hash`` and ``verdict`` (JSON) say whose it is and what the independent check said of it.
     """
 
     name = "npz"
@@ -38,6 +40,10 @@ class NpzExporter(Exporter):
                 "base_twist": motion.v[:, :6],
                 "base_acceleration": motion.a[:, :6],
             }
+        metadata = motion.metadata
+        arrays |= {"robot": np.array(motion.robot), "robot_hash": np.array(metadata.robot_hash)}
+        if metadata.verdict is not None:
+            arrays["verdict"] = np.array(json.dumps(metadata.verdict))
         arrays |= {f"contact.{foot}": flags for foot, flags in motion.contacts.items()}
         with atomic_path(path) as temporary:
             np.savez_compressed(temporary, **arrays)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from excite.atomic import atomic_folder
 from excite.export.exporter import Exporter
 from excite.motion.motion import Motion
+from excite.motion.readers.ros2 import BASE_TRAJECTORY, CONTACTS, JOINT_TRAJECTORY, ROBOT, ROBOT_HASH
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
-_MESSAGE = "trajectory_msgs/msg/JointTrajectory"
+BASE_TOPIC = "/excite/base"
 _BAG_VERSION: Literal[9] = 9  # readable from Humble on
 
 
@@ -26,8 +28,9 @@ class Ros2Exporter(Exporter):
 
     One message holds the whole motion: ``joint_names`` in the motion's order, and for each sample
     positions, velocities, accelerations [rad or m, s] and ``time_from_start`` in whole nanoseconds.
-    The header's stamp is zero, which tells the controller to start at once. A free base is not
-    commanded by joints and is left out.
+    The header's stamp is zero, which tells the controller to start at once. A free base and its feet, which no
+    controller of joints asks for, stand in messages on topics of their own, so that the bag can be checked. The bag's
+    custom data say whose motion it is and what the independent check said of it.
     """
 
     name = "ros2"
@@ -40,22 +43,73 @@ class Ros2Exporter(Exporter):
         from rosbags.typesys import Stores, get_typestore
 
         store = get_typestore(Stores.ROS2_HUMBLE)
-        message = store.types[_MESSAGE]
-        point = store.types["trajectory_msgs/msg/JointTrajectoryPoint"]
-        duration = store.types["builtin_interfaces/msg/Duration"]
-        header = store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), "")
-        effort = np.empty(0)
-        samples = zip(
-            nanoseconds(motion.time).tolist(),
-            np.ascontiguousarray(motion.joint_positions()),
-            np.ascontiguousarray(motion.joint_velocities()),
-            np.ascontiguousarray(motion.joint_accelerations()),
-            strict=True,
-        )
-        points = [point(q, v, a, effort, duration(*divmod(t, 1_000_000_000))) for t, q, v, a in samples]
-        content = message(header, list(motion.joint_names), points)
+        messages = [(TOPIC, JOINT_TRAJECTORY, _joints(store, motion))]
+        if motion.floating:
+            messages.append((BASE_TOPIC, BASE_TRAJECTORY, _base(store, motion)))
+        if motion.contacts:
+            messages.append((CONTACTS, JOINT_TRAJECTORY, _contacts(store, motion)))
         with atomic_folder(path) as temporary:
             bag = Writer(temporary, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+            bag.set_custom_data(ROBOT, motion.robot)
+            bag.set_custom_data(ROBOT_HASH, motion.metadata.robot_hash)
+            if motion.metadata.verdict is not None:
+                bag.set_custom_data("excite.verdict", json.dumps(motion.metadata.verdict))
             with bag:
-                connection = bag.add_connection(TOPIC, _MESSAGE, typestore=store)
-                bag.write(connection, 0, store.serialize_cdr(content, _MESSAGE))
+                for topic, kind, content in messages:
+                    connection = bag.add_connection(topic, kind, typestore=store)
+                    bag.write(connection, 0, store.serialize_cdr(content, kind))
+
+
+def _times(store: Any, motion: Motion) -> list[Any]:
+    duration = store.types["builtin_interfaces/msg/Duration"]
+    return [duration(*divmod(t, 1_000_000_000)) for t in nanoseconds(motion.time).tolist()]
+
+
+def _header(store: Any, frame: str = "") -> Any:
+    return store.types["std_msgs/msg/Header"](store.types["builtin_interfaces/msg/Time"](0, 0), frame)
+
+
+def _joints(store: Any, motion: Motion) -> Any:
+    point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
+    rows = zip(
+        np.ascontiguousarray(motion.joint_positions()),
+        np.ascontiguousarray(motion.joint_velocities()),
+        np.ascontiguousarray(motion.joint_accelerations()),
+        _times(store, motion),
+        strict=True,
+    )
+    points = [point(q, v, a, nothing, t) for q, v, a, t in rows]
+    return store.types[JOINT_TRAJECTORY](_header(store), list(motion.joint_names), points)
+
+
+def _base(store: Any, motion: Motion) -> Any:
+    """Pose in the world; twist and acceleration in the base frame, as everywhere in a motion."""
+    vector, quaternion = store.types["geometry_msgs/msg/Vector3"], store.types["geometry_msgs/msg/Quaternion"]
+    pose, twist = store.types["geometry_msgs/msg/Transform"], store.types["geometry_msgs/msg/Twist"]
+    point = store.types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]
+    points = [
+        point(
+            [pose(vector(*q[:3]), quaternion(*q[3:]))],
+            [twist(vector(*v[:3]), vector(*v[3:]))],
+            [twist(vector(*a[:3]), vector(*a[3:]))],
+            t,
+        )
+        for q, v, a, t in zip(
+            motion.q[:, :7].tolist(),
+            motion.v[:, :6].tolist(),
+            motion.a[:, :6].tolist(),
+            _times(store, motion),
+            strict=True,
+        )
+    ]
+    return store.types[BASE_TRAJECTORY](_header(store, "world"), ["base"], points)
+
+
+def _contacts(store: Any, motion: Motion) -> Any:
+    point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
+    flags = np.column_stack(list(motion.contacts.values())).astype(float)
+    points = [
+        point(np.ascontiguousarray(row), nothing, nothing, nothing, t)
+        for row, t in zip(flags, _times(store, motion), strict=True)
+    ]
+    return store.types[JOINT_TRAJECTORY](_header(store), list(motion.contacts), points)

@@ -9,10 +9,10 @@ from excite.errors import InputError, MotionError
 from excite.motion.files import load_motion
 from excite.motion.library import library_folder
 from excite.motion.motion import Motion
+from excite.motion.readers.registry import is_motion
+from excite.reading.file import unreadable_file
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-
-SUFFIXES = (".parquet", ".csv", ".npz")
 
 
 def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
@@ -23,21 +23,31 @@ def motion_paths(paths: Iterable[str | Path]) -> list[Path]:
     """
     files: list[Path] = []
     for path in map(Path, paths):
-        if path.is_dir():
-            inside = path / "motions" if (path / "motions").is_dir() else path
-            found = sorted(
-                item for item in inside.iterdir() if item.suffix in SUFFIXES and item.name[0] != "."
-            )
-            if not found:
-                raise MotionError(
-                    "folder holds no motion files", source=path, remedy=f"expected {', '.join(SUFFIXES)}"
-                )
-            files += found
-        elif path.is_file():
-            files.append(path)
-        else:
+        try:
+            folder = path.is_dir() and not is_motion(path)
+            there = path.exists()
+        except (OSError, ValueError) as error:
+            raise unreadable_file(path, error, MotionError) from error
+        if not there:
             raise MotionError("no such file", source=path, remedy="check the path")
+        files += _inside(path) if folder else [path]
     return files
+
+
+def _inside(path: Path) -> list[Path]:
+    """Motions in a folder, bags among them, sorted by name."""
+    inside = path / "motions" if (path / "motions").is_dir() else path
+    try:
+        found = sorted(item for item in inside.iterdir() if item.name[0] != "." and is_motion(item))
+    except OSError as error:
+        raise unreadable_file(inside, error, MotionError) from error
+    if not found:
+        raise MotionError(
+            "folder holds no motions",
+            source=path,
+            remedy="expected .parquet, .csv, .npz, .mcap or ROS 2 bags",
+        )
+    return found
 
 
 def load_motions(paths: str | Path | Iterable[str | Path], robot: Robot | None = None) -> list[Motion]:

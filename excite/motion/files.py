@@ -1,51 +1,63 @@
-"""Motion files, ``excite.motion/1``: Parquet, CSV or npz with the same column names."""
+"""Motion files, ``excite.motion/1``: Parquet, CSV or npz with the same column names; and motions made elsewhere."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import Annotated, Any, Literal
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.csv
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
-from excite.arrow_columns import arrow_table, numpy_columns, read_parquet
+from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.errors import MotionError
+from excite.motion.content import (
+    BASE_ACCELERATION,
+    BASE_POSE,
+    BASE_TWIST,
+    content_hash,
+    motion_columns,
+    unit_quaternions,
+)
+from excite.motion.derivatives import with_derivatives
 from excite.motion.motion import Motion, MotionMetadata
-from excite.motion.parquet import write_parquet
+from excite.motion.parquet import narrowed, write_parquet
+from excite.motion.readers.npz import METADATA
+from excite.motion.readers.registry import read_motion
+from excite.reading.json_document import checked
 from excite.robot.robot import Array, Robot
 
 SCHEMA = "excite.motion/1"
-BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
-BASE_TWIST = tuple(f"base.{name}" for name in ("vx", "vy", "vz", "wx", "wy", "wz"))
-BASE_ACCELERATION = tuple(f"base.{name}" for name in ("ax", "ay", "az", "alphax", "alphay", "alphaz"))
-_CSV_COMMENT = "# "
+_Name = Annotated[str, Field(max_length=1000)]
 
 
-def motion_columns(motion: Motion) -> dict[str, Array]:
-    """Columns of the file, by name, in order."""
-    columns: dict[str, Array] = {"time": motion.time}
-    if motion.floating:
-        columns |= {name: motion.q[:, i] for i, name in enumerate(BASE_POSE)}
-        columns |= {name: motion.v[:, i] for i, name in enumerate(BASE_TWIST)}
-        columns |= {name: motion.a[:, i] for i, name in enumerate(BASE_ACCELERATION)}
-    for prefix, values in (
-        ("q", motion.joint_positions()),
-        ("v", motion.joint_velocities()),
-        ("a", motion.joint_accelerations()),
-    ):
-        columns |= {f"{prefix}.{joint}": values[:, i] for i, joint in enumerate(motion.joint_names)}
-    columns |= {f"contact.{foot}": flags.astype(np.int64) for foot, flags in motion.contacts.items()}
-    return columns
+class MotionDocument(BaseModel):
+    """What a motion's file says of itself."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    schema_: Literal["excite.motion/1"] = Field(alias="schema")
+    robot: _Name = ""
+    robot_hash: _Name = ""
+    generator: _Name = "unknown"
+    seed: int | None = None
+    targets: tuple[_Name, ...] = ()
+    versions: dict[str, _Name] = {}
+    previous: _Name = ""
+    following: _Name = Field(default="", alias="next")
+    content_hash: _Name = ""
+    verdict: dict[str, Any] | None = None
 
 
 def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
     """Write a motion; the format follows the suffix (``.parquet``, ``.csv``, ``.npz``).
 
-    The file appears under its name only when it is complete.
+    The file states the hash of its samples, and the motion's verdict if that belongs to them as they are written. It
+    appears under its name only when it is complete.
 
     Args:
         motion: the motion.
@@ -55,63 +67,70 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
 
     Raises:
         MotionError: unknown suffix.
+        InputError: the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in {".parquet", ".csv", ".npz"}:
         raise MotionError(f"unknown format {path.suffix!r}", source=path, remedy="use .parquet, .csv or .npz")
-    columns = motion_columns(motion)
-    metadata = {
-        "schema": SCHEMA,
-        "robot": motion.robot,
-        "robot_hash": motion.metadata.robot_hash,
-        "generator": motion.metadata.generator,
-        "seed": motion.metadata.seed,
-        "targets": list(motion.metadata.targets),
-        "versions": dict(motion.metadata.versions),
-    }
+    columns: dict[str, NDArray[Any]] = motion_columns(motion)
+    if single and path.suffix == ".parquet":
+        columns = narrowed(columns)
+    metadata = json.dumps(_document(motion, content_hash(columns)))
     with atomic_path(path) as temporary:
         if path.suffix == ".npz":
-            np.savez_compressed(temporary, allow_pickle=False, __metadata__=json.dumps(metadata), **columns)
+            np.savez_compressed(temporary, allow_pickle=False, **{METADATA: metadata}, **columns)
         elif path.suffix == ".csv":
             with temporary.open("wb") as stream:
-                stream.write((_CSV_COMMENT + json.dumps(metadata) + "\n").encode())
-                pa.csv.write_csv(arrow_table(columns), stream)
+                stream.write(f"# {metadata}\n".encode())
+                pyarrow.csv.write_csv(arrow_table(columns), stream)
         else:
-            write_parquet(columns, json.dumps(metadata), temporary, single=single)
+            write_parquet(columns, metadata, temporary, single=single)
     return path
 
 
+def _document(motion: Motion, digest: str) -> dict[str, Any]:
+    metadata = motion.metadata
+    verdict = metadata.verdict
+    return {
+        "schema": SCHEMA,
+        "robot": motion.robot,
+        "robot_hash": metadata.robot_hash,
+        "generator": metadata.generator,
+        "seed": metadata.seed,
+        "targets": list(metadata.targets),
+        "versions": dict(metadata.versions),
+        "previous": metadata.previous,
+        "next": metadata.following,
+        "content_hash": digest,
+        "verdict": dict(verdict) if verdict is not None and verdict.get("content_hash") == digest else None,
+    }
+
+
 def load_motion(path: Path, robot: Robot) -> Motion:
-    """Read a motion file and check it against a robot.
+    """Read a motion of a robot, from a file of ``excite.motion/1`` or of a format that somebody else wrote.
+
+    Every command reads motions here (:data:`~excite.motion.readers.registry.READERS`). Joints may stand in any order.
+    Velocities and accelerations that are not there are those of a cubic spline through what is.
 
     Args:
-        path: a ``.parquet``, ``.csv`` or ``.npz`` file.
+        path: a file, or the folder of a ROS 2 bag.
         robot: the robot that it is for.
 
     Returns:
         The motion.
 
     Raises:
-        MotionError: unreadable, wrong schema, missing columns, NaN, unsorted time, joints that the robot lacks.
+        MotionError: unreadable, wrong schema, missing columns, NaN, a column with too many axes, unsorted time, joints
+            that the robot lacks.
     """
     path = Path(path)
-    columns, metadata = _read_columns(path)
-    if metadata.get("schema") != SCHEMA:
-        raise MotionError(
-            f"schema is {metadata.get('schema')!r}, not {SCHEMA!r}", source=path, field="schema"
-        )
+    raw = read_motion(path, robot.joint_names)
+    said = _said(raw.metadata, path)
+    columns = _numeric(raw.columns, path)
     _check_joints(columns, robot, path)
-    time = _column(columns, "time", path)
-    if len(time) < 3:
-        raise MotionError(
-            f"has {len(time)} samples", source=path, field="time", remedy="at least 3 are needed"
-        )
-    step = np.diff(time)
-    if (step <= 0.0).any():
-        at = float(time[int(np.argmax(step <= 0.0))])
-        raise MotionError(
-            f"does not increase after {at:.4f} s", source=path, field="time", remedy="sort the samples"
-        )
+    _check_time(columns, path)
+    digest = content_hash(columns) if said is not None and said.content_hash else ""
+    columns = with_derivatives(columns, robot.joint_names, path)
     joints = robot.joint_names
     q, v, a = (_stack(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
     contacts = {}
@@ -123,91 +142,106 @@ def load_motion(path: Path, robot: Robot) -> Motion:
                 f"quaternion of norm {norm[int(np.argmax(np.abs(norm - 1.0)))]:.4f}",
                 source=path,
                 field="base.qw",
+                remedy="write unit quaternions, x y z w",
             )
-        pose[:, 3:] /= norm[:, None]
+        pose[:, 3:] = unit_quaternions(pose[:, 3:])
         q = np.hstack([pose, q])
         v = np.hstack([_stack(columns, BASE_TWIST, path), v])
         a = np.hstack([_stack(columns, BASE_ACCELERATION, path), a])
-        contacts = {foot.name: _column(columns, f"contact.{foot.name}", path) > 0.5 for foot in robot.feet}
+        flags = {foot.name: f"contact.{foot.name}" for foot in robot.feet}
+        # A foot without flags is no error of the file's: the check says so, and that the motion is not safe.
+        contacts = {foot: columns[name] > 0.5 for foot, name in flags.items() if name in columns}
     return Motion(
         name=path.stem,
-        robot=str(metadata.get("robot", robot.name)),
+        robot=(said.robot if said is not None else "") or robot.name,
         joint_names=joints,
-        time=time,
+        time=columns["time"],
         q=q,
         v=v,
         a=a,
         contacts=contacts,
-        metadata=MotionMetadata(
-            generator=str(metadata.get("generator", "unknown")),
-            seed=metadata.get("seed"),
-            targets=tuple(metadata.get("targets", ())),
-            robot_hash=str(metadata.get("robot_hash", "")),
-            versions=dict(metadata.get("versions", {})),
-        ),
+        metadata=_metadata(said, digest),
     )
 
 
 def motion_robot(path: Path) -> str:
     """Name of the robot that a motion file says it is for, empty where it says nothing; raises MotionError."""
-    return str(_read_columns(Path(path))[1].get("robot", ""))
+    said = _said(read_motion(Path(path)).metadata, Path(path))
+    return "" if said is None else said.robot
 
 
-def _read_columns(path: Path) -> tuple[dict[str, Array], dict]:
-    if path.suffix not in {".parquet", ".csv", ".npz"}:
-        raise MotionError(f"unknown format {path.suffix!r}", source=path, remedy="use .parquet, .csv or .npz")
-    try:
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
-                metadata = json.loads(str(archive["__metadata__"]))
-                return {name: archive[name] for name in archive.files if name != "__metadata__"}, metadata
-        if path.suffix == ".csv":
-            with path.open("rb") as stream:
-                first = stream.readline().decode()
-                if not first.startswith(_CSV_COMMENT):
-                    raise MotionError(
-                        "has no metadata line", source=path, remedy="its first line is '# {json}'"
-                    )
-                table = pa.csv.read_csv(stream)
-                metadata = json.loads(first[len(_CSV_COMMENT) :])
-        else:
-            table = read_parquet(path)
-            metadata = json.loads((table.schema.metadata or {}).get(b"excite", b"{}"))
-        return numpy_columns(table), metadata
-    except (OSError, ValueError, KeyError, BadZipFile, pa.ArrowException) as error:
-        text = str(error).split("\n")[0]
+def _said(metadata: Any, path: Path) -> MotionDocument | None:
+    """What a file says of itself; None for one that was made elsewhere."""
+    if metadata == {}:
+        return None
+    if not isinstance(metadata, Mapping):
         raise MotionError(
-            f"cannot be read ({text})", source=path, remedy="check that the file is complete"
-        ) from error
-
-
-def _check_joints(columns: Iterable[str], robot: Robot, path: Path) -> None:
-    found = [name[2:] for name in columns if name.startswith("q.")]
-    unknown = [name for name in found if name not in robot.joint_names]
-    if unknown:
-        raise MotionError(
-            f"robot {robot.name!r} has no such joint",
-            source=path,
-            field=f"q.{unknown[0]}",
-            remedy="check the robot",
+            "is no JSON object", source=path, field="metadata", remedy="write it with save_motion"
         )
-    order = [name for name in robot.joint_names if name in found]
-    if found != order:
+    if set(metadata) <= {"robot", "robot_hash"}:
+        metadata = {"schema": SCHEMA, **metadata}
+    if metadata.get("schema") != SCHEMA:
+        found = repr(metadata.get("schema"))[:60]
         raise MotionError(
-            "joints are not in the robot's order",
+            f"schema is {found}, not {SCHEMA!r}",
             source=path,
-            field="q.*",
-            remedy="order them " + ", ".join(order),
+            field="schema",
+            remedy="check that it is a motion",
         )
+    return checked(
+        MotionDocument, dict(metadata), path, remedy="check that it is a motion", error=MotionError
+    )
 
 
-def _column(columns: dict[str, Array], name: str, path: Path) -> Array:
-    if name not in columns:
-        raise MotionError("column is missing", source=path, field=name)
+def _metadata(said: MotionDocument | None, digest: str) -> MotionMetadata:
+    if said is None:
+        return MotionMetadata(generator="elsewhere")
+    return MotionMetadata(
+        generator=said.generator,
+        seed=said.seed,
+        targets=said.targets,
+        robot_hash=said.robot_hash,
+        versions=said.versions,
+        previous=said.previous,
+        following=said.following,
+        verdict=said.verdict,
+        stated_hash="" if said.content_hash == digest else said.content_hash,
+    )
+
+
+def _numeric(columns: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Array]:
+    """Columns of ``excite.motion/1`` as numbers, each of one axis, of equal length and finite."""
+    found: dict[str, Array] = {}
+    rows: int | None = None
+    for name, column in columns.items():
+        if name != "time" and name.partition(".")[0] not in {"q", "v", "a", "base", "contact"}:
+            continue
+        values = _column(column, name, path)
+        rows = len(values) if rows is None else rows
+        if len(values) != rows:
+            raise MotionError(
+                f"has {len(values)} rows, others have {rows}",
+                source=path,
+                field=name,
+                remedy="align the columns",
+            )
+        found[name] = values
+    return found
+
+
+def _column(column: NDArray[Any], name: str, path: Path) -> Array:
+    if np.ndim(column) != 1:
+        raise MotionError(
+            f"has the shape {np.shape(column)}", source=path, field=name, remedy="write one number a row"
+        )
     try:
-        values = np.asarray(columns[name], dtype=float)
+        if np.asarray(column).dtype.kind not in "fiub":
+            raise TypeError(f"values are {str(np.asarray(column)[:1])[:40]}")
+        values = np.asarray(column, dtype=float)
     except (TypeError, ValueError) as error:
-        raise MotionError(f"is not numeric ({error})", source=path, field=name) from error
+        raise MotionError(
+            f"is not numeric ({error})", source=path, field=name, remedy="write numbers only"
+        ) from error
     if not np.isfinite(values).all():
         row = int(np.argmax(~np.isfinite(values)))
         raise MotionError(
@@ -216,5 +250,38 @@ def _column(columns: dict[str, Array], name: str, path: Path) -> Array:
     return values
 
 
-def _stack(columns: dict[str, Array], names: Iterable[str], path: Path) -> Array:
-    return np.column_stack([_column(columns, name, path) for name in names])
+def _check_joints(columns: Iterable[str], robot: Robot, path: Path) -> None:
+    found = {name.partition(".")[2] for name in columns if name.startswith(("q.", "v.", "a."))}
+    unknown = sorted(found - set(robot.joint_names))
+    if unknown:
+        raise MotionError(
+            f"robot {robot.name!r} has no such joint",
+            source=path,
+            field=f"q.{unknown[0]}",
+            remedy="check the robot",
+        )
+
+
+def _check_time(columns: Mapping[str, Array], path: Path) -> None:
+    if "time" not in columns:
+        raise MotionError(
+            "column is missing", source=path, field="time", remedy="add the time of each row [s]"
+        )
+    time = columns["time"]
+    if len(time) < 3:
+        raise MotionError(
+            f"has {len(time)} samples", source=path, field="time", remedy="at least 3 are needed"
+        )
+    step = np.diff(time)
+    if (step <= 0.0).any():
+        at = float(time[int(np.argmax(step <= 0.0))])
+        raise MotionError(
+            f"does not increase after {at:.4f} s", source=path, field="time", remedy="sort the samples"
+        )
+
+
+def _stack(columns: Mapping[str, Array], names: Iterable[str], path: Path) -> Array:
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise MotionError("column is missing", source=path, field=missing[0], remedy="add it")
+    return np.column_stack([columns[name] for name in names])

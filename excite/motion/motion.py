@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -20,8 +21,13 @@ class MotionMetadata:
         generator: registry name of the generator that made it, or ``recorded``.
         seed: seed of its random numbers, None where there are none.
         targets: joints that it was aimed at.
-        robot_hash: hash of the robot that it was made for.
+        robot_hash: hash of the robot that it was made for; empty where nobody says.
         versions: versions of the packages that made it.
+        previous: name of the motion that it goes on from; empty where it starts at rest.
+        following: name of the motion that goes on from it; empty where it ends at rest.
+        verdict: what the independent check said of it: the motion's entry in ``excite.check/1``, with the
+            ``robot_hash`` and ``content_hash`` of the robot and the samples that it belongs to; None without one.
+        stated_hash: content hash that its file states, where that is not the hash of what the file holds.
     """
 
     generator: str = "unknown"
@@ -29,6 +35,10 @@ class MotionMetadata:
     targets: tuple[str, ...] = ()
     robot_hash: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
+    previous: str = ""
+    following: str = ""
+    verdict: Mapping[str, Any] | None = None
+    stated_hash: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,14 +22,12 @@ def write_parquet(columns: dict[str, NDArray[Any]], metadata: str, path: Path, *
         columns: by name, times in ``time``.
         metadata: text kept under the key ``excite``.
         path: where to.
-        single: positions in single precision, velocities and accelerations to 16 binary digits; else all as
-            they are.
+        single: the columns are :func:`narrowed`, and are laid out so that they take little room.
     """
     if not single:
         table = arrow_table(columns).replace_schema_metadata({"excite": metadata})
         pa.parquet.write_table(table, path, compression="zstd")
         return
-    columns = {name: _narrow(name, column) for name, column in columns.items()}
     table = arrow_table(columns)
     # Bytes of equal weight side by side compress where the numbers themselves do not; a hundred short columns
     # would spend as much on statistics as on data.
@@ -45,6 +43,11 @@ def write_parquet(columns: dict[str, NDArray[Any]], metadata: str, path: Path, *
     ) as writer:
         writer.write_table(table)
         writer.add_key_value_metadata({"excite": metadata})
+
+
+def narrowed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Columns in few bytes: positions in single precision, velocities and accelerations to 16 binary digits."""
+    return {name: _narrow(name, column) for name, column in columns.items()}
 
 
 def _narrow(name: str, column: NDArray[Any]) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,7 +16,9 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 from excite.robot.links import link_placement
-from excite.robot.meshes import convex_hull, mesh_points
+from excite.robot.mesh_files import read_meshes
+from excite.robot.meshes import convex_hull
+from excite.robot.quantities import MAX_TRAVEL
 from excite.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -163,8 +166,11 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     block = robot.description.collision
     shapes: list[Shape] = []
     if block.geometry != "authored":
-        for link in fromstring(robot.urdf).iter("link"):
-            shapes += _link_shapes(robot, link, block.geometry)
+        root = fromstring(robot.urdf)
+        meshes = root.iterfind(f"link/{block.geometry}/geometry/mesh")
+        points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
+        for link in root.findall("link"):
+            shapes += _link_shapes(robot, link, block.geometry, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
         number = sum(shape.link == authored.link for shape in shapes)
@@ -192,7 +198,9 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     return tuple(shapes)
 
 
-def _link_shapes(robot: Robot, link: ElementTree.Element, kind: str) -> list[Shape]:
+def _link_shapes(
+    robot: Robot, link: ElementTree.Element, kind: str, points: Mapping[Path, Array]
+) -> list[Shape]:
     name = link.get("name", "")
     shapes = []
     for number, element in enumerate(link.findall(kind)):
@@ -205,16 +213,30 @@ def _link_shapes(robot: Robot, link: ElementTree.Element, kind: str) -> list[Sha
             raise RobotError(
                 "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
             )
-        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot, where))
+        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot, where, points))
     return shapes
 
 
 def _solid(
-    name: str, link: str, joint: int, pose: pin.SE3, solid: ElementTree.Element, robot: Robot, where: str
+    name: str,
+    link: str,
+    joint: int,
+    pose: pin.SE3,
+    solid: ElementTree.Element,
+    robot: Robot,
+    where: str,
+    meshes: Mapping[Path, Array],
 ) -> Shape:
     if solid.tag == "mesh":
         corners = robot.description.collision.hull_corners
-        points = mesh_points(Path(solid.get("filename", ""))) * _floats(solid.get("scale", "1 1 1"))
+        points = meshes[Path(solid.get("filename", ""))] * _floats(solid.get("scale", "1 1 1"))
+        if np.abs(points).max() > MAX_TRAVEL:
+            raise RobotError(
+                f"its mesh reaches {np.abs(points).max():.3g} m from its origin",
+                source=robot.source,
+                field=where,
+                remedy='looks like millimetres: write scale="0.001 0.001 0.001"',
+            )
         try:
             hull = convex_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:

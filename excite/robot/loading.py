@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
+from excite.reading.file import read_bytes
+from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
 from excite.robot.robot import Array, Foot, Robot
 from excite.robot.urdf import Stated, read_urdf
+from excite.robot.weights import check_weights
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -39,6 +43,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         )
     robot = build_robot(read_description(path), path)
     _rest_within_limits(robot)
+    check_weights(robot.model, robot.limits.torque, model_file(robot))
     return robot
 
 
@@ -51,16 +56,12 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     check_joints(description, joint_names, path)
     segments = read_segments(model, description, path)
     feet = tuple(read_foot(model, description, block.name, path) for block in description.feet)
-    # The file as it is, not the text as loaded: that one holds paths of this machine.
-    digest = hashlib.sha256(
-        description.model_dump_json(by_alias=True).encode() + b"\0" + model_path.read_bytes()
-    )
     return Robot(
         name=description.name,
         description=description,
         source=path,
         urdf=urdf,
-        hash=digest.hexdigest(),
+        hash=_fingerprint(description, model_path, urdf),
         model=model,
         joint_names=joint_names,
         limits=read_limits(model, description, joint_names, path),
@@ -69,6 +70,24 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
         segments=segments,
         rest=_rest(model, description, joint_names, feet),
     )
+
+
+def _fingerprint(description: RobotDescription, model_path: Path, urdf: str) -> str:
+    """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
+
+    What the description leaves at its default is left out, so that a field that is added later changes no robot.
+    """
+    stated = description.model_dump_json(by_alias=True, exclude_defaults=True)
+    # The file as it is, not the text as loaded: that one holds paths of this machine.
+    content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
+    digest = hashlib.sha256(stated.encode() + b"\0" + content)
+    for link in ElementTree.fromstring(urdf).findall("link"):
+        for mesh in link.iterfind(f"{description.collision.geometry}/geometry/mesh"):
+            file = Path(mesh.get("filename", ""))
+            # A mesh that is not there, or is no mesh, is refused where the geometry is built.
+            if file.is_file() and file.stat().st_size <= MAX_XML_BYTES:
+                digest.update(b"\0" + hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 def model_file(robot: Robot) -> Path:

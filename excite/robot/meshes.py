@@ -1,23 +1,18 @@
-"""Meshes as convex hulls: reading their points, and hulls of few vertices that contain the mesh."""
+"""Meshes as convex hulls of few vertices that contain the mesh."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from excite.errors import RobotError
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
-
-_BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,46 +29,6 @@ class Hull:
     vertices: Array
     faces: Faces
     inflation: float
-
-
-def mesh_points(path: Path) -> Array:
-    """Corners of a mesh file, ``(n, 3)``, in its own unit and frame; shared corners may be repeated.
-
-    STL is read here; any other format (Collada, OBJ) goes through coal's loader.
-
-    Raises:
-        RobotError: the file is missing, unreadable or holds no finite point.
-    """
-    try:
-        content = path.read_bytes() if path.suffix.lower() == ".stl" else b""
-        points = _stl_points(content) if content else _assimp_points(path)
-    except (OSError, ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise RobotError(
-            f"mesh cannot be read ({reason})", source=path, remedy="check the mesh's path and format"
-        ) from error
-    if len(points) == 0 or not np.isfinite(points).all():
-        raise RobotError(
-            "mesh has no corners or one that is not finite", source=path, remedy="export it again"
-        )
-    return points
-
-
-def _stl_points(content: bytes) -> Array:
-    n_triangles = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
-    if len(content) >= 84 + 50 * n_triangles > 0:
-        triangles = np.frombuffer(content, _BINARY_STL, n_triangles, offset=84)
-        return triangles["corners"].reshape(-1, 3).astype(np.float64)
-    rows = [line.split()[1:] for line in content.decode("ascii", "replace").splitlines() if "vertex" in line]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
-
-
-def _assimp_points(path: Path) -> Array:
-    import coal
-
-    if not path.is_file():
-        raise OSError("no such file")
-    return np.array(coal.MeshLoader().load(str(path), np.ones(3)).vertices())
 
 
 def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> Hull:

@@ -120,7 +120,7 @@ class Robot:
         description: the validated ``robot.yaml``.
         source: file that the description was read from.
         urdf: text of the URDF as loaded, with mesh paths made absolute.
-        hash: SHA-256 of description and URDF, hexadecimal.
+        hash: SHA-256 of description, URDF and collision meshes, hexadecimal.
         model: pinocchio model, locked joints removed.
         joint_names: actuated joints, in model order.
         limits: joint limits.

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from excite.errors import RobotError
 from excite.robot.collision import collision_shapes
@@ -32,7 +33,8 @@ from excite.robot.robot import Robot
 from excite.robot.scaffold_text import render
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_inertia import inertial_faults
-from excite.robot.urdf_tree import check_tree
+from excite.robot.urdf_tree import MAX_NAME, check_tree
+from excite.robot.weights import check_weights
 
 Array = NDArray[np.float64]
 
@@ -116,12 +118,13 @@ def draft_description(
     rest = {guess.name: value for guess in free if (value := _rest(guess)) != 0.0}
     stand_in = _StandIn(path, floating, free, locked, tuple(faults), rest)
     robot, geometry, geometry_fault = stand_in.with_geometry()
+    check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
     inertia = dict(
         zip(robot.joint_names, (float(value) for value in joint_inertias(robot, rng)), strict=True)
     )
     return Draft(
-        name=path.stem,
-        title=root.get("name") or path.stem,
+        name=path.stem[:MAX_NAME],
+        title=root.get("name", ""),
         urdf=os.path.relpath(path.resolve(), Path(folder or path.parent).resolve()),
         floating=floating,
         joints=free,
@@ -200,8 +203,8 @@ class _StandIn:
         one = {"default": 1.0, "source": said}
         content = {
             "schema": "excite.robot/1",
-            "name": self.path.stem,
-            "title": self.path.stem,
+            "name": said,
+            "title": said,
             "model": {
                 "path": str(self.path.resolve()),
                 "acknowledged": dict.fromkeys(self.faults, said),
@@ -228,7 +231,16 @@ class _StandIn:
             "controller": {"kp": one, "kd": one},
             "collision": {"geometry": geometry, "margin": 0.01, "source": said},
         }
-        return build_robot(RobotDescription.model_validate(content), self.path)
+        try:
+            description = RobotDescription.model_validate(content)
+        except ValidationError as error:
+            first = error.errors()[0]
+            field = ".".join(str(part) for part in first["loc"])
+            what = f"cannot be described: {field} {first['msg']}"
+            raise RobotError(
+                what, source=self.path, remedy="correct the model, or rename its file"
+            ) from error
+        return build_robot(description, self.path)
 
     def _feet(self) -> list[dict[str, object]]:
         """One foot, for the schema's sake, on the root link."""

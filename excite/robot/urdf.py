@@ -14,15 +14,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import fromstring
 
 from excite.errors import RobotError
+from excite.reading.xml_document import read_xml
+from excite.robot.joint_values import check_range
 from excite.robot.urdf_inertia import check_inertials
 from excite.robot.urdf_numbers import numbers
 from excite.robot.urdf_tree import MOVING, check_tree
 
-MAX_BYTES = 64 * 1024 * 1024
+# The deepest element known, a mesh of a link, is the sixth.
 MAX_NESTING = 32
 
 
@@ -77,25 +77,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     Raises:
         RobotError: the file is missing, is no XML, hides entities, or is another format.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise RobotError(
-            f"cannot be read ({error.strerror})", source=path, remedy="check the path"
-        ) from error
-    if len(content) > MAX_BYTES:
-        raise RobotError(f"has {len(content)} bytes", source=path, remedy=f"keep it below {MAX_BYTES}")
-    try:
-        root = fromstring(content)
-    except DefusedXmlException as error:
-        what = f"declares XML entities ({type(error).__name__})"
-        raise RobotError(
-            what, source=path, field="DOCTYPE", remedy="remove the document type declaration"
-        ) from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise RobotError(
-            f"is not valid XML ({error})", source=path, remedy="mend the syntax there"
-        ) from error
+    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
         known = {"mujoco": "a MuJoCo model", "sdf": "an SDF model"}
         what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
@@ -105,18 +87,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
             field=root.tag,
             remedy="export it as URDF; excite init-robot does so for MuJoCo",
         )
-    _bounded_nesting(root, path)
     return root
-
-
-def _bounded_nesting(root: ElementTree.Element, path: Path) -> None:
-    level, depth = [root], 0
-    while level:
-        depth += 1
-        if depth > MAX_NESTING:
-            what = f"elements are nested more than {MAX_NESTING} deep"
-            raise RobotError(what, source=path, field=level[0].tag, remedy="flatten it")
-        level = [child for element in level for child in element]
 
 
 def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:
@@ -129,6 +100,9 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
                 field="locked_joints",
                 remedy="the model has " + ", ".join(n for n, j in joints.items() if j.get("type") in MOVING),
             )
+        check_range(
+            name, (values[name],), joints[name].get("type") == "prismatic", f"locked_joints.{name}", path
+        )
     for name, joint in joints.items():
         mimic = joint.find("mimic")
         if mimic is None or joint.get("type") == "fixed":
@@ -223,16 +197,17 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         return None
     if not name.startswith("package://"):
         file = folder / name.removeprefix("file://")
-        return file.resolve() if name and file.is_file() else None
+        # Also what is no file, whose reader says so.
+        return file.resolve() if name and os.path.exists(file) else None
     relative = Path(name.removeprefix("package://").lstrip("/"))
     roots = [folder, *folder.parents]
     roots += [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
     for root in roots:
         inside = root / relative
-        if inside.is_file():
+        if os.path.isfile(inside):
             return inside.resolve()
         # $ROS_PACKAGE_PATH may name the package's own folder.
         below = root.joinpath(*relative.parts[1:])
-        if relative.parts and root.name == relative.parts[0] and below.is_file():
+        if relative.parts and root.name == relative.parts[0] and os.path.isfile(below):
             return below.resolve()
     return None

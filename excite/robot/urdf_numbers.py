@@ -8,6 +8,29 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from excite.errors import RobotError
+from excite.robot.quantities import (
+    MAX_FORCE,
+    MAX_INERTIA,
+    MAX_LENGTH,
+    MAX_MASS,
+    MAX_ORIENTATION,
+    MAX_STAND_IN,
+    MAX_VELOCITY,
+)
+
+# Largest magnitude by attribute, and the likely cause of a larger one; elsewhere what stands in for "no limit".
+_LARGEST: dict[str, tuple[float, str]] = {
+    "xyz": (MAX_LENGTH, "write metres"),
+    "rpy": (MAX_ORIENTATION, "looks like degrees: write radians"),
+    "value": (MAX_MASS, "write kilograms"),
+    "effort": (MAX_FORCE, "write N·m or N"),
+    "velocity": (MAX_VELOCITY, "write rad/s or m/s"),
+    "size": (MAX_LENGTH, "write metres"),
+    "radius": (MAX_LENGTH, "write metres"),
+    "length": (MAX_LENGTH, "write metres"),
+    **dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), (MAX_INERTIA, "write kg·m²")),
+}
+_STAND_IN = (MAX_STAND_IN, "check its unit and exponent")
 
 # Narrower than float(): no "nan", "inf", "1_000" or decimal commas.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -41,14 +64,30 @@ def numbers(
     if text is None:
         raise RobotError("is missing", source=source, field=place, remedy=f"give {wanted}")
     parts = text.split()
-    if len(parts) != count or not all(_NUMBER.fullmatch(part) for part in parts):
-        shown = text if len(text) < 60 else text[:59] + "…"
+    # str.split() also takes spaces that readers written in C do not know.
+    if not text.isascii() or len(parts) != count or not all(_NUMBER.fullmatch(part) for part in parts):
         raise RobotError(
-            f"is {shown!r}", source=source, field=place, remedy=f"give {wanted}, with a decimal point"
+            f"is {shorten(text)!r}", source=source, field=place, remedy=f"give {wanted}, with a decimal point"
         )
     values = tuple(float(part) for part in parts)
     if not all(map(math.isfinite, values)):
         raise RobotError(
-            f"is {text!r}, too large for a number", source=source, field=place, remedy=f"give {wanted}"
+            f"is {shorten(text)!r}, too large for a number",
+            source=source,
+            field=place,
+            remedy=f"give {wanted}",
+        )
+    most, cause = _LARGEST.get(attribute, _STAND_IN)
+    if max(map(abs, values)) > most:
+        raise RobotError(
+            f"is {shorten(text)!r}, more than any robot has ({most:.4g})",
+            source=source,
+            field=place,
+            remedy=cause,
         )
     return values
+
+
+def shorten(text: str) -> str:
+    """A text that fits into a line."""
+    return text if len(text) < 60 else text[:59] + "…"

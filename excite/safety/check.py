@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from excite.motion.files import load_motion
@@ -12,7 +13,13 @@ from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import Margins, Verdict, Violation
 
 
-def check_motion(robot: Robot, motion: Motion, *, rate_hz: float | None = None) -> Verdict:
+def check_motion(
+    robot: Robot,
+    motion: Motion,
+    *,
+    rate_hz: float | None = None,
+    neighbours: Mapping[str, Motion] | None = None,
+) -> Verdict:
     """Judge a motion; nothing is repaired, and what cannot be computed makes the motion unsafe.
 
     Args:
@@ -20,6 +27,8 @@ def check_motion(robot: Robot, motion: Motion, *, rate_hz: float | None = None) 
         motion: the motion.
         rate_hz: rate of the grid that it is judged on [Hz], never below the motion's own; by default twice
             that, at least 200 Hz. Limits and self-collision hold between the grid's samples too.
+        neighbours: motions that are judged together with it, by name: where it says that it goes on from one of
+            them, or one from it, it need not start or end at rest.
 
     Returns:
         The verdict. A motion of which nothing could be computed (NaN, unsorted time, wrong joints, missing
@@ -29,10 +38,11 @@ def check_motion(robot: Robot, motion: Motion, *, rate_hz: float | None = None) 
         InputError: ``rate_hz`` is not positive.
         RobotError: the robot's collision geometry cannot be read.
     """
-    sweep = Sweep(robot, motion, rate_hz)
+    sweep = Sweep(robot, motion, rate_hz, neighbours or {})
     violations: list[Violation] = []
     margins: dict[str, float] = {}
     not_applicable: list[str] = []
+    readable = True
     for check in CHECKS.values():
         result = check().judge(sweep)
         violations += result.violations
@@ -40,13 +50,15 @@ def check_motion(robot: Robot, motion: Motion, *, rate_hz: float | None = None) 
             not_applicable.append(check.margin_field)
         elif check.margin_field is not None and result.margin is not None:
             margins[check.margin_field] = result.margin
-        if not result.readable:
+        readable = result.readable
+        if not readable:
             break
     return Verdict(
         motion=motion.name,
         margins=Margins(**margins),
         violations=tuple(sorted(violations, key=lambda v: -float("inf") if v.time_s is None else v.time_s)),
         not_applicable=tuple(not_applicable),
+        readable=readable,
     )
 
 

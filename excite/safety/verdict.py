@@ -70,12 +70,14 @@ class Verdict:
         margins: smallest margins over the motion.
         violations: everything found, in order of time; those without a time first.
         not_applicable: margins that mean nothing for this robot (``zmp_m`` of a robot without feet).
+        readable: False where the motion is so broken that nothing could be computed from it.
     """
 
     motion: str
     margins: Margins
     violations: tuple[Violation, ...]
     not_applicable: tuple[str, ...] = ()
+    readable: bool = True
 
     @property
     def safe(self) -> bool:
@@ -91,6 +93,14 @@ class Verdict:
             if getattr(self.margins, name) is None and name not in self.not_applicable
         )
 
+    @property
+    def reason(self) -> str:
+        """Why it is not safe, in a few words; empty where it is."""
+        if self.violations:
+            more = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
+            return f"{self.violations[0]}{more}"
+        return f"could not compute {', '.join(self.not_computed)}" if self.not_computed else ""
+
     def to_json(self) -> dict:
         """The motion's entry in an ``excite.check/1`` document, and ``not_applicable``."""
         return {
@@ -103,12 +113,7 @@ class Verdict:
 
     def summary(self) -> str:
         """One line for a person."""
-        if self.safe:
-            return f"{self.motion}: safe"
-        if self.violations:
-            more = f", and {len(self.violations) - 1} more" if len(self.violations) > 1 else ""
-            return f"{self.motion}: unsafe, {self.violations[0]}{more}"
-        return f"{self.motion}: unsafe, could not compute {', '.join(self.not_computed)}"
+        return f"{self.motion}: safe" if self.safe else f"{self.motion}: unsafe, {self.reason}"
 
 
 def check_document(verdicts: Iterable[Verdict]) -> dict:

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from excite.errors import InputError
 from excite.identification.drive_terms import DRIVE_TERMS
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.known_bounds import Interval, KnownBounds
+from excite.reading.yaml_document import read_yaml
+from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.physical_bounds/1"
@@ -88,22 +89,18 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
     for name, entry in (_document(Path(path)).get("parameters") or {}).items():
         if not isinstance(entry, dict) or column not in entry:
             raise InputError(f"has no value {column!r}", source=path, field=name)
-        values[name] = float(entry[column])
+        value = _number(entry[column])
+        if value is None or not math.isfinite(value):
+            raise InputError(
+                f"is {entry[column]!r}", source=path, field=f"{name}.{column}", remedy="give a number"
+            )
+        values[name] = value
     return values
 
 
 def _document(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", source=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no text in UTF-8", source=path) from error
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError("is no YAML", source=path, remedy=str(error).splitlines()[0]) from error
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+    document = read_yaml(path, remedy=f"start it with schema: {SCHEMA}")
+    if document.get("schema") != SCHEMA:
         raise InputError(
             "is not a bounds file", source=path, field="schema", remedy=f"start it with schema: {SCHEMA}"
         )
@@ -181,12 +178,12 @@ def _pair(path: Path, name: str, value: Any) -> Interval:
             f"has bounds {value!r}", source=path, field=name, remedy="write [lower, upper], two numbers in SI"
         )
     low, high = float(numbers[0] or 0.0), float(numbers[1] or 0.0)
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if not (abs(low) <= MAX_INERTIA and abs(high) <= MAX_INERTIA):
         raise InputError(
             f"has bounds [{low:g}, {high:g}]",
             source=path,
             field=name,
-            remedy="write finite numbers, or leave the line out",
+            remedy=f"write numbers up to {MAX_INERTIA:g}, or leave the line out",
         )
     if not low < high:
         raise InputError(
@@ -202,9 +199,11 @@ def _number(value: Any) -> float | None:
     """YAML 1.1 reads ``1e-4`` as text; it is meant as a number."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
+    if isinstance(value, str) and not value.isascii():
+        return None
     try:
         return float(value)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
 
 

@@ -6,7 +6,9 @@ from excite.safety.checks.balance import CentreOfMassCheck, ContactWrenchCheck, 
 from excite.safety.checks.base import Check
 from excite.safety.checks.collision import SelfCollisionCheck
 from excite.safety.checks.foot import FootCheck
+from excite.safety.checks.identity import IdentityCheck
 from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
+from excite.safety.checks.rest import RestCheck
 from excite.safety.checks.sampling import SamplingCheck
 from excite.safety.checks.torque import JointTorqueCheck
 
@@ -14,6 +16,8 @@ CHECKS: dict[str, type[Check]] = {
     check.name: check
     for check in (
         SamplingCheck,
+        IdentityCheck,
+        RestCheck,
         JointPositionCheck,
         JointVelocityCheck,
         JointAccelerationCheck,

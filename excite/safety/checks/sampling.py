@@ -16,7 +16,7 @@ from excite.safety.verdict import Violation
 # Longest step between samples relative to the median one: more is a gap in which anything may happen.
 _STEP_RATIO = 1.5
 # Slowest sampling at which interpolation still says what a controller would do [Hz].
-_MIN_RATE_HZ = 20.0
+MIN_RATE_HZ = 20.0
 # How far v and a may be from the derivatives of q and v, relative to the joints' limits; chosen here: a tenth
 # of what would matter to a limit, a hundred times what rounding and interpolation at 100 Hz leave.
 _VELOCITY_TOLERANCE = 0.005
@@ -52,6 +52,11 @@ def coordinate_names(robot: Robot) -> tuple[str, ...]:
     """Names of the columns of v: the base's six, if it is free, and the joints."""
     base = ("base.x", "base.y", "base.z", "base.wx", "base.wy", "base.wz") if robot.floating else ()
     return base + robot.joint_names
+
+
+def velocity_tolerance(robot: Robot) -> Array:
+    """How far velocities may be from what they should be, ``(nv,)`` [m/s and rad/s of a base; rad/s or m/s]."""
+    return _tolerances(robot)[0]
 
 
 def _structure(robot: Robot, motion: Motion) -> tuple[Violation, ...]:
@@ -99,7 +104,10 @@ def _time(motion: Motion) -> tuple[Violation, ...]:
     if (step <= 0.0).any():
         k = int(np.argmax(step <= 0.0))
         return (Violation("time_not_increasing", float(time[k]), "time", float(step[k]), 0.0),)
-    longest = min(_STEP_RATIO * float(np.median(step)), 1.0 / _MIN_RATE_HZ)
+    median = float(np.median(step))
+    if median > (1.0 + 1e-9) / MIN_RATE_HZ:
+        return (Violation("rate_too_low", None, "time", 1.0 / median, MIN_RATE_HZ),)
+    longest = min(_STEP_RATIO * median, 1.0 / MIN_RATE_HZ)
     if (step > longest * (1.0 + 1e-9)).any():
         k = int(np.argmax(step > longest * (1.0 + 1e-9)))
         return (Violation("time_gap", float(time[k]), "time", float(step[k]), longest),)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -69,11 +70,13 @@ class Sweep:
         robot: the robot.
         motion: the motion as handed over.
         rate_hz: rate of the finer grid, never below the motion's own; None for :data:`FINER` times that.
+        neighbours: motions that are judged together with it, by name.
     """
 
     robot: Robot
     motion: Motion
     rate_hz: float | None = None
+    neighbours: Mapping[str, Motion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.rate_hz is not None and not (np.isfinite(self.rate_hz) and self.rate_hz > 0.0):

@@ -1,0 +1,155 @@
+"""How a command ends that could not do its work: one line, one JSON document if asked for, one exit code."""
+
+from __future__ import annotations
+
+import errno
+import platform
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import excite
+from excite.atomic import completed, unwritable
+from excite.errors import ExciteError
+from excite.json_document import to_json
+
+EXIT_USAGE = 2
+EXIT_BAD_INPUT = 4
+EXIT_UNFORESEEN = 5
+_NAMED_FILES = 3
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What is said of a failed run.
+
+    Attributes:
+        code: exit code.
+        message: what is wrong.
+        file: in which file, if it is one.
+        field: in which field, option or column of it.
+        remedy: what to do.
+        line: all of it in one line.
+    """
+
+    code: int
+    message: str
+    file: str | None = None
+    field: str | None = None
+    remedy: str | None = None
+    line: str = ""
+
+    def show(self, *, as_json: bool) -> None:
+        """One line on stderr; with ``--json`` a document on stdout too."""
+        print(f"excite: {self.line or self.message}", file=sys.stderr)
+        if as_json:
+            print(to_json({"error": self.to_json()}))
+
+    def to_json(self) -> dict[str, int | str | None]:
+        """The fields of ``{"error": …}``."""
+        return {
+            "code": self.code,
+            "message": self.message,
+            "file": self.file,
+            "field": self.field,
+            "remedy": self.remedy,
+        }
+
+
+def of_error(error: ExciteError) -> Failure:
+    """A failure that excite foresaw."""
+    what = one_line(getattr(error, "what", None) or str(error))
+    source, field, remedy = (getattr(error, name, None) for name in ("source", "field", "remedy"))
+    return Failure(
+        code=error.exit_code,
+        message=what,
+        file=None if source is None else one_line(str(source)),
+        field=None if field is None else one_line(str(field)),
+        remedy=None if remedy is None else one_line(str(remedy)),
+        line=one_line(str(error)),
+    )
+
+
+def of_system(error: OSError) -> Failure:
+    """A failure of the system that nobody could avoid: a full disk, a folder that went away."""
+    if error.filename is not None:
+        return of_error(unwritable(Path(str(error.filename)), error))
+    what = f"the system refuses ({error.strerror or error})"
+    remedy = "free memory, processes or files, and try again"
+    if error.errno == errno.ENOSPC:
+        # Files are named; what has no name is the output.
+        what, remedy = f"what was found cannot be printed ({error.strerror})", "check what the output goes to"
+    return Failure(EXIT_BAD_INPUT, what, remedy=remedy, line=f"{what}; {remedy}")
+
+
+def of_usage(error: Any) -> Failure:
+    """A command line that means nothing, as typer says it."""
+    context = getattr(error, "ctx", None)
+    remedy = f"see `{context.command_path if context else 'excite'} --help`"
+    what = one_line(error.format_message()).rstrip(".")
+    return Failure(EXIT_USAGE, what, remedy=remedy, line=f"{what}; {remedy}")
+
+
+def of_unforeseen(error: BaseException, arguments: Sequence[str]) -> Failure:
+    """An error of our own: the details go to a file, the line says where."""
+    name = one_line(f"{type(error).__name__}: {error}")[:200]
+    details = _write_details(error, arguments)
+    where = f"details in {details}" if details else "its details could not be written"
+    done = _complete()
+    return Failure(
+        code=EXIT_UNFORESEEN,
+        message=name,
+        file=None if details is None else str(details),
+        remedy="report it with that file",
+        line=f"an error that nobody foresaw ({name}); {done}; {where}: report it with that file",
+    )
+
+
+def one_line(text: str) -> str:
+    """Text without line breaks and control characters, of a length that can be read."""
+    text = " ".join(text.split())
+    text = "".join(char if char.isprintable() else repr(char)[1:-1] for char in text)
+    return text if len(text) <= 1000 else text[:997] + "…"
+
+
+def _complete() -> str:
+    files = completed()
+    if not files:
+        return "nothing was written by then"
+    named = ", ".join(str(path) for path in files[-_NAMED_FILES:])
+    return f"complete by then: {named}" + (
+        f" and {len(files) - _NAMED_FILES} more" if len(files) > _NAMED_FILES else ""
+    )
+
+
+def _write_details(error: BaseException, arguments: Sequence[str]) -> Path | None:
+    lines = [
+        f"excite {excite.__version__}, Python {platform.python_version()}, {platform.platform()}",
+        "arguments: " + " ".join(map(repr, arguments)),
+        "complete by then:",
+        *(f"  {path}" for path in completed()),
+        "",
+        "".join(traceback.format_exception(error)),
+    ]
+    stamp = time.strftime("%Y%m%d_%H%M%S")
+    for folder in (tempfile.gettempdir(), "."):
+        try:
+            with tempfile.NamedTemporaryFile(
+                "w",
+                prefix=f"excite_error_{stamp}_",
+                suffix=".txt",
+                dir=folder,
+                delete=False,
+                encoding="utf-8",
+                errors="backslashreplace",
+            ) as stream:
+                stream.write("\n".join(lines))
+            return Path(stream.name)
+        except OSError:
+            continue
+    return None

@@ -1,0 +1,1 @@
+"""Readers of motions, one a format."""

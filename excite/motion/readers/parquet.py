@@ -1,0 +1,57 @@
+"""``excite.motion/1`` in Parquet."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from excite.arrow_columns import numpy_columns, read_parquet
+from excite.errors import MotionError
+from excite.motion.readers.reader import MAX_FILE_BYTES, MAX_VALUES, MotionReader, RawMotion, unreadable
+from excite.reading.file import check_file
+from excite.reading.json_document import parse_json
+
+
+class ParquetReader(MotionReader):
+    """One column a channel; what the file says of itself is JSON under the key ``excite``."""
+
+    name: ClassVar[str] = "parquet"
+    summary: ClassVar[str] = "excite.motion/1 in Parquet"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`MotionReader`."""
+        return path.suffix == ".parquet"
+
+    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
+        """See :class:`MotionReader`."""
+        check_file(path, limit=MAX_FILE_BYTES, error=MotionError)
+        try:
+            found = pa.parquet.read_metadata(path)
+            if found.num_rows * found.num_columns > MAX_VALUES:
+                raise MotionError(
+                    f"holds {found.num_rows} rows of {found.num_columns} columns",
+                    source=path,
+                    remedy="check that it is a motion",
+                )
+            table = read_parquet(path)
+            metadata = parse_json(((table.schema.metadata or {}).get(b"excite", b"{}")).decode())
+            columns = numpy_columns(table)
+        except (
+            OSError,
+            ValueError,
+            RecursionError,
+            MemoryError,
+            json.JSONDecodeError,
+            pa.ArrowException,
+        ) as error:
+            raise unreadable(path, error) from error
+        if len(set(table.column_names)) < len(table.column_names):
+            names = table.column_names
+            twice = next(name for name in names if names.count(name) > 1)
+            raise MotionError("stands twice", source=path, field=twice[:60], remedy="keep one of them")
+        return RawMotion(columns, metadata)

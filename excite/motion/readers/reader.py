@@ -1,0 +1,66 @@
+"""What every reader of motions offers: named columns of numbers, and what the file says of itself."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from numpy.typing import NDArray
+
+from excite.errors import MotionError
+
+# An hour of a humanoid at 1 kHz has 3.6e6 samples of 117 columns, 3.4 GB; motions here last minutes.
+MAX_FILE_BYTES = 1024 * 1024 * 1024
+MAX_VALUES = 200_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class RawMotion:
+    """A motion as it stands in a file.
+
+    Attributes:
+        columns: ``(n,)`` each, by the names of ``excite.motion/1``; more may be there.
+        metadata: what the file says of itself; empty for files that were made elsewhere.
+    """
+
+    columns: Mapping[str, NDArray[Any]]
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
+class MotionReader(ABC):
+    """A format of motions.
+
+    Attributes:
+        name: name in ``READERS``.
+        summary: one line for help texts.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+
+    @abstractmethod
+    def recognises(self, path: Path) -> bool:
+        """Whether a file (or folder) looks like this format, by its name and its first bytes; never raises."""
+
+    @abstractmethod
+    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
+        """Read a motion.
+
+        Args:
+            path: of the file or folder.
+            joints: names of the robot's joints, for formats that name their columns as they like.
+
+        Raises:
+            MotionError: it cannot be read, is damaged, or is larger than any motion.
+        """
+
+
+def unreadable(path: Path, reason: Exception | str) -> MotionError:
+    """The error for a file that its library cannot read."""
+    text = " ".join(str(reason).split()) or type(reason).__name__
+    return MotionError(
+        f"cannot be read ({text[:160]})", source=path, remedy="check that the file is complete"
+    )

@@ -1,0 +1,38 @@
+"""The formats of motions that can be read, by name. A new one is one file beside this one and one line here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from excite.errors import MotionError
+from excite.motion.readers.npz import NpzReader
+from excite.motion.readers.parquet import ParquetReader
+from excite.motion.readers.reader import MotionReader, RawMotion
+from excite.motion.readers.ros2 import Ros2Reader
+from excite.motion.readers.table import TableReader
+
+READERS: dict[str, type[MotionReader]] = {
+    reader.name: reader for reader in (ParquetReader, NpzReader, TableReader, Ros2Reader)
+}
+
+
+def is_motion(path: Path) -> bool:
+    """Whether a file or folder looks like a motion."""
+    return any(reader().recognises(path) for reader in READERS.values())
+
+
+def read_motion(path: Path, joints: Sequence[str] = ()) -> RawMotion:
+    """Read a motion by the reader that knows its format.
+
+    Raises:
+        MotionError: no reader knows it, or it cannot be read.
+    """
+    for reader in READERS.values():
+        if reader().recognises(path):
+            return reader().read(path, joints)
+    raise MotionError(
+        f"unknown format {path.suffix!r}",
+        source=path,
+        remedy="use .parquet, .npz, .csv, .mcap, or a ROS 2 bag's folder",
+    )

@@ -1,0 +1,126 @@
+"""ROS 2 bags and MCAP files that hold a ``trajectory_msgs/msg/JointTrajectory``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.errors import MotionError
+from excite.motion.content import BASE_ACCELERATION, BASE_POSE, BASE_TWIST
+from excite.motion.readers.reader import MAX_FILE_BYTES, MAX_VALUES, MotionReader, RawMotion
+from excite.reading.child import in_child
+from excite.reading.file import check_file
+
+JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+BASE_TRAJECTORY = "trajectory_msgs/msg/MultiDOFJointTrajectory"
+CONTACTS = "/excite/contacts"
+"""Topic of a JointTrajectory whose names are feet and whose positions are 1 while a foot carries load."""
+ROBOT, ROBOT_HASH = "excite.robot", "excite.robot_hash"
+"""Keys of the bag's custom data."""
+
+_FIELDS = {"q": "positions", "v": "velocities", "a": "accelerations"}
+
+
+class Ros2Reader(MotionReader):
+    """The first joint trajectory of a bag; base and contacts from their own topics where they are there."""
+
+    name: ClassVar[str] = "ros2"
+    summary: ClassVar[str] = "ROS 2 bag folder, or an MCAP file, with a trajectory_msgs/msg/JointTrajectory"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`MotionReader`."""
+        return path.suffix == ".mcap" or (path / "metadata.yaml").is_file()
+
+    def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
+        """See :class:`MotionReader`."""
+        files = [file for file in path.iterdir() if file.suffix != ".json"] if path.is_dir() else [path]
+        for file in files:
+            check_file(file, limit=MAX_FILE_BYTES, error=MotionError)
+        columns, metadata = in_child(
+            "excite.motion.readers.ros2:read_bag", path, source=path, error=MotionError, memory_gb=16.0
+        )
+        return RawMotion(columns, metadata)
+
+
+def read_bag(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Columns of a bag's trajectory and what the bag says of itself; raises MotionError."""
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
+
+    columns: dict[str, NDArray[Any]] = {}
+    metadata: dict[str, str] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+            wanted = [c for c in bag.connections if c.msgtype in {JOINT_TRAJECTORY, BASE_TRAJECTORY}]
+            for connection, _, raw in bag.messages(connections=wanted) if wanted else ():
+                message = bag.deserialize(raw, connection.msgtype)
+                for name, values in _columns(connection.topic, connection.msgtype, message, path).items():
+                    columns.setdefault(name, values)
+            metadata = _said(bag.readers[0])
+    except (AnyReaderError, OSError) as error:
+        line = " ".join(str(error).split())
+        raise MotionError(f"cannot be read ({line[:160]})", source=path, remedy="record it again") from error
+    if "time" not in columns:
+        raise MotionError(
+            f"holds no {JOINT_TRAJECTORY}", source=path, remedy="give a bag with a joint trajectory"
+        )
+    return columns, metadata
+
+
+def _said(bag: Any) -> dict[str, str]:
+    """What the bag's custom data say of the robot, under the names of ``excite.motion/1``."""
+    custom = getattr(getattr(bag, "metadata", None), "custom", None) or {}
+    return {key.removeprefix("excite."): str(custom[key]) for key in (ROBOT, ROBOT_HASH) if key in custom}
+
+
+def _columns(topic: str, kind: str, message: Any, path: Path) -> dict[str, NDArray[Any]]:
+    points = message.points
+    if len(points) * max(len(message.joint_names), 1) > MAX_VALUES:
+        raise MotionError(f"has {len(points)} points", source=path, remedy="check that it is a motion")
+    if kind == BASE_TRAJECTORY:
+        return _base(points)
+    if topic == CONTACTS:
+        flags = _matrix([point.positions for point in points], message.joint_names, "positions", path)
+        return {f"contact.{foot}": flags[:, i] for i, foot in enumerate(message.joint_names)}
+    stamps = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
+    columns: dict[str, NDArray[Any]] = {"time": np.array(stamps)}
+    for prefix, name in _FIELDS.items():
+        rows = [getattr(point, name) for point in points]
+        if prefix != "q" and not any(len(row) for row in rows):
+            continue
+        values = _matrix(rows, message.joint_names, name, path)
+        columns |= {f"{prefix}.{joint}": values[:, i] for i, joint in enumerate(message.joint_names)}
+    return columns
+
+
+def _matrix(rows: Sequence[Any], names: Sequence[str], what: str, path: Path) -> NDArray[np.float64]:
+    for number, row in enumerate(rows):
+        if len(row) != len(names):
+            raise MotionError(
+                f"point {number} has {len(row)} {what} for {len(names)} names",
+                source=path,
+                remedy="write one number a joint",
+            )
+    return np.array(rows, dtype=float).reshape(len(rows), len(names))
+
+
+def _base(points: Sequence[Any]) -> dict[str, NDArray[Any]]:
+    """Pose, twist and acceleration of the base, the first of each point."""
+    poses: list[tuple[float, ...]] = []
+    twists: list[tuple[float, ...]] = []
+    accelerations: list[tuple[float, ...]] = []
+    for point in points:
+        t, r = point.transforms[0].translation, point.transforms[0].rotation
+        poses.append((t.x, t.y, t.z, r.x, r.y, r.z, r.w))
+        for rows, twist in ((twists, point.velocities[0]), (accelerations, point.accelerations[0])):
+            linear, angular = twist.linear, twist.angular
+            rows.append((linear.x, linear.y, linear.z, angular.x, angular.y, angular.z))
+    found: dict[str, NDArray[Any]] = {}
+    for names, rows in ((BASE_POSE, poses), (BASE_TWIST, twists), (BASE_ACCELERATION, accelerations)):
+        values = np.array(rows, dtype=float).reshape(len(rows), len(names))
+        found |= {name: values[:, i] for i, name in enumerate(names)}
+    return found

@@ -1,0 +1,102 @@
+"""Native readers in a process of their own: where one crashes, hangs or eats memory, it is one line here."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import os
+import pickle
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from excite.errors import ExciteError, InputError
+from excite.lifetime import die_with_parent
+
+_MAIN = "from excite.reading.child import answer; answer()"
+
+
+def in_child(
+    function: str,
+    *args: Any,
+    source: Path,
+    error: type[InputError] = InputError,
+    seconds: float = 60.0,
+    memory_gb: float = 8.0,
+) -> Any:
+    """Call a function in a child process and return what it returns.
+
+    For readers written in C or C++ that are known to crash on damaged files. The child is a fresh interpreter, so
+    that it works from any program, and it dies with this one.
+
+    Args:
+        function: ``package.module:name`` of a function; its arguments and its result have to be picklable.
+        args: its arguments.
+        source: file that it reads, for errors.
+        error: class of the errors.
+        seconds: how long it may take [s].
+        memory_gb: how much memory it may ask for [GB].
+
+    Raises:
+        InputError: of the class ``error``: the child crashed, took too long or too much memory.
+        ExciteError: what the function itself raised.
+    """
+    task = pickle.dumps((function, args, memory_gb))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry)}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _MAIN],
+            input=task,
+            capture_output=True,
+            timeout=seconds,
+            check=False,
+            env=environment,
+        )
+    except subprocess.TimeoutExpired as reason:
+        raise error(
+            f"takes its reader more than {seconds:g} s", source=source, remedy="check that it is complete"
+        ) from reason
+    if done.returncode != 0:
+        raise error(
+            f"makes its reader fail ({_ending(done.returncode)})",
+            source=source,
+            remedy="it is damaged: export it again",
+        )
+    kind, value = pickle.loads(done.stdout)  # noqa: S301  (written by answer() below, in our own child)
+    if kind == "raised":
+        raise value
+    return value
+
+
+def answer() -> None:
+    """Run in the child: read a task from stdin, write what came of it to stdout."""
+    out = os.fdopen(os.dup(1), "wb")
+    # What native code prints shall not be taken for the answer.
+    os.dup2(2, 1)
+    die_with_parent()
+    function, args, memory_gb = pickle.load(sys.stdin.buffer)  # noqa: S301  (from our own parent)
+    limit = int(memory_gb * 1e9)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    # A crash shall leave no core file beside people's data.
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    module, _, name = function.partition(":")
+    try:
+        result: tuple[str, Any] = ("returned", getattr(importlib.import_module(module), name)(*args))
+    except ExciteError as error:
+        result = ("raised", error)
+    buffer = io.BytesIO()
+    pickle.dump(result, buffer, protocol=pickle.HIGHEST_PROTOCOL)
+    out.write(buffer.getvalue())
+    out.close()
+
+
+def _ending(code: int) -> str:
+    if code >= 0:
+        return "out of memory or bounds"
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"

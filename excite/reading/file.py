@@ -1,0 +1,104 @@
+"""The bytes of a file that somebody named: a regular file, of a size that a reader can hold."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+from excite.errors import InputError
+
+# What a person writes by hand: the largest robot.yaml and log.yaml known here have 30 kB.
+MAX_DESCRIPTION_BYTES = 8 * 1024 * 1024
+
+_KINDS = (
+    (stat.S_ISDIR, "is a folder"),
+    (stat.S_ISFIFO, "is a pipe"),
+    (stat.S_ISCHR, "is a device"),
+    (stat.S_ISBLK, "is a device"),
+    (stat.S_ISSOCK, "is a socket"),
+)
+
+
+def check_file(path: str | Path, *, limit: int | None = None, error: type[InputError] = InputError) -> Path:
+    """The path of a regular file that may be read, else an error in one line.
+
+    Args:
+        path: of the file.
+        limit: largest size [bytes]; None for any.
+        error: class of the error.
+
+    Raises:
+        InputError: of the class ``error``: no such file, a folder, pipe, device or socket, a name that no file can
+            have, a file that may not be read, or one above the limit.
+    """
+    path = Path(path)
+    try:
+        found = path.stat()
+    except (OSError, ValueError) as reason:
+        raise unreadable_file(path, reason, error) from reason
+    for is_kind, what in _KINDS:
+        if is_kind(found.st_mode):
+            raise error(f"{what}, not a file", source=path, remedy="give a file")
+    if not os.access(path, os.R_OK):
+        raise error("may not be read", source=path, remedy="change its permissions")
+    if limit is not None and found.st_size > limit:
+        raise too_large(path, found.st_size, limit, error)
+    return path
+
+
+def read_bytes(
+    path: str | Path, *, limit: int = MAX_DESCRIPTION_BYTES, error: type[InputError] = InputError
+) -> bytes:
+    """The content of a file, at most ``limit`` bytes of it; errors as for :func:`check_file`."""
+    path = check_file(path, limit=limit, error=error)
+    try:
+        # Not blocking, for what became a pipe meanwhile and for files of the system's own that wait for news; one
+        # byte more than allowed, for a file that grows while it is read.
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as stream:
+            content = stream.read(limit + 1) or b""
+    except OSError as reason:
+        raise unreadable_file(path, reason, error) from reason
+    if len(content) > limit:
+        raise too_large(path, len(content), limit, error)
+    return content
+
+
+def read_text(
+    path: str | Path, *, limit: int = MAX_DESCRIPTION_BYTES, error: type[InputError] = InputError
+) -> str:
+    """The text of a UTF-8 file, with or without a byte order mark; errors as for :func:`check_file`."""
+    content = read_bytes(path, limit=limit, error=error)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        raise error(
+            f"is no UTF-8 text (byte {reason.start} is 0x{content[reason.start]:02x})",
+            source=path,
+            remedy="save it as UTF-8",
+        ) from reason
+
+
+def unreadable_file(path: Path, reason: Exception, error: type[InputError] = InputError) -> InputError:
+    """The error for a file that the system does not give."""
+    if isinstance(reason, ValueError):
+        return error("has a name that no file can have", source=repr(str(path)), remedy="check the path")
+    code = reason.errno if isinstance(reason, OSError) else None
+    if code in {errno.ENOENT, errno.ENOTDIR}:
+        return error("no such file", source=path, remedy="check the path")
+    if code == errno.ENAMETOOLONG:
+        return error("has a name too long for a file", source=f"{str(path)[:60]}…", remedy="shorten it")
+    if code in {errno.EACCES, errno.EPERM}:
+        return error("may not be read", source=path, remedy="change its permissions")
+    said = reason.strerror if isinstance(reason, OSError) and reason.strerror else type(reason).__name__
+    return error(f"cannot be read ({said})", source=path, remedy="check the disk that it is on")
+
+
+def too_large(path: Path, size: int, limit: int, error: type[InputError] = InputError) -> InputError:
+    """The error for a file above a limit."""
+    return error(
+        f"has {size} bytes, more than the {limit} that are read",
+        source=path,
+        remedy="check that it is the right file",
+    )

@@ -1,0 +1,140 @@
+"""How a command ends: interrupted, unforeseen, unread; never with a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+_BROKEN = """
+import sys
+import excite.cli.effects
+from excite.atomic import write_text
+from pathlib import Path
+import excite
+def fail():
+    write_text(Path("first.txt"), "done")
+    raise KeyError("something\\nodd")
+excite.effect_summaries = fail
+from excite.cli.main import program
+program()
+"""
+
+_BUSY = """
+import sys, time
+import excite
+def work():
+    print("at work", file=sys.stderr, flush=True)
+    HOW
+excite.effect_summaries = work
+from excite.cli.main import program
+program()
+"""
+
+
+def python(code: str, *arguments: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+def test_an_error_that_nobody_foresaw_is_5_and_says_where_its_details_are(tmp_path: Path) -> None:
+    done = python(_BROKEN, "effects", "--json", cwd=tmp_path, TMPDIR=str(tmp_path))
+    assert done.returncode == 5
+    assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr
+    error = json.loads(done.stdout)["error"]
+    assert error["code"] == 5 and set(error) == {"code", "message", "file", "field", "remedy"}
+    details = Path(error["file"])
+    assert str(details) in done.stderr and "complete by then: first.txt" in done.stderr
+    text = details.read_text()
+    assert (
+        "KeyError" in text
+        and "Traceback" in text
+        and "'effects', '--json'" in text.replace('"', "'").replace("' '", "', '")
+    )
+
+
+@pytest.mark.parametrize(
+    "how", ["time.sleep(60)", "exec('while True: pass')", "import threading; threading.Event().wait()"]
+)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_an_interrupted_command_ends_within_two_seconds(how: str, number: int, tmp_path: Path) -> None:
+    code = _BUSY.replace("HOW", how)
+    run = subprocess.Popen(
+        [sys.executable, "-c", code, "effects"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    assert run.stderr is not None and run.stderr.readline() == "at work\n"
+    sent = time.monotonic()
+    run.send_signal(number)
+    rest = run.communicate(timeout=10)[1]
+    assert time.monotonic() - sent < 2.0
+    assert run.returncode == 128 + number
+    assert rest.startswith("excite: interrupted") and rest.count("\n") == 1
+
+
+def test_output_that_nobody_reads_is_no_verdict(tmp_path: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(
+        [sys.executable, "-m", "excite", "robots", "--json"],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 141 and done.stderr == b""
+
+
+def test_output_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "excite", "robots", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+            check=False,
+        )
+    assert done.returncode == 4
+    assert done.stderr.count("\n") == 1 and "No space left on device" in done.stderr
+
+
+def test_a_terminal_without_unicode_shows_all_that_it_can(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "excite", "effects"],
+        capture_output=True,
+        cwd=tmp_path,
+        check=False,
+        env={**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    )
+    assert done.returncode == 0 and done.stderr == b""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("robots", "--bad"), 2),
+        (("plan", "ur10", "--candidates", "x"), 2),
+        (("plan", "nope"), 4),
+        (("plan", "x\0y"), 4),
+    ],
+)
+def test_with_json_a_failure_is_one_document(arguments: tuple[str, ...], code: int, tmp_path: Path) -> None:
+    given = ["excite", *arguments, "--json"]
+    call = f"import sys; sys.argv = {given!r}\nfrom excite.cli.main import program\nprogram()"
+    done = python(call, cwd=tmp_path)
+    assert done.returncode == code
+    assert json.loads(done.stdout)["error"]["code"] == code
+    assert done.stderr.startswith("excite: ") and done.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
