@@ -136,7 +136,19 @@ def test_twenty_samples_a_second_are_enough(rate: float, bad: bool, arm: Robot) 
     violations = found(arm, still(arm, rate_hz=rate))
     assert bool(violations) is bad
     if bad:
-        assert (violations[0].kind, violations[0].time_s, violations[0].limit) == ("time_gap", 0.0, 0.05)
+        (violation,) = violations
+        assert (violation.kind, violation.time_s, violation.limit) == ("rate_too_low", None, 20.0)
+        assert violation.value == pytest.approx(19.9)
+
+
+def test_a_single_step_is_never_longer_than_a_twentieth_of_a_second(arm: Robot) -> None:
+    motion = still(arm, rate_hz=25.0)
+    for step, bad in ((0.0499, False), (0.0501, True)):
+        time = motion.time.copy()
+        time[11:] += step - 0.04
+        violations = found(arm, replace(motion, time=time))
+        assert [v.kind for v in violations] == (["time_gap"] if bad else [])
+        assert [v.limit for v in violations] == ([0.05] if bad else [])
 
 
 # --- Contacts
