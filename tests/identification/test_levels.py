@@ -9,17 +9,20 @@ import pytest
 from scipy.optimize import minimize
 
 from excite.errors import NoSolutionError
+from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators import robust
 from excite.identification.estimators.active_set import ActiveSetProjector
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.cls1 import bound_rows, parameter_bounds
+from excite.identification.estimators.cls1 import BoundedNearBase, bound_rows, parameter_bounds
+from excite.identification.estimators.cls3 import DensityRealisable
 from excite.identification.estimators.hierarchy import solve_hierarchy
 from excite.identification.estimators.hierarchy_state import HierarchyAnswer, HierarchyState, Level
 from excite.identification.estimators.hqp import HierarchicalProgram, _recomputed_status, paper_levels
 from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.physical.known_bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, prior_std, regression
 from excite.robot.loading import load_robot
@@ -269,6 +272,37 @@ def test_bounds_are_spreads_about_nominal_or_those_given(arm):
         assert listed.violations(outside).max() > 0.0
     some = bound_rows(rows, settings, (0, 1))
     assert len(some.bound) < len(bound_rows(rows, settings).bound)
+
+
+def test_active_bounds_are_those_that_are_reached(arm):
+    settings = EstimatorSettings(bound_width=0.1)
+    found = BoundedNearBase().estimate(arm, settings)
+    rows = found.regression
+    listed = scaled_parameters(rows, settings).constraints(bound_rows(rows, settings))
+    slack = listed.matrix @ scaled_parameters(rows, settings).coordinates(found.parameters) - listed.bound
+    reached = {label for label, left in zip(listed.labels, slack, strict=True) if left < 1e-6}
+    assert set(found.active) == reached
+    assert 0 < len(reached) < len(set(listed.labels))
+
+
+@pytest.mark.parametrize("side", [-0.1, 0.1])
+def test_ellipsoids_reach_as_far_as_a_stated_box(arm, side):
+    """A centre of mass that lies 0.1 m off, on either side: found where its box is stated, kept in its own else."""
+    boxes = equivalent_boxes(arm.robot, growth=0.05)
+    k, link = 3, arm.robot.segments[3].link
+    moved = np.zeros(arm.n_params)
+    moved[10 * k + 1] = side * arm.prior[10 * k]
+    off = replace(arm, y=arm.y + arm.Y @ moved)
+    settings = EstimatorSettings(com_boxes=boxes)
+    nominal = float(arm.prior[10 * k + 1] / arm.prior[10 * k])
+    known = KnownBounds({f"{link}.cx": (nominal - 0.4, nominal + 0.4)})
+    centres = []
+    for given in (settings, replace(settings, bounds=known)):
+        ten = DensityRealisable().estimate(off, given).parameters[10 * k : 10 * k + 10]
+        centres.append(float(ten[1] / ten[0]) - nominal)
+    kept, found = centres
+    assert abs(kept) < abs(side) / 2.0
+    assert abs(found - side) < 0.05
 
 
 # --- Huber

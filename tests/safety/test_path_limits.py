@@ -12,7 +12,8 @@ from scipy.spatial import ConvexHull
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import SupportPhase
 from excite.motion.generators.registry import make_generator
-from excite.robot.robot import Robot
+from excite.robot.joint_values import per_joint
+from excite.robot.loading import load_robot
 from excite.safety.repairs.draft import Draft
 from excite.safety.repairs.registry import make_repairs
 from excite.safety.repairs.rows import PathLimits
@@ -22,12 +23,17 @@ from excite.safety.repairs.support import friction_rows, support_of
 SHARES = Shares()
 
 
-@pytest.fixture(scope="module", params=["leg_swing", "squat"])
-def limits(request: pytest.FixtureRequest, g1: Robot) -> PathLimits:
-    """The limits along a path over one foot and both, and along one over both throughout."""
-    candidate = make_generator(request.param).candidates(g1, 1, np.random.SeedSequence(4))[0]
+CASES = [("g1", "leg_swing"), ("g1", "squat"), ("hrp2like", "leg_swing")]
+
+
+@pytest.fixture(scope="module", params=CASES, ids="-".join)
+def limits(request: pytest.FixtureRequest) -> PathLimits:
+    """The limits along a path over one foot and both, over both throughout, and over one broad foot."""
+    name, generator = request.param
+    robot = load_robot(name)
+    candidate = make_generator(generator).candidates(robot, 1, np.random.SeedSequence(4))[0]
     draft = Draft(candidate)
-    for repair in make_repairs(g1)[:2]:
+    for repair in make_repairs(robot)[:2]:
         outcome = repair.repair(draft)
         assert isinstance(outcome, Draft)
         draft = outcome
@@ -110,10 +116,11 @@ def values(limits: PathLimits, k: int, rate: float, slope: float, kind: str) -> 
     return total[k, columns]
 
 
-def test_contact_rows(limits: PathLimits, g1: Robot) -> None:
-    weight = g1.mass * np.linalg.norm(g1.model.gravity.linear)
+def test_contact_rows(limits: PathLimits) -> None:
+    robot = limits.path.robot
+    weight = robot.mass * np.linalg.norm(robot.model.gravity.linear)
     lifts = any(len(phase.feet) == 1 for phase in limits.candidate.phases)
-    seen = set()
+    seen, broad = set(), False
     for k, rate, slope in instants(limits):
         now = Instant(limits, k, rate, slope)
         corners, relative = now.corners(now.feet), now.wrench / weight
@@ -126,12 +133,13 @@ def test_contact_rows(limits: PathLimits, g1: Robot) -> None:
             len(planes), min(SHARES.zmp, share * min(now.inradius(feet) for feet in now.patterns))
         )
         if one:
-            (free,) = (foot.name for foot in g1.feet if foot.name not in now.feet)
+            (free,) = (foot.name for foot in robot.feet if foot.name not in now.feet)
             aside = now.soles[free].mean(axis=0)[:2] - centre
             facing = planes[:, :2] @ aside > 0.7 * np.linalg.norm(aside)
             assert facing.any()
             nearness = np.clip(now.from_border - 0.5, 0.0, 1.0)
             inwards = np.maximum(0.0, margin[facing] - SHARES.zmp_inwards)
+            broad |= bool((nearness * inwards).max() > 0.0)
             margin[facing] -= nearness * inwards
         zmp = np.array([-now.wrench[4], now.wrench[3]]) / now.wrench[2]
         distance = -(planes[:, :2] @ zmp + planes[:, 2])
@@ -143,7 +151,7 @@ def test_contact_rows(limits: PathLimits, g1: Robot) -> None:
         turning = now.wrench[5] - (centre[0] * now.wrench[1] - centre[1] * now.wrench[0])
         soles = [now.soles[name] for name in now.feet]
         lever = np.mean([np.linalg.norm(sole - sole.mean(axis=0), axis=1).mean() for sole in soles])
-        friction = min(foot.friction for foot in g1.feet) * (
+        friction = min(foot.friction for foot in robot.feet) * (
             SHARES.friction_one_foot if one else SHARES.friction
         )
         used = abs(now.wrench[0]) + abs(now.wrench[1]) + abs(turning) / lever
@@ -154,37 +162,46 @@ def test_contact_rows(limits: PathLimits, g1: Robot) -> None:
         found = values(limits, k, rate, slope, "weight_share")
         assert found == pytest.approx([SHARES.weight - relative[2]])
     assert seen == ({1, 2} if lifts else {2})
+    assert broad is (robot.name == "hrp2like"), (
+        "there alone the edges that face the free foot may be approached"
+    )
 
 
-def test_torque_rows_of_legs_and_upper_body(limits: PathLimits, g1: Robot) -> None:
-    legs = [joint for foot in g1.feet for joint in leg_joints(g1, foot)]
-    share = np.full(g1.n_joints, SHARES.torque)
+def test_torque_rows_of_legs_and_upper_body(limits: PathLimits) -> None:
+    robot = limits.path.robot
+    legs = [joint for foot in robot.feet for joint in leg_joints(robot, foot)]
+    share = np.full(robot.n_joints, SHARES.torque)
     share[legs] = SHARES.leg_torque
-    drives = g1.description.drives
-    assert drives.viscous is not None and drives.armature is not None and drives.coulomb is None
-    friction = drives.viscous.default * SHARES.velocity * g1.limits.velocity
-    limit = np.maximum(share * g1.limits.torque - friction, 0.3 * g1.limits.torque)
+    drives, nothing = robot.description.drives, np.zeros(robot.n_joints)
+    viscous, coulomb, armature = (
+        per_joint(block, robot.joint_names, nothing)
+        for block in (drives.viscous, drives.coulomb, drives.armature)
+    )
+    friction = coulomb + viscous * SHARES.velocity * robot.limits.velocity
+    limit = np.maximum(share * robot.limits.torque - friction, 0.3 * robot.limits.torque)
     for k, rate, slope in instants(limits):
         now = Instant(limits, k, rate, slope)
-        tau = now.drive_torques() + drives.armature.default * now.a[6:]
+        tau = now.drive_torques() + armature * now.a[6:]
         found = values(limits, k, rate, slope, "joint_torque")
         assert np.allclose(found, np.r_[tau / limit, -tau / limit] - 1.0, atol=1e-7)
 
 
-def test_acceleration_rows(limits: PathLimits, g1: Robot) -> None:
-    limit = SHARES.acceleration * g1.limits.acceleration
+def test_acceleration_rows(limits: PathLimits) -> None:
+    robot = limits.path.robot
+    limit = SHARES.acceleration * robot.limits.acceleration
     for k, rate, slope in instants(limits):
         a = Instant(limits, k, rate, slope).a[6:]
         found = values(limits, k, rate, slope, "joint_acceleration")
         assert np.allclose(found, np.r_[a / limit, -a / limit] - 1.0)
 
 
-def test_labels_name_each_joint_in_both_directions(limits: PathLimits, g1: Robot) -> None:
+def test_labels_name_each_joint_in_both_directions(limits: PathLimits) -> None:
+    robot = limits.path.robot
     rows = limits.rows(limits.path.s)
     assert (
         rows.static.shape == rows.curved.shape == rows.driven.shape == (len(limits.path.s), len(rows.labels))
     )
-    names = list(g1.joint_names)
+    names = list(robot.joint_names)
     for kind in ("joint_acceleration", "joint_torque"):
         assert [where for label, where in rows.labels if label == kind] == names + names
 
@@ -200,7 +217,8 @@ def test_between_knots_rows_are_interpolated(limits: PathLimits) -> None:
     assert np.allclose(between.static[:, dynamic], expected[:, dynamic])
 
 
-def test_speed_is_bounded_by_joints_and_phases(limits: PathLimits, g1: Robot) -> None:
+def test_speed_is_bounded_by_joints_and_phases(limits: PathLimits) -> None:
+    robot = limits.path.robot
     phases = (SupportPhase(0.0, 1.0, ("left_foot",), 2.0), SupportPhase(1.0, 3.0, ("left_foot",), 0.5))
     bounded = replace(limits, candidate=replace(limits.candidate, phases=phases))
     s = np.array([0.0, 0.5, 1.0, 1.5, 3.0, 3.5])
@@ -209,7 +227,9 @@ def test_speed_is_bounded_by_joints_and_phases(limits: PathLimits, g1: Robot) ->
     for k in (5, 20, 50):
         twist = np.abs(knots.twist[k, 6:])
         fastest = min(
-            SHARES.velocity * g1.limits.velocity[j] / twist[j] for j in range(g1.n_joints) if twist[j] > 0.0
+            SHARES.velocity * robot.limits.velocity[j] / twist[j]
+            for j in range(robot.n_joints)
+            if twist[j] > 0.0
         )
         assert bound[k] == pytest.approx(min(fastest, bounded.phase_bound(knots.s[k : k + 1])[0]))
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.motion.motion import Motion, interpolate
-from excite.robot.description import PerJoint
+from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Robot
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
