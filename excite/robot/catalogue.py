@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sysconfig
 from pathlib import Path
 
@@ -35,9 +36,9 @@ def find_robot(name_or_path: str | Path) -> Path:
     if path.suffix in {".yaml", ".yml", ".urdf", ".xml", ".mjcf"}:
         return path
     bundled = data_folder("robots") / str(name_or_path) / "robot.yaml"
-    if bundled.is_file():
+    if os.path.isfile(bundled):
         return bundled
-    if (path / "robot.yaml").is_file():
+    if os.path.isfile(path / "robot.yaml"):
         return path / "robot.yaml"
     raise UnknownNameError("robot", str(name_or_path), [*bundled_robots(), "a path to a robot.yaml"])
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 from excite.robot.links import link_placement
-from excite.robot.meshes import convex_hull, mesh_points
+from excite.robot.meshes import convex_hull, foreign_points, mesh_points
 from excite.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -163,8 +164,13 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     block = robot.description.collision
     shapes: list[Shape] = []
     if block.geometry != "authored":
-        for link in fromstring(robot.urdf).iter("link"):
-            shapes += _link_shapes(robot, link, block.geometry)
+        root = fromstring(robot.urdf)
+        solids = f"{block.geometry}/geometry/mesh"
+        files = [Path(mesh.get("filename", "")) for mesh in root.iterfind(f"link/{solids}")]
+        foreign = [file for file in dict.fromkeys(files) if file.suffix.lower() != ".stl"]
+        points = foreign_points(foreign)
+        for link in root.iter("link"):
+            shapes += _link_shapes(robot, link, block.geometry, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
         number = sum(shape.link == authored.link for shape in shapes)
@@ -192,7 +198,9 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     return tuple(shapes)
 
 
-def _link_shapes(robot: Robot, link: ElementTree.Element, kind: str) -> list[Shape]:
+def _link_shapes(
+    robot: Robot, link: ElementTree.Element, kind: str, points: Mapping[Path, Array]
+) -> list[Shape]:
     name = link.get("name", "")
     shapes = []
     for number, element in enumerate(link.findall(kind)):
@@ -200,35 +208,39 @@ def _link_shapes(robot: Robot, link: ElementTree.Element, kind: str) -> list[Sha
         joint, placement = link_placement(robot.model, name, robot.source, where)
         pose = placement * _origin(element.find("origin"))
         geometry = element.find("geometry")
-        solid = geometry[0] if geometry is not None and len(geometry) else None
-        if solid is None:
-            raise RobotError(
-                "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
-            )
-        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot, where))
+        solids = [] if geometry is None else list(geometry)
+        if len(solids) != 1:
+            what = "has no geometry" if not solids else f"has {len(solids)} solids in one <geometry>"
+            raise RobotError(what, source=robot.source, field=where, remedy="give each element one solid")
+        bare = Shape(f"{name}_{number}", name, joint, pose, "convex")
+        shapes.append(_solid(bare, solids[0], robot, where, points))
     return shapes
 
 
 def _solid(
-    name: str, link: str, joint: int, pose: pin.SE3, solid: ElementTree.Element, robot: Robot, where: str
+    bare: Shape, solid: ElementTree.Element, robot: Robot, where: str, points: Mapping[Path, Array]
 ) -> Shape:
+    """The shape of a solid; ``bare`` has its place, ``points`` the corners of meshes that are not STL."""
     if solid.tag == "mesh":
         corners = robot.description.collision.hull_corners
-        points = mesh_points(Path(solid.get("filename", ""))) * _floats(solid.get("scale", "1 1 1"))
+        file = Path(solid.get("filename", ""))
+        cloud = points[file] if file in points else mesh_points(file)
         try:
-            hull = convex_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
+            hull = convex_hull(
+                cloud * _floats(solid.get("scale", "1 1 1")), corners, _SLACK * (_CORNERS / corners) ** 2
+            )
         except ValueError as error:
             raise RobotError(
                 str(error), source=robot.source, field=where, remedy="author a shape instead"
             ) from error
-        return Shape(name, link, joint, pose, "convex", (), hull.vertices, hull.faces)
+        return replace(bare, vertices=hull.vertices, faces=hull.faces)
     if solid.tag == "box":
-        return Shape(name, link, joint, pose, "box", tuple(_floats(solid.get("size", "")).tolist()))
+        return replace(bare, kind="box", size=tuple(_floats(solid.get("size", "")).tolist()))
     if solid.tag == "sphere":
-        return Shape(name, link, joint, pose, "sphere", (float(solid.get("radius", "nan")),))
-    if solid.tag in {"cylinder", "capsule"}:
+        return replace(bare, kind="sphere", size=(float(solid.get("radius", "nan")),))
+    if solid.tag == "cylinder" or solid.tag == "capsule":
         size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
-        return Shape(name, link, joint, pose, "capsule" if solid.tag == "capsule" else "cylinder", size)
+        return replace(bare, kind="cylinder" if solid.tag == "cylinder" else "capsule", size=size)
     raise RobotError(
         f"unknown geometry {solid.tag!r}",
         source=robot.source,

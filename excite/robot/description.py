@@ -7,17 +7,38 @@ Lengths are metres, angles radians, forces newtons, torques newton metres, rates
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from excite.errors import RobotError
+from excite.reading.yaml_document import read_yaml
+from excite.robot.quantities import (
+    Acceleration,
+    Angle,
+    Friction,
+    Gain,
+    Gravity,
+    Inertia,
+    Jerk,
+    Length,
+    Margin,
+    Noise,
+    Rate,
+    Size,
+    Torque,
+    Velocity,
+)
 
-Vector3 = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Place = tuple[Length, Length, Length]
+Turn = tuple[Angle, Angle, Angle]
 Source = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, Field(min_length=1)]
+_Number = TypeVar("_Number", bound=float)
+
+
+# More corners than that no distance computation is meant for; the largest number in use is 400.
+MOST_CORNERS = 10_000
 
 
 class _Block(BaseModel):
@@ -31,24 +52,24 @@ class ModelFile(_Block):
     """
 
     package: Literal["example-robot-data"] | None = None
-    path: str
+    path: Name
     acknowledged: dict[str, Source] = {}
     source: Source
 
 
-class PerJoint(_Block):
+class PerJoint(_Block, Generic[_Number]):
     """One number for every joint: ``default``, and exceptions by joint name."""
 
-    default: Positive | None = None
-    joints: dict[str, Positive] = {}
+    default: _Number | None = None
+    joints: dict[str, _Number] = {}
     source: Source
 
 
 class PositionLimits(_Block):
     """Position limits by joint; joints not named keep the URDF's limits."""
 
-    joints: dict[str, tuple[float, float]] = {}
-    margin: NonNegative = 0.0
+    joints: dict[str, tuple[Angle, Angle]] = {}
+    margin: Margin = 0.0
     source: Source
 
 
@@ -56,45 +77,45 @@ class LimitsBlock(_Block):
     """Limits of every joint; ``velocity`` and ``torque`` fall back on the URDF's where left out."""
 
     position: PositionLimits
-    velocity: PerJoint | None = None
-    acceleration: PerJoint
-    jerk: PerJoint
-    torque: PerJoint | None = None
+    velocity: PerJoint[Velocity] | None = None
+    acceleration: PerJoint[Acceleration]
+    jerk: PerJoint[Jerk]
+    torque: PerJoint[Torque] | None = None
 
 
 class FootBlock(_Block):
     """A foot: its link and the sole's corners in that link's frame, in order around the sole."""
 
-    name: str
-    link: str
-    sole: Annotated[tuple[Vector3, ...], Field(min_length=3)]
-    friction: Positive
+    name: Name
+    link: Name
+    sole: Annotated[tuple[Place, ...], Field(min_length=3)]
+    friction: Friction
     source: Source
 
 
 class WrenchSensorBlock(_Block):
     """A force-torque sensor in an ankle (``foot_ft``) or a plate in the ground (``force_plate``)."""
 
-    name: str
+    name: Name
     kind: Literal["foot_ft", "force_plate"]
-    link: str
-    xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Vector3 = (0.0, 0.0, 0.0)
+    link: Name
+    xyz: Place = (0.0, 0.0, 0.0)
+    rpy: Turn = (0.0, 0.0, 0.0)
     foot: str
     excludes: tuple[str, ...] = ()
-    noise_force: NonNegative
-    noise_moment: NonNegative
+    noise_force: Noise
+    noise_moment: Noise
 
 
 class SensorsBlock(_Block):
     """What the robot measures, how often and how well (standard deviations of white noise)."""
 
-    rate_hz: Positive
-    noise_position: NonNegative
+    rate_hz: Rate
+    noise_position: Noise
     joint_torque: Literal["link_side", "motor_side"] | None = None
-    noise_torque: PerJoint | None = None
-    noise_base_position: NonNegative = 0.0
-    noise_base_orientation: NonNegative = 0.0
+    noise_torque: PerJoint[Torque] | None = None
+    noise_base_position: Noise = 0.0
+    noise_base_orientation: Noise = 0.0
     wrench: tuple[WrenchSensorBlock, ...] = ()
     source: Source
 
@@ -102,17 +123,17 @@ class SensorsBlock(_Block):
 class FrictionBlock(_Block):
     """Friction and rotor inertia of the drives that a virtual robot is built with."""
 
-    viscous: PerJoint | None = None
-    coulomb: PerJoint | None = None
-    armature: PerJoint | None = None
+    viscous: PerJoint[Gain] | None = None
+    coulomb: PerJoint[Torque] | None = None
+    armature: PerJoint[Inertia] | None = None
 
 
 class ControllerBlock(_Block):
     """Gains of the joint position servo that the robot runs, for the virtual robot."""
 
-    kp: PerJoint
-    kd: PerJoint
-    rate_hz: Positive = 1000.0
+    kp: PerJoint[Gain]
+    kd: PerJoint[Gain]
+    rate_hz: Rate = 1000.0
 
 
 class CollisionShape(_Block):
@@ -120,9 +141,9 @@ class CollisionShape(_Block):
 
     link: str
     kind: Literal["sphere", "capsule", "box"]
-    size: tuple[Positive, ...]
-    xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Vector3 = (0.0, 0.0, 0.0)
+    size: tuple[Size, ...]
+    xyz: Place = (0.0, 0.0, 0.0)
+    rpy: Turn = (0.0, 0.0, 0.0)
 
 
 class CollisionBlock(_Block):
@@ -134,11 +155,11 @@ class CollisionBlock(_Block):
     """
 
     geometry: Literal["collision", "visual", "authored"]
-    hull_corners: Annotated[int, Field(ge=32)] = 96
+    hull_corners: Annotated[int, Field(ge=32, le=MOST_CORNERS)] = 96
     shapes: tuple[CollisionShape, ...] = ()
     ignored_pairs: tuple[tuple[str, str], ...] = ()
-    margin: NonNegative
-    table_height: float | None = None
+    margin: Margin
+    table_height: Length | None = None
     source: Source
 
 
@@ -147,7 +168,7 @@ class SegmentsBlock(_Block):
 
     names: dict[str, str] = {}
     pairs: tuple[tuple[str, str], ...] = ()
-    com_box: dict[str, tuple[Vector3, Vector3]] = {}
+    com_box: dict[str, tuple[Place, Place]] = {}
 
 
 class PostureBlock(_Block):
@@ -157,9 +178,9 @@ class PostureBlock(_Block):
     unless ``base_height`` gives it.
     """
 
-    joints: dict[str, float] = {}
-    base_height: float | None = None
-    base_rpy: Vector3 = (0.0, 0.0, 0.0)
+    joints: dict[str, Angle] = {}
+    base_height: Length | None = None
+    base_rpy: Turn = (0.0, 0.0, 0.0)
     source: Source
 
 
@@ -167,11 +188,11 @@ class RobotDescription(_Block):
     """The whole of ``robot.yaml``."""
 
     schema_: Literal["excite.robot/1"] = Field(alias="schema")
-    name: str
+    name: Name
     title: str
     model: ModelFile
     base: Literal["fixed", "floating"]
-    locked_joints: dict[str, float] = {}
+    locked_joints: dict[str, Angle] = {}
     posture: PostureBlock
     limits: LimitsBlock
     feet: tuple[FootBlock, ...] = ()
@@ -180,11 +201,16 @@ class RobotDescription(_Block):
     controller: ControllerBlock
     segments: SegmentsBlock = SegmentsBlock()
     collision: CollisionBlock
-    gravity: Vector3 = (0.0, 0.0, -9.81)
+    gravity: tuple[Gravity, Gravity, Gravity] = (0.0, 0.0, -9.81)
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:
         feet = {foot.name for foot in self.feet}
+        _once("feet", [foot.name for foot in self.feet])
+        _once("sensors.wrench", [sensor.name for sensor in self.sensors.wrench])
+        for link, (low, high) in self.segments.com_box.items():
+            if any(below > above for below, above in zip(low, high, strict=True)):
+                raise ValueError(f"segments.com_box.{link}: the first corner {low} is not below {high}")
         for sensor in self.sensors.wrench:
             if sensor.foot not in feet:
                 raise ValueError(
@@ -195,6 +221,12 @@ class RobotDescription(_Block):
         if self.base == "floating" and not self.sensors.wrench:
             raise ValueError("sensors.wrench: a floating-base robot needs at least one contact wrench sensor")
         return self
+
+
+def _once(field: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"{field}: {name!r} occurs twice")
 
 
 def read_description(path: Path) -> RobotDescription:
@@ -209,36 +241,25 @@ def read_description(path: Path) -> RobotDescription:
     Raises:
         RobotError: the file is missing, is no YAML, or breaks the schema; names the first field at fault.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RobotError(f"cannot be read ({error})", source=path, remedy="check the path") from error
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        line = str(error).replace("\n", " ")
-        raise RobotError(f"is not valid YAML ({line})", source=path, remedy="mend the syntax") from error
-    if not isinstance(content, dict):
-        raise RobotError("is not a mapping", source=path, remedy="write one with excite init-robot")
+    content = read_yaml(path, error=RobotError, remedy="write one with excite init-robot")
+    return validated(content, path)
+
+
+def validated(content: dict[str, Any], path: Path) -> RobotDescription:
+    """The description that a mapping holds; errors as for :func:`read_description`, ``path`` its source."""
     try:
         return RobotDescription.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or None
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        if first["input"] is None:
-            raise RobotError(
-                f"is not filled in{more}",
-                source=path,
-                field=field,
-                remedy="give a value; the comment beside it says which",
-            ) from error
-        raise RobotError(
-            f"{first['msg']}, got {_shorten(first['input'])}{more}",
-            source=path,
-            field=field,
-            remedy="see `excite init-robot` for the expected form",
-        ) from error
+        what = f"{first['msg']}, got {_shorten(first['input'])}{more}"
+        remedy = "see `excite init-robot` for the expected form"
+        if first["type"] == "quantity":
+            what, remedy = f"{first['msg']}{more}", first["ctx"]["remedy"]
+        elif first["input"] is None:
+            what, remedy = f"is not filled in{more}", "give a value; the comment beside it says which"
+        raise RobotError(what, source=path, field=field, remedy=remedy) from error
 
 
 def _shorten(value: object, length: int = 60) -> str:

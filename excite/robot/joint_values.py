@@ -48,7 +48,7 @@ def check_joints(description: RobotDescription, names: tuple[str, ...], path: Pa
                 )
 
 
-def _covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
+def _covers(block: PerJoint[float], names: tuple[str, ...], field: str, path: Path) -> None:
     """A block without default must name every joint."""
     missing = [name for name in names if block.default is None and name not in block.joints]
     if missing:
@@ -58,7 +58,7 @@ def _covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> 
         )
 
 
-def per_joint(block: PerJoint | None, names: tuple[str, ...], fallback: Array) -> Array:
+def per_joint(block: PerJoint[float] | None, names: tuple[str, ...], fallback: Array) -> Array:
     """Values of a per-joint block in the order of ``names``; joints it does not cover get ``fallback``."""
     if block is None:
         return fallback.copy()

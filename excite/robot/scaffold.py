@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 from excite.robot.collision import collision_shapes
-from excite.robot.description import RobotDescription
+from excite.robot.description import validated
 from excite.robot.guesses import (
     FootGuess,
     JointGuess,
@@ -228,7 +228,7 @@ class _StandIn:
             "controller": {"kp": one, "kd": one},
             "collision": {"geometry": geometry, "margin": 0.01, "source": said},
         }
-        return build_robot(RobotDescription.model_validate(content), self.path)
+        return build_robot(validated(content, self.path), self.path)
 
     def _feet(self) -> list[dict[str, object]]:
         """One foot, for the schema's sake, on the root link."""

@@ -6,6 +6,7 @@ without a message; so everything that it would swallow is checked here.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,15 +15,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
-from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import fromstring
 
 from excite.errors import RobotError
+from excite.reading.xml_document import read_xml
+from excite.robot.quantities import TURNS, endless, looks_like_degrees
 from excite.robot.urdf_inertia import check_inertials
 from excite.robot.urdf_numbers import numbers
 from excite.robot.urdf_tree import MOVING, check_tree
 
-MAX_BYTES = 64 * 1024 * 1024
 MAX_NESTING = 32
 
 
@@ -77,25 +77,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
     Raises:
         RobotError: the file is missing, is no XML, hides entities, or is another format.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise RobotError(
-            f"cannot be read ({error.strerror})", source=path, remedy="check the path"
-        ) from error
-    if len(content) > MAX_BYTES:
-        raise RobotError(f"has {len(content)} bytes", source=path, remedy=f"keep it below {MAX_BYTES}")
-    try:
-        root = fromstring(content)
-    except DefusedXmlException as error:
-        what = f"declares XML entities ({type(error).__name__})"
-        raise RobotError(
-            what, source=path, field="DOCTYPE", remedy="remove the document type declaration"
-        ) from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise RobotError(
-            f"is not valid XML ({error})", source=path, remedy="mend the syntax there"
-        ) from error
+    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
     if root.tag != "robot":
         known = {"mujoco": "a MuJoCo model", "sdf": "an SDF model"}
         what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
@@ -105,18 +87,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
             field=root.tag,
             remedy="export it as URDF; excite init-robot does so for MuJoCo",
         )
-    _bounded_nesting(root, path)
     return root
-
-
-def _bounded_nesting(root: ElementTree.Element, path: Path) -> None:
-    level, depth = [root], 0
-    while level:
-        depth += 1
-        if depth > MAX_NESTING:
-            what = f"elements are nested more than {MAX_NESTING} deep"
-            raise RobotError(what, source=path, field=level[0].tag, remedy="flatten it")
-        level = [child for element in level for child in element]
 
 
 def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:
@@ -162,6 +133,13 @@ def _fix(joint: ElementTree.Element, value: float, path: Path) -> None:
         pin.rpy.rpyToMatrix(*numbers(origin, "rpy", 3, path, where, default="0 0 0")),
         np.array(numbers(origin, "xyz", 3, path, where, default="0 0 0")),
     )
+    if joint.get("type") != "prismatic" and looks_like_degrees(value):
+        raise RobotError(
+            f"is {value:g}, which looks like degrees",
+            source=path,
+            field=f"locked_joints.{joint.get('name')} of robot.yaml",
+            remedy="give radians",
+        )
     axis = joint.find("axis")
     direction = np.array([1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, path, where))
     direction /= np.linalg.norm(direction)
@@ -183,13 +161,16 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     has_limits = limit is not None and "lower" in limit.attrib and "upper" in limit.attrib
     if name in stated.limits:
         lower, upper = stated.limits[name]
+        _check_stated(joint, (lower, upper), path)
     elif kind != "continuous" and limit is not None and has_limits:
         lower, upper = (
             numbers(limit, side, 1, path, f"joint {name!r}/limit")[0] for side in ("lower", "upper")
         )
     else:
+        lower, upper = -math.inf, math.inf
+    if endless(lower, upper):
         raise RobotError(
-            "turns without end" if kind == "continuous" else "has no position limits",
+            "has no position limits" if kind != "continuous" and not has_limits else "turns without end",
             source=path,
             field=f"joint {name!r}/limit",
             remedy=f"state limits.position.joints.{name} in robot.yaml",
@@ -203,6 +184,21 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     # Absent or 0: refused later unless robot.yaml states them.
     limit.set("effort", limit.get("effort", "0"))
     limit.set("velocity", limit.get("velocity", "0"))
+
+
+def _check_stated(joint: ElementTree.Element, limits: tuple[float, float], path: Path) -> None:
+    """Refuse degrees in robot.yaml: beyond two turns where the URDF is not, or in quarters and eighths of a turn."""
+    name, kind, limit = joint.get("name"), joint.get("type"), joint.find("limit")
+    own = [] if limit is None else [float(limit.get(side, "inf")) for side in ("lower", "upper")]
+    within = kind == "revolute" and bool(own) and max(map(abs, own)) <= TURNS
+    sure = within or all(value % 45.0 == 0.0 for value in limits)
+    if kind != "prismatic" and looks_like_degrees(*limits) and sure:
+        raise RobotError(
+            f"{limits[0]:g} to {limits[1]:g} looks like degrees",
+            source=path,
+            field=f"limits.position.joints.{name} of robot.yaml",
+            remedy="give radians",
+        )
 
 
 def _absolute_meshes(root: ElementTree.Element, path: Path) -> None:
@@ -219,20 +215,19 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     other names are relative to the URDF.
     """
     folder = urdf.resolve().parent
-    if "\0" in name:
-        return None
     if not name.startswith("package://"):
         file = folder / name.removeprefix("file://")
-        return file.resolve() if name and file.is_file() else None
+        # Unlike Path.is_file, this one takes names that no file can have.
+        return file.resolve() if name and os.path.isfile(file) else None
     relative = Path(name.removeprefix("package://").lstrip("/"))
     roots = [folder, *folder.parents]
     roots += [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
     for root in roots:
         inside = root / relative
-        if inside.is_file():
+        if os.path.isfile(inside):
             return inside.resolve()
         # $ROS_PACKAGE_PATH may name the package's own folder.
         below = root.joinpath(*relative.parts[1:])
-        if relative.parts and root.name == relative.parts[0] and below.is_file():
+        if relative.parts and root.name == relative.parts[0] and os.path.isfile(below):
             return below.resolve()
     return None

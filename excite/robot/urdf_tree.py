@@ -8,7 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from excite.errors import RobotError
-from excite.robot.urdf_numbers import numbers
+from excite.robot.quantities import ANGLE, GAIN, LENGTH, OFFSET, SCALE, endless, looks_like_degrees
+from excite.robot.urdf_numbers import numbers, single
 
 MOVING = ("revolute", "continuous", "prismatic")
 MAX_LINKS = 2000
@@ -70,7 +71,7 @@ def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, Element
 def _end(
     joint: ElementTree.Element, name: str, end: str, links: dict[str, ElementTree.Element], path: Path
 ) -> str:
-    element = joint.find(end)
+    element = single(joint, end, path, f"joint {name!r}")
     link = None if element is None else element.get("link")
     where = f"joint {name!r}/{end}"
     if link is None:
@@ -99,18 +100,22 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
     _check_origin(joint, where, path)
     if kind == "fixed":
         return
-    axis = joint.find("axis")
+    axis = single(joint, "axis", path, where)
     if axis is not None:
         direction = np.array(numbers(axis, "xyz", 3, path, f"{where}/axis"))
         if not 1e-6 < np.linalg.norm(direction) < 1e6:
             what = f"is {axis.get('xyz')!r}, which is no direction"
             raise RobotError(what, source=path, field=f"{where}/axis", remedy="give a vector of length 1")
-    limit = joint.find("limit")
+    dynamics = single(joint, "dynamics", path, where)
+    for attribute in ("damping", "friction"):
+        if dynamics is not None:
+            numbers(dynamics, attribute, 1, path, f"{where}/dynamics", default="0", quantity=GAIN)
+    limit = single(joint, "limit", path, where)
     if limit is not None:
-        _check_limit(limit, f"{where}/limit", path)
+        _check_limit(limit, str(kind), f"{where}/limit", path)
 
 
-def _check_limit(limit: ElementTree.Element, where: str, path: Path) -> None:
+def _check_limit(limit: ElementTree.Element, kind: str, where: str, path: Path) -> None:
     for attribute in ("effort", "velocity"):
         (value,) = numbers(limit, attribute, 1, path, where, default="0")
         if value < 0.0:
@@ -120,13 +125,23 @@ def _check_limit(limit: ElementTree.Element, where: str, path: Path) -> None:
     if lower > upper:
         what = f"lower {lower} is above upper {upper}"
         raise RobotError(what, source=path, field=where, remedy="exchange or correct them")
+    if kind == "revolute" and looks_like_degrees(lower, upper):
+        raise RobotError(
+            f"from {lower:g} to {upper:g} looks like degrees",
+            source=path,
+            field=where,
+            remedy="give radians; make a joint of many turns continuous and state its limits in robot.yaml",
+        )
+    if kind == "prismatic" and not endless(lower, upper):
+        for side in ("lower", "upper"):
+            numbers(limit, side, 1, path, where, default="0", quantity=OFFSET)
 
 
 def _check_origin(element: ElementTree.Element, where: str, path: Path) -> None:
-    origin = element.find("origin")
+    origin = single(element, "origin", path, where)
     if origin is not None:
-        for attribute in ("xyz", "rpy"):
-            numbers(origin, attribute, 3, path, f"{where}/origin", default="0 0 0")
+        for attribute, quantity in (("xyz", OFFSET), ("rpy", ANGLE)):
+            numbers(origin, attribute, 3, path, f"{where}/origin", default="0 0 0", quantity=quantity)
 
 
 def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str], path: Path) -> None:
@@ -183,7 +198,8 @@ def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
     }
     where = f"{where}/{solid.tag}"
     for attribute, count, default in lengths.get(solid.tag, ()):
-        values = numbers(solid, attribute, count, path, where, default=default)
+        quantity = SCALE if solid.tag == "mesh" else LENGTH
+        values = numbers(solid, attribute, count, path, where, default=default, quantity=quantity)
         # A mesh may be mirrored by a negative scale, and scaled to nothing by none.
         if any(value == 0.0 if solid.tag == "mesh" else value <= 0.0 for value in values):
             what = f"is {solid.get(attribute)!r}"
