@@ -17,9 +17,9 @@ from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
+from excite.robot.meshes import MAX_MESH_BYTES
 from excite.robot.plausible import check_plausible
 from excite.robot.robot import Array, Foot, Robot
-from excite.robot.meshes import MAX_MESH_BYTES
 from excite.robot.urdf import Stated, read_urdf
 from excite.robot.urdf_model import urdf_model
 

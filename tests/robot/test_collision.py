@@ -169,7 +169,7 @@ def test_missing_mesh_is_named(tmp_path: Path) -> None:
     content["model"] = {"path": "lost.urdf", "source": "test"}
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content))
     robot = load_robot(tmp_path)
-    with pytest.raises(RobotError, match=r"\.stl: mesh cannot be read"):
+    with pytest.raises(RobotError, match=r"gone\.stl: no such file; check the path"):
         collision_model(robot)
 
 
