@@ -171,4 +171,6 @@ def _check_numbers(text: str, where: str, path: Path) -> None:
             # A word, as of fromto and type; MuJoCo says what it thinks of it.
             continue
         if math.isnan(value) or (math.isfinite(value) and abs(value) > MAX_NUMBER):
-            raise RobotError(f"is {part[:40]!r}", source=path, field=where, remedy="give a number in SI units")
+            raise RobotError(
+                f"is {part[:40]!r}", source=path, field=where, remedy="give a number in SI units"
+            )

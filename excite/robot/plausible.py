@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
-from excite.robot.robot import Robot
+from excite.robot.robot import Array, Robot
 
 MOST_OVERLOAD = 100.0
 """Torque that a robot's own weight asks of a joint at most, over the joint's limit.
@@ -49,8 +49,13 @@ class Overload:
         )
 
 
-def overload(robot: Robot) -> Overload | None:
-    """The joint that can least hold its load, held out to the side, if it is beyond ``MOST_OVERLOAD``."""
+def overload(robot: Robot, torque: Array) -> Overload | None:
+    """The joint that can least hold its load, held out to the side, if it is beyond ``MOST_OVERLOAD``.
+
+    Args:
+        robot: the robot.
+        torque: limits of its joints, ``(n_joints,)`` [N·m]; infinite where there is none.
+    """
     model, data = robot.model, robot.model.createData()
     pin.forwardKinematics(model, data, robot.rest)
     pin.centerOfMass(model, data, robot.rest)
@@ -64,7 +69,7 @@ def overload(robot: Robot) -> Overload | None:
             continue
         centre = data.oMi[joint.id].rotation @ data.com[joint.id]
         arm = float(np.linalg.norm(np.cross(turn, centre)))
-        found = Overload(name, float(data.mass[joint.id]), arm, float(robot.limits.torque[index]))
+        found = Overload(name, float(data.mass[joint.id]), arm, float(torque[index]))
         if found.ratio > MOST_OVERLOAD and (worst is None or found.ratio > worst.ratio):
             worst = found
     return worst
@@ -77,7 +82,7 @@ def check_plausible(robot: Robot) -> None:
         RobotError: a joint is a hundred times too weak for the weight it carries, or a velocity limit is the URDF's
             in degrees.
     """
-    weak = overload(robot)
+    weak = overload(robot, robot.limits.torque)
     if weak is not None:
         raise RobotError(
             str(weak),

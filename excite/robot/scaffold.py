@@ -28,6 +28,7 @@ from excite.robot.guesses import (
 )
 from excite.robot.ignored_pairs import PairReview, review_pairs
 from excite.robot.loading import build_robot
+from excite.robot.plausible import Overload, overload
 from excite.robot.robot import Robot
 from excite.robot.scaffold_text import render
 from excite.robot.urdf import parse_urdf
@@ -60,6 +61,7 @@ class Draft:
         geometry: ``collision``, ``visual``, or None if neither can be used; then ``geometry_fault`` says why.
         geometry_fault: why the URDF's geometry cannot be used, or None.
         review: pairs of links that may be ignored in collision checks, or None without geometry.
+        overload: the joint that cannot hold what it carries by far, or None.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Draft:
     geometry: str | None
     geometry_fault: str | None
     review: PairReview | None
+    overload: Overload | None
 
 
 def scaffold_description(
@@ -119,6 +122,7 @@ def draft_description(
     inertia = dict(
         zip(robot.joint_names, (float(value) for value in joint_inertias(robot, rng)), strict=True)
     )
+    torques = {guess.name: guess.torque for guess in free}
     return Draft(
         name=path.stem,
         title=root.get("name") or path.stem,
@@ -135,6 +139,7 @@ def draft_description(
         geometry=geometry,
         geometry_fault=geometry_fault,
         review=review_pairs(robot, rng, n_random=100) if geometry else None,
+        overload=overload(robot, np.array([torques[name] or np.inf for name in robot.joint_names])),
     )
 
 

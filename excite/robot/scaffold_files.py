@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from excite.atomic import write_text
+from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
 from excite.robot.mjcf_import import MjcfConversion, convert_mjcf, is_mjcf
 from excite.robot.scaffold import scaffold_description
@@ -49,23 +51,26 @@ def write_scaffold(file: Path, folder: Path, *, seed: int = 0, overwrite: bool =
     conversion = convert_mjcf(file)
     urdf = folder / f"{file.stem}.urdf"
     _absent(urdf, overwrite)
-    text = _with_urdf(conversion, urdf, seed)
-    return ScaffoldFiles(write_text(target, text), urdf, _open_marks(text), conversion.notes)
+    text = _described(conversion, file, seed)
+    with all_or_nothing():
+        conversion.write(urdf)
+        # Last: where there is a description, what it names is there.
+        write_text(target, text)
+    return ScaffoldFiles(target, urdf, _open_marks(text), conversion.notes)
 
 
-def _with_urdf(conversion: MjcfConversion, urdf: Path, seed: int) -> str:
-    """Write the URDF and describe it; take the URDF away again where that fails."""
-    urdf.parent.mkdir(parents=True, exist_ok=True)
-    conversion.write(urdf)
-    try:
-        return scaffold_description(urdf, urdf.parent, seed=seed, floating=conversion.floating)
-    except RobotError:
-        urdf.unlink()
-        raise
+def _described(conversion: MjcfConversion, file: Path, seed: int) -> str:
+    """Describe the URDF made from ``file``, from a copy that nobody sees."""
+    with tempfile.TemporaryDirectory(prefix="excite_") as folder:
+        urdf = conversion.write(Path(folder) / f"{file.stem}.urdf")
+        try:
+            return scaffold_description(urdf, urdf.parent, seed=seed, floating=conversion.floating)
+        except RobotError as error:
+            raise RobotError(error.what, source=file, field=error.field, remedy=error.remedy) from error
 
 
 def _absent(path: Path, overwrite: bool) -> None:
-    if path.exists() and not overwrite:
+    if os.path.exists(path) and not overwrite:
         raise InputError("exists already", source=path, remedy="give --force to overwrite it, or --out DIR")
 
 

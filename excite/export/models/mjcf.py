@@ -24,7 +24,10 @@ from excite.export.models.verification import (
 from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.result import Identification
+from excite.reading.file import read_bytes
+from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.loading import model_file
+from excite.robot.mjcf_scan import scan_mjcf
 from excite.robot.robot import Array, Robot
 from excite.robot.urdf import parse_urdf
 from excite.simulation.drives import Drives, nominal_drives
@@ -118,12 +121,9 @@ def write_mjcf(
 
 
 def _read(template: Path) -> bytes:
-    try:
-        return template.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"cannot be read ({error.strerror})", source=template, remedy="give the MJCF file of the robot"
-        ) from error
+    """The text of a template that MuJoCo may be given."""
+    scan_mjcf(template)
+    return read_bytes(template, limit=MAX_XML_BYTES)
 
 
 def exact_text(spec: mujoco.MjSpec) -> bytes:

@@ -14,6 +14,7 @@ from excite.errors import InputError
 from excite.export.models.bodies import Member, moved_pseudo
 from excite.export.models.verification import MujocoNames, mujoco_places, random_states
 from excite.identification.inertia import pseudo_inertia_matrices
+from excite.reading.child import in_child
 from excite.robot.robot import Array, Robot
 
 if TYPE_CHECKING:
@@ -24,7 +25,20 @@ _SAME_FRAME = 1e-4
 
 
 def compiled(content: bytes, template: Path | None) -> mujoco.MjModel:
-    """Compile a text as if it stood where ``template`` stands."""
+    """Compile a text as if it stood where ``template`` stands.
+
+    Raises:
+        InputError: MuJoCo refuses it, or does not get through it.
+    """
+    if template is None:
+        return compiled_here(content, None)
+    # Somebody else's file.
+    function = "excite.export.models.mjcf_bodies:compiled_here"
+    return in_child(function, content, template, source=template)
+
+
+def compiled_here(content: bytes, template: Path | None) -> mujoco.MjModel:
+    """What :func:`compiled` gives, in this process."""
     import mujoco
 
     try:
@@ -32,7 +46,7 @@ def compiled(content: bytes, template: Path | None) -> mujoco.MjModel:
         if template is not None:
             _drop_missing_files(spec, template.resolve().parent)
         return spec.compile()
-    except ValueError as error:
+    except (ValueError, OSError, RuntimeError) as error:
         raise InputError(
             f"MuJoCo refuses it ({' '.join(str(error).split())})",
             source=template or "written model",

@@ -11,7 +11,7 @@ import pinocchio as pin
 from defusedxml.ElementTree import fromstring
 
 from excite.atomic import atomic_path
-from excite.errors import InputError, NoSolutionError
+from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models.bodies import Member, centred, changed_segments, parameters_of, split_segment
 from excite.export.models.verification import (
     held_joints,
@@ -24,6 +24,8 @@ from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.result import Identification
+from excite.reading.file import read_bytes
+from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Array, Robot
@@ -70,7 +72,7 @@ def write_urdf(
     changed = changed_segments(robot, identification, force=force)
     file = model_file(robot)
     parse_urdf(file)
-    text = XmlText(file.read_bytes(), file)
+    text = XmlText(read_bytes(file, limit=MAX_XML_BYTES, error=RobotError), file)
     links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
     members = _members(robot, links, file)
     _unchanged_since_loading(robot, members, file)

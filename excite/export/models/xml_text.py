@@ -6,13 +6,10 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.parsers import expat
 
-from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import fromstring
-
 from excite.errors import RobotError
+from excite.reading.xml_document import parse_xml
 
 _ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _TAG = re.compile(rb"<[^\s/>]+")
@@ -147,15 +144,7 @@ def _head(content: bytes, start: int) -> int:
 def _parse(content: bytes, source: Path | str) -> Element:
     if content[:2] in {b"\xff\xfe", b"\xfe\xff"}:
         raise RobotError("is UTF-16", source=source, remedy="save it as UTF-8")
-    try:
-        fromstring(content)
-    except DefusedXmlException as error:
-        what = f"declares XML entities ({type(error).__name__})"
-        raise RobotError(what, source=source, remedy="remove the document type declaration") from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise RobotError(
-            f"is not valid XML ({error})", source=source, remedy="mend the syntax there"
-        ) from error
+    parse_xml(content, Path(source), RobotError)
     top: list[Element] = []
     stack: list[tuple[str, dict[str, str], int, list[Element]]] = []
     parser = expat.ParserCreate()

@@ -8,18 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from excite.errors import InputError
 from excite.identification.drive_terms import DRIVE_TERMS
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.known_bounds import Interval, KnownBounds
+from excite.reading.yaml_document import read_yaml
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.physical_bounds/1"
 _AXES = ("x", "y", "z")
 _FIELDS = ("schema", "source", "total_mass", "rules", "links", "drives", "parameters")
+# A mass of 1e6 kg spread over 1 km has a moment of inertia of 1e12 kg·m².
+_MOST = 1e12
 _POSITIVE = ("m", "Ixx", "Iyy", "Izz")
 
 
@@ -85,25 +87,19 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
         InputError: the file is malformed, or a parameter has no such value.
     """
     values: dict[str, float] = {}
-    for name, entry in (_document(Path(path)).get("parameters") or {}).items():
-        if not isinstance(entry, dict) or column not in entry:
-            raise InputError(f"has no value {column!r}", source=path, field=name)
-        values[name] = float(entry[column])
+    path = Path(path)
+    for name, entry in _mapping(path, _document(path), "parameters").items():
+        value = _number(entry.get(column)) if isinstance(entry, dict) else None
+        if value is None or not math.isfinite(value):
+            remedy = f"give {column}: and a number"
+            raise InputError(f"has no value {column!r}", source=path, field=str(name), remedy=remedy)
+        values[name] = value
     return values
 
 
 def _document(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", source=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no text in UTF-8", source=path) from error
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError("is no YAML", source=path, remedy=str(error).splitlines()[0]) from error
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+    document = read_yaml(path, remedy=f"start it with schema: {SCHEMA}")
+    if document.get("schema") != SCHEMA:
         raise InputError(
             "is not a bounds file", source=path, field="schema", remedy=f"start it with schema: {SCHEMA}"
         )
@@ -188,6 +184,13 @@ def _pair(path: Path, name: str, value: Any) -> Interval:
             field=name,
             remedy="write finite numbers, or leave the line out",
         )
+    if max(abs(low), abs(high)) > _MOST:
+        raise InputError(
+            f"has bounds [{low:g}, {high:g}], which bound nothing",
+            source=path,
+            field=name,
+            remedy="check the exponent, or leave the line out",
+        )
     if not low < high:
         raise InputError(
             f"has bounds [{low:g}, {high:g}] with nothing between",
@@ -202,9 +205,11 @@ def _number(value: Any) -> float | None:
     """YAML 1.1 reads ``1e-4`` as text; it is meant as a number."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
+    if isinstance(value, str) and not value.isascii():
+        return None
     try:
         return float(value)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
 
 
