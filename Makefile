@@ -1,11 +1,12 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+MUTATION := .venv-mutation
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 JOBS ?= 2
 
-.PHONY: demo test test-all test-fast bench bench-all reproduce lint format report clean
+.PHONY: demo test test-all test-fast bench bench-all reproduce lint format licences mutation report clean
 
 # The environment is rebuilt whenever the pins or the project file change.
 $(VENV)/.ready: pyproject.toml constraints.txt
@@ -42,8 +43,20 @@ lint: $(VENV)/.ready
 format: $(VENV)/.ready
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
 
+licences: $(VENV)/.ready
+	$(BIN)/python -m tests.supply
+
+# Cosmic Ray has an environment of its own: what it needs is no business of the package's.
+$(MUTATION)/.ready:
+	$(PYTHON) -m venv --clear $(MUTATION)
+	$(MUTATION)/bin/python -m pip install --quiet --disable-pip-version-check cosmic-ray==8.7.0
+	@touch $@
+
+mutation: $(VENV)/.ready $(MUTATION)/.ready
+	PYTHONPATH=. $(MUTATION)/bin/python -m tests.mutation --python $(abspath $(BIN)/python)
+
 report: $(VENV)/.ready
 	$(BIN)/excite report out/demo
 
 clean:
-	rm -rf $(VENV) out build dist
+	rm -rf $(VENV) $(MUTATION) out build dist

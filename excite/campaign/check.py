@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from joblib import Parallel, delayed
-
 from excite.errors import InputError
 from excite.motion.motion import Motion
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
@@ -43,14 +43,14 @@ class CheckReport:
 
 
 def check(
-    robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent
+    robot: Robot, motions: Sequence[Motion], *, jobs: Jobs = 1, progress: Progress = silent
 ) -> CheckReport:
     """Judge motions independently of whatever planned them; those of a chain have to be among them all.
 
     Args:
         robot: the robot that shall run them.
         motions: what to judge.
-        jobs: number of processes.
+        jobs: number of processes, or an executor; the verdicts do not depend on it.
         progress: told after each motion.
 
     Raises:
@@ -58,15 +58,20 @@ def check(
     """
     if not motions:
         raise InputError("no motions to check", remedy="name at least one")
-    verdicts: list[Verdict] = []
     named = {motion.name: motion for motion in motions}
-    tasks = (
-        delayed(check_motion)(robot, motion, neighbours=_neighbours(motion, named)) for motion in motions
+    tasks = ((motion, _neighbours(motion, named)) for motion in motions)
+    return CheckReport(
+        tuple(
+            in_order(
+                _checked, tasks, jobs=jobs, shared=robot, total=len(motions), stage="check", progress=progress
+            )
+        )
     )
-    for verdict in Parallel(n_jobs=jobs, return_as="generator")(tasks):
-        verdicts.append(verdict)
-        progress("check", len(verdicts), len(motions))
-    return CheckReport(tuple(verdicts))
+
+
+def _checked(robot: Robot, task: tuple[Motion, dict[str, Motion]]) -> Verdict:
+    motion, neighbours = task
+    return check_motion(robot, motion, neighbours=neighbours)
 
 
 def _neighbours(motion: Motion, named: Mapping[str, Motion]) -> dict[str, Motion]:

@@ -12,6 +12,7 @@ from excite.errors import NoSolutionError
 from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.precision import row_noise
 from excite.excitation.selection import Candidates, Selection, select
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress
 from excite.regressor.base_parameters import BaseParameters
 from excite.robot.robot import Robot
@@ -46,7 +47,7 @@ class Choice:
 
 
 def choose(
-    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, jobs: int, progress: Progress
+    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, jobs: Jobs, progress: Progress
 ) -> Choice:
     """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError."""
     fallen: set[str] = set()

@@ -13,6 +13,7 @@ from excite.campaign.result import Campaign
 from excite.campaign.settings import CampaignSettings
 from excite.errors import InputError
 from excite.json_document import write_json
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.page import report
 from excite.robot.loading import load_robot
@@ -51,13 +52,13 @@ class Demo:
         )
 
 
-def demo(folder: Path, *, seed: int = 0, jobs: int = 1, progress: Progress = silent) -> Demo:
+def demo(folder: Path, *, seed: int = 0, jobs: Jobs = 1, progress: Progress = silent) -> Demo:
     """Plan, check, run and identify on a virtual Unitree G1 that carries 5 kg which its model does not have.
 
     Args:
         folder: where everything is written; must not hold a campaign.
         seed: of all random numbers.
-        jobs: number of processes; the result does not depend on it.
+        jobs: number of processes, or an executor; the result does not depend on it.
         progress: told as work proceeds.
 
     Raises:

@@ -14,7 +14,9 @@ from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.log import Log
 from excite.motion.motion import Motion
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.reading.number import check_seed
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import inject as inject_effects
 from excite.simulation.replay import Replay
@@ -129,6 +131,7 @@ def virtual_robot(
     Raises:
         InputError: an effect is malformed; UnknownNameError: an effect or its place is unknown.
     """
+    check_seed(seed)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_TRUTH_STREAM,)))
     return inject_effects(nominal_robot(robot) if nominal else changed_robot(robot, rng), inject)
 
@@ -142,7 +145,7 @@ def simulate(
     roles: Mapping[str, Role] | None = None,
     seed: int = 0,
     batch: int = 0,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Experiment:
     """Run motions on a virtual robot and log them.
@@ -155,7 +158,7 @@ def simulate(
         roles: by motion name, ``identification`` or ``validation``.
         seed: decides the virtual robot, and with ``batch`` the sensors' noise.
         batch: number of the experiment on the same robot.
-        jobs: number of processes; the log does not depend on it.
+        jobs: number of processes, or an executor; the log does not depend on it.
         progress: told after each motion.
 
     Raises:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from excite.documents.document import read_document
+from excite.documents.truth import Truth
 from excite.errors import LogError
 from excite.excitation.conditioning import Conditioning
 from excite.identification.identify import Identification
@@ -105,20 +106,19 @@ def mass_comparison(robot: Robot, identification: Identification, truth: Path | 
         names=identification.segments,
         nominal=identification.nominal[::10].copy(),
         identified=identification.masses,
-        true=true_masses(robot, truth) if truth is not None and truth.is_file() else None,
+        true=true_masses(robot, truth) if truth is not None and os.path.lexists(truth) else None,
         changed=np.array([link in changed for link in identification.links]),
     )
 
 
 def true_masses(robot: Robot, path: Path) -> Array:
     """Masses of a virtual robot, ``(n_segments,)`` [kg]; raises LogError."""
-    try:
-        masses = json.loads(path.read_text(encoding="utf-8"))["masses"]
-        return np.array([float(masses[segment.link]) for segment in robot.segments])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise LogError(
-            f"cannot be read ({error})", source=path, remedy="simulate the motions again"
-        ) from error
+    remedy = "simulate the motions again"
+    masses = read_document(path, Truth, remedy=remedy, error=LogError).masses
+    for segment in robot.segments:
+        if segment.link not in masses:
+            raise LogError(f"has no {segment.link!r}", source=path, field="masses", remedy=remedy)
+    return np.array([masses[segment.link] for segment in robot.segments])
 
 
 def conditioning_comparison(

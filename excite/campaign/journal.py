@@ -6,14 +6,18 @@ them appears only when it is complete, so that what is there can be relied on.
 
 from __future__ import annotations
 
-import json
+import os
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from excite.campaign.settings import CampaignSettings
-from excite.errors import InputError
+from excite.documents.document import read_document
+from excite.documents.journal import Journal as JournalDocument
+from excite.documents.plan import Plan as PlanDocument
+from excite.errors import InputError, LogError
 from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -22,6 +26,7 @@ from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.journal/1"
+_ANEW = "put back what was there, or start the campaign anew"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +64,15 @@ class Journal:
         path = self.folder / "journal.json"
         begun = {"schema": SCHEMA, "robot_hash": robot.hash, "settings": settings.to_json()}
         if not resume:
-            if path.exists():
+            if os.path.lexists(path):
                 raise InputError(
                     "a campaign is there already", source=path, remedy="give --resume, or another --out"
                 )
             write_json(begun, path)
             return
-        if not path.is_file():
+        if not os.path.lexists(path):
             raise InputError("no campaign to resume", source=path, remedy="start one without --resume")
-        found = _read_json(path)
+        found = read_document(path, JournalDocument, remedy=_ANEW).stated()
         for key, value in begun.items():
             if found.get(key) != value:
                 raise InputError(
@@ -86,34 +91,83 @@ class Journal:
         return self.iteration(number) / "log"
 
     def planned(self, number: int, robot: Robot) -> PlannedMotions | None:
-        """Motions of an iteration that was planned before, None if it was not; raises MotionError, InputError."""
-        folder = self.iteration(number)
-        if not (folder / "plan.json").is_file():
+        """Motions of an iteration that was planned before, None if it was not.
+
+        Raises:
+            InputError: its folder is not what a campaign has left there.
+            MotionError: a motion in it cannot be read or is not of this robot.
+        """
+        folder = _folder(self.iteration(number))
+        path = folder / "plan.json"
+        if not os.path.lexists(path):
+            later = self.iteration(number + 1)
+            if os.path.lexists(later):
+                raise InputError(f"is missing, while {later.name} is there", source=path, remedy=_ANEW)
             return None
-        document = _read_json(folder / "plan.json")
+        plan = read_document(path, PlanDocument, remedy=_ANEW)
+        chosen = [item.motion for item in plan.selected]
+        _check_motions(chosen, plan.validation, number, path)
         return PlannedMotions(
-            chosen=_load(folder, [item["motion"] for item in document["selected"]], robot),
-            validation=_load(folder, document.get("validation", []), robot),
-            document=document,
+            chosen=_load(folder, chosen, robot),
+            validation=_load(folder, plan.validation, robot),
+            document=plan.stated(),
         )
 
-    def logged(self, number: int, robot: Robot) -> Log | None:
-        """Log of an iteration, None if there is none yet; raises LogError."""
-        folder = self.log_folder(number)
-        return load_log(folder, robot) if (folder / "log.yaml").is_file() else None
+    def logged(self, number: int, robot: Robot, motions: Sequence[Motion] | None = None) -> Log | None:
+        """Log of an iteration, None if there is none yet.
+
+        Args:
+            number: of the iteration, counted from 1.
+            robot: the robot.
+            motions: what its trials are of; None where recordings have names of their own.
+
+        Raises:
+            LogError: it cannot be read, does not fit the robot, or holds a trial of another motion.
+        """
+        folder = _folder(self.log_folder(number))
+        if not os.path.lexists(folder / "log.yaml"):
+            return None
+        log = load_log(folder, robot)
+        names = {motion.name for motion in motions or ()}
+        for trial in log.trials:
+            if motions is not None and trial.name not in names:
+                raise LogError(
+                    f"{trial.name} is none of the motions of {folder.parent.name}",
+                    source=folder / "log.yaml",
+                    field="trials",
+                    remedy=_ANEW,
+                )
+        return log
+
+
+def _folder(path: Path) -> Path:
+    if os.path.lexists(path) and not path.is_dir():
+        raise InputError("is a file, not a folder", source=path, remedy=_ANEW)
+    return path
+
+
+def _check_motions(chosen: Sequence[str], validation: Sequence[str], number: int, path: Path) -> None:
+    """Every motion stands once and was planned in this iteration, which its name says."""
+    if not chosen:
+        raise InputError("names no motion", source=path, field="selected", remedy=_ANEW)
+    names = Counter(Path(motion).stem for motion in (*chosen, *validation))
+    for field, motions in (("selected", chosen), ("validation", validation)):
+        for motion in motions:
+            name = Path(motion).stem
+            if names[name] > 1:
+                raise InputError(f"{motion!r} stands twice", source=path, field=field, remedy=_ANEW)
+            if not name.startswith(prefix(number)):
+                what = f"{motion!r} was not planned in iteration {number}"
+                raise InputError(what, source=path, field=field, remedy=_ANEW)
+
+
+def prefix(number: int) -> str:
+    """What the names of an iteration's motions begin with."""
+    return f"i{number}_"
 
 
 def _load(folder: Path, names: Sequence[str], robot: Robot) -> tuple[Motion, ...]:
     return tuple(load_motion(folder / name, robot) for name in names)
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot be read ({error})", source=path, remedy="start the campaign anew"
-        ) from error
 
 
 def _difference(found: Any, asked: Any) -> str:

@@ -17,7 +17,7 @@ from excite.campaign.findings import (
     merged_plan,
     robot_file,
 )
-from excite.campaign.journal import Journal, PlannedMotions
+from excite.campaign.journal import Journal, PlannedMotions, prefix
 from excite.campaign.plan import plan
 from excite.campaign.result import Campaign, Iteration
 from excite.campaign.settings import CampaignSettings
@@ -30,6 +30,7 @@ from excite.identification.result import Identification
 from excite.json_document import write_json
 from excite.logs.joined import join_logs
 from excite.logs.log import Log, Role
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
@@ -44,7 +45,7 @@ def campaign(
     settings: CampaignSettings | None = None,
     *,
     resume: bool = False,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Campaign:
     """Run the loop until all targets are met or nothing more can be expected.
@@ -59,7 +60,7 @@ def campaign(
         folder: where everything is written.
         settings: what is asked for; defaults if None.
         resume: go on with the campaign that ``folder`` holds.
-        jobs: number of processes; the result does not depend on it.
+        jobs: number of processes, or an executor; the result does not depend on it.
         progress: told as work proceeds.
 
     Returns:
@@ -99,7 +100,7 @@ class _State:
     robot: Robot
     settings: CampaignSettings
     journal: Journal
-    jobs: int
+    jobs: Jobs
     progress: Progress
 
     def __post_init__(self) -> None:
@@ -121,7 +122,7 @@ class _State:
             n_candidates=count,
             targets=targets,
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
-            prefix=f"i{number}_",
+            prefix=prefix(number),
             jobs=self.jobs,
             progress=self.progress,
         )
@@ -130,14 +131,15 @@ class _State:
 
     def run(self, number: int, planned: PlannedMotions) -> Log | None:
         """The log of an iteration: recorded before, or simulated now; None if it is to be recorded."""
-        found = self.journal.logged(number, self.robot)
+        motions = (*planned.chosen, *planned.validation)
+        found = self.journal.logged(number, self.robot, None if self.settings.on_robot else motions)
         if found is not None or self.settings.on_robot:
             return found
         roles: dict[str, Role] = {motion.name: "identification" for motion in planned.chosen}
         roles |= {motion.name: "validation" for motion in planned.validation}
         experiment = simulate(
             self.robot,
-            (*planned.chosen, *planned.validation),
+            motions,
             roles=roles,
             seed=self.settings.seed,
             batch=number,

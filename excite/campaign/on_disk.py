@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 import pickle
-import shutil
-import tempfile
-import weakref
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar, overload
 
 from excite.errors import InputError
+from excite.temporary_folder import TemporaryFolder
 
 T = TypeVar("T")
-
-
-class TemporaryFolder:
-    """A folder that goes away with the last of those that refer to it, or with the process."""
-
-    def __init__(self) -> None:
-        self.path = Path(tempfile.mkdtemp(prefix="excite_"))
-        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
 def write_value(value: object, path: Path) -> Path:
@@ -40,6 +30,23 @@ def write_value(value: object, path: Path) -> Path:
             remedy="set TMPDIR to a folder with room: a candidate takes up to 5 MB",
         ) from error
     return path
+
+
+def read_value(path: Path) -> Any:
+    """A value from :func:`write_value`.
+
+    Raises:
+        InputError: this machine does not see the file.
+    """
+    try:
+        with path.open("rb") as file:
+            return pickle.load(file)  # noqa: S301  (written by this run, in a folder of its own)
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror})",
+            source=path,
+            remedy="leave the temporary folder alone; with several machines, set TMPDIR to one that they share",
+        ) from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +75,7 @@ class OnDisk(Sequence[T], Generic[T]):
         """One value; of a slice, the sequence of its values."""
         if isinstance(index, slice):
             return OnDisk(self.files[index], self.folder)
-        with self.files[index].open("rb") as file:
-            value: Any = pickle.load(file)  # noqa: S301  (written by this process, in a folder of its own)
+        value: T = read_value(self.files[index])
         return value
 
     def only(self, indices: Iterable[int]) -> OnDisk[T]:

@@ -15,7 +15,9 @@ from excite.excitation.optimisation.search import NAME, OptimisedMotion, SearchS
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
 from excite.motion.generators.candidate import Candidate, SupportPhase
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.reading.number import check_number
 from excite.robot.robot import Robot
 from excite.safety.repairs.shares import Shares
 
@@ -25,6 +27,12 @@ _ROOM_AT_REST = 0.02
 # Period of the series [s]: the slowest joint's range takes one, within these bounds.
 _PERIODS = (6.0, 20.0)
 
+
+# What no robot's rate allows [s].
+_ANY_PERIOD = (1e-6, 1e6)
+# Numbers of a motion, positions, velocities and accelerations at the robot's rate: 16 MB. Each start samples,
+# differentiates and checks all of it some hundred times; an arm at 1 kHz gets a minute and a half.
+_MOST_NUMBERS = 2_000_000
 
 # Share of their range that the other joints use where some are aimed at: the middle of what random candidates use.
 _OTHERS = 0.4
@@ -45,8 +53,19 @@ class SeriesSettings:
     def __post_init__(self) -> None:
         """Check the bounds; raises UnknownNameError or InputError."""
         make_criterion(self.criterion)
-        if self.period_s is not None and not 0.0 < self.period_s < np.inf:
-            raise InputError(f"is {self.period_s} s", field="period", remedy="give a positive one")
+        if self.period_s is not None:
+            check_number(self.period_s, "period", *_ANY_PERIOD, "s")
+
+    def fit(self, robot: Robot) -> None:
+        """Raise InputError where the robot's rate makes too few samples of a period, or more than memory holds."""
+        if self.period_s is None:
+            return
+        rate = robot.description.sensors.rate_hz
+        shortest, longest = (
+            2.0 * HARMONICS / rate,
+            _MOST_NUMBERS / (rate * (robot.model.nq + 2 * robot.model.nv)),
+        )
+        check_number(self.period_s, "period", shortest, longest, "s", source=robot.name)
 
 
 def optimised_candidates(
@@ -56,7 +75,7 @@ def optimised_candidates(
     *,
     targets: Sequence[str] = (),
     settings: SeriesSettings | None = None,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> list[Candidate]:
     """Optimised Fourier series within the share of the limits that repairs leave alone.
@@ -68,7 +87,7 @@ def optimised_candidates(
         targets: joints to aim at, each with its share of the starts: it has the whole of its range, the others a
             part of theirs about where they rest. All have the whole, if empty.
         settings: criterion and period; defaults if None.
-        jobs: number of processes; the candidates do not depend on it.
+        jobs: number of processes, or an executor; the candidates do not depend on it.
         progress: told after each solve.
 
     Raises:
@@ -77,6 +96,7 @@ def optimised_candidates(
         InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
     """
     settings = settings or SeriesSettings()
+    settings.fit(robot)
     moved = free_upper_body(robot)
     for joint in targets:
         if not moved[robot.joint_index(joint)]:

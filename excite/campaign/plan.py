@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from excite.campaign import optimised
 from excite.campaign.choice import Rule, choose
-from excite.campaign.on_disk import TemporaryFolder
 from excite.campaign.optimised import SeriesSettings
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
+from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.generator import child_seed
-from excite.motion.generators.registry import GENERATORS, plan_candidates
+from excite.motion.generators.proposal import Proposal
+from excite.motion.generators.registry import GENERATORS, plan_proposals
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.reading.number import check_count, check_number, check_seed
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates
+from excite.temporary_folder import TemporaryFolder
+
+# Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
+MAX_CANDIDATES = 1_000_000
+# From one sample to a season at the robot [s].
+_BUDGETS_S = (1e-3, 1e7)
 
 # Reason for which a motion is refused that topples the robot in simulation.
 FELL = "fell_in_rehearsal"
@@ -38,7 +47,7 @@ def plan(
     budget_s: float | None = None,
     seed: int | np.random.SeedSequence = 0,
     prefix: str = "",
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Plan:
     """Plan excitation motions (Jovic et al. 2015, section II.B).
@@ -61,7 +70,7 @@ def plan(
             the best three take, if None.
         seed: of all random numbers.
         prefix: put before the name of every motion.
-        jobs: number of processes; the plan does not depend on it.
+        jobs: number of processes, or an executor; the plan does not depend on it.
         progress: told as work proceeds.
 
     Returns:
@@ -72,23 +81,24 @@ def plan(
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
-    if n_candidates < 1:
-        raise InputError(f"{n_candidates} candidates", field="n_candidates", remedy="ask for at least one")
+    check_count(n_candidates, "n_candidates", 1, MAX_CANDIDATES)
     _check_settings(generator, series, selection, budget_s)
-    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    root = check_seed(seed)
     started = time.perf_counter()
     if generator == optimised.NAME:
         number = child_seed(root, 0)
-        candidates = optimised.optimised_candidates(
+        found = optimised.optimised_candidates(
             robot, n_candidates, number, targets=targets, settings=series, jobs=jobs, progress=progress
         )
+        candidates: Iterable[Candidate | Proposal] = found
+        total = len(found)
     else:
         mix = None if generator is None else {generator: 1.0}
-        candidates = plan_candidates(robot, n_candidates, root, mix=mix, targets=targets)
+        candidates, total = plan_proposals(robot, n_candidates, root, mix=mix, targets=targets), n_candidates
     generated = time.perf_counter()
     folder = TemporaryFolder()
     keeper = Keeper(folder.path, prefix)
-    report = filter_candidates(robot, candidates, jobs=jobs, progress=progress, keep=keeper)
+    report = filter_candidates(robot, candidates, jobs=jobs, total=total, progress=progress, keep=keeper)
     filtered = time.perf_counter()
     if not report.kept:
         refused = ", ".join(f"{count} {reason}" for reason, count in sorted(report.rejected.items()))
@@ -110,7 +120,7 @@ def plan(
     finished = time.perf_counter()
     return Plan(
         robot=robot,
-        generated=len(candidates),
+        generated=len(report.outcomes),
         rejected=rejected,
         pool=pool,
         selection=choice.selection,
@@ -141,8 +151,7 @@ def _check_settings(
         )
     if budget_s is None:
         return
-    if not 0.0 < budget_s < np.inf:
-        raise InputError(f"is {budget_s} s", field="budget", remedy="give a positive duration")
+    check_number(budget_s, "budget", *_BUDGETS_S, "s")
     if selection == BEST_THREE:
         raise InputError(
             "the best three of every segment take as long as they take",

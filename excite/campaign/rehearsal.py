@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 
+from excite.campaign.on_disk import OnDisk, read_value
 from excite.motion.motion import Motion
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.simulation.replay import replay
@@ -24,7 +27,7 @@ _LOAD_SIZE_M = 0.1
 
 
 def rehearse(
-    robot: Robot, motions: Sequence[Motion], *, jobs: int = 1, progress: Progress = silent
+    robot: Robot, motions: Sequence[Motion], *, jobs: Jobs = 1, progress: Progress = silent
 ) -> tuple[bool, ...]:
     """Whether a standing robot stays on its feet and clear of itself in each motion.
 
@@ -35,23 +38,18 @@ def rehearse(
     Args:
         robot: the robot.
         motions: what to run, in MuJoCo with contacts and the robot's position servo.
-        jobs: number of processes; the answer does not depend on it.
+        jobs: number of processes, or an executor; the answer does not depend on it.
         progress: told after each motion.
     """
     if not robot.feet or not robot.floating:
         return (True,) * len(motions)
-    verdicts: list[bool] = []
-    for verdict in Parallel(n_jobs=jobs, return_as="generator")(_tasks(robot, motions)):
-        verdicts.append(verdict)
-        progress("rehearse", len(verdicts), len(motions))
-    return tuple(verdicts)
+    # Motions that are on disk are read where they are run.
+    tasks: Sequence[Motion | Path] = motions.files if isinstance(motions, OnDisk) else motions
+    return tuple(in_order(_stands, tasks, jobs=jobs, shared=robot, stage="rehearse", progress=progress))
 
 
-def _tasks(robot: Robot, motions: Sequence[Motion]) -> Iterable:
-    return (delayed(_stands)(robot, motion) for motion in motions)
-
-
-def _stands(robot: Robot, motion: Motion) -> bool:
+def _stands(robot: Robot, task: Motion | Path) -> bool:
+    motion = read_value(task) if isinstance(task, Path) else task
     return replay(loaded_robot(robot), motion).on_its_feet
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from excite.errors import InputError
+from excite.campaign.plan import MAX_CANDIDATES
 from excite.identification.estimators.registry import find_estimator
+from excite.reading.number import check_count, check_number, check_seed
+
+# Each iteration is a day of recording.
+_MOST_ITERATIONS = 1000
+# Below a millionth of a per cent rounding decides; a thousandfold deviation is no target [percent].
+_TARGET_RSD = (1e-6, 1e5)
 
 
 @dataclass(frozen=True)
@@ -32,12 +37,11 @@ class CampaignSettings:
 
     def __post_init__(self) -> None:
         """Check the bounds and the method; raises InputError naming the setting, or UnknownNameError."""
-        for name in ("n_candidates", "max_iterations"):
-            if getattr(self, name) < 1:
-                raise InputError(f"is {getattr(self, name)}", field=name, remedy="give at least 1")
+        check_count(self.n_candidates, "n_candidates", 1, MAX_CANDIDATES)
+        check_count(self.max_iterations, "max_iterations", 1, _MOST_ITERATIONS)
+        check_seed(self.seed)
         find_estimator(self.method)
-        if not (math.isfinite(self.target_rsd) and self.target_rsd > 0.0):
-            raise InputError(f"is {self.target_rsd}", field="target_rsd", remedy="give a positive percentage")
+        check_number(self.target_rsd, "target_rsd", *_TARGET_RSD, "percent")
 
     def to_json(self) -> dict[str, Any]:
         """All settings by name."""

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import json
+import os
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from excite.claim import claimed
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit, progress_bars
+from excite.cli.workers import workers
 from excite.errors import ExciteError, InputError
+from excite.parallel.engine import in_order
+from excite.temporary_folder import TemporaryFolder
 
 NAME = "blind"
 
@@ -34,7 +35,8 @@ def make(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
     cases: Annotated[int, typer.Option("--cases", min=1, help="Number of cases.")] = 20,
     robot: Annotated[
         list[str] | None, typer.Option("--robot", help="Bundled robot to draw from (may be repeated).")
@@ -53,7 +55,11 @@ def make(
     """Write cases into a folder, and what is hidden in them into a file beside it."""
     from excite.simulation.blind.make import make_cases
 
-    with claimed(out or Path("blind")) as folder, progress_bars() as progress:
+    with (
+        claimed(out or Path("blind")) as folder,
+        workers(jobs, cluster) as crew,
+        progress_bars() as progress,
+    ):
         answers = make_cases(
             folder,
             seed=seed,
@@ -61,7 +67,7 @@ def make(
             base=base,
             robots=tuple(robot or ()),
             torque=torque,
-            jobs=jobs,
+            jobs=crew,
             progress=progress,
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
@@ -75,46 +81,69 @@ def score(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Diagnose every case in a process of its own that sees nothing but a copy of the log, then compare."""
     from excite.json_document import write_json
-    from excite.simulation.blind.make import load_answers
+    from excite.simulation.blind.make import answers_file, load_answers
     from excite.simulation.blind.score import score as compare
 
     cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
     if not cases:
         raise InputError(f"{folder} holds no cases", remedy="make some with `excite blind make`")
-    documents: dict[str, dict[str, Any]] = {}
-    seconds: dict[str, float] = {}
-    with progress_bars() as progress, ThreadPoolExecutor(jobs) as pool:
-        for done, (name, document, taken) in enumerate(pool.map(lambda c: _diagnosed(c, seed), cases)):
-            documents[name], seconds[name] = document, taken
-            progress("diagnose", done + 1, len(cases))
-    result = compare(load_answers(folder), documents, seconds)
+    answers = load_answers(folder)
+    for case in cases:
+        if case.name not in answers:
+            remedy = "make the cases again, or take this one away"
+            raise InputError(
+                f"has no answer to {case.name}", source=answers_file(folder), field="cases", remedy=remedy
+            )
+    tasks = [case.absolute() for case in cases]
+    with workers(jobs, cluster) as crew, progress_bars() as progress:
+        found = list(in_order(_diagnosed, tasks, jobs=crew, shared=seed, stage="diagnose", progress=progress))
+    documents = {case.name: document for case, (document, _) in zip(cases, found, strict=True)}
+    seconds = {case.name: taken for case, (_, taken) in zip(cases, found, strict=True)}
+    result = compare(answers, documents, seconds)
     if out is not None:
         write_json(result.to_json(), out / "blind_score.json")
     emit(result.summary(), result.to_json(), as_json=as_json)
 
 
-def _diagnosed(case: Path, seed: int) -> tuple[str, dict[str, Any], float]:
-    """One diagnosis from a copy of the log that does not say where it came from."""
-    with tempfile.TemporaryDirectory() as private:
-        copy = Path(shutil.copytree(case, Path(private) / "log"))
-        started = time.perf_counter()
-        command = [
-            sys.executable,
-            "-m",
-            "excite.cli.main",
-            "diagnose",
-            str(copy),
-            "--json",
-            "--seed",
-            str(seed),
-        ]
-        child = subprocess.run(command, capture_output=True, text=True, cwd=private, check=False)
-        taken = time.perf_counter() - started
+# The child ends with the process that waits for it, however that ends.
+_DIAGNOSE = """
+import os, sys
+from excite.lifetime import die_with_parent
+die_with_parent(int(sys.argv.pop(1)))
+from excite.cli.main import main
+main()
+"""
+
+
+def _diagnosed(seed: int, case: Path) -> tuple[dict[str, Any], float]:
+    """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
+    from excite.documents.diagnosis import Diagnosis
+    from excite.reading.json_document import checked, parse_json
+
+    folder = TemporaryFolder()
+    copy = Path(shutil.copytree(case, folder.path / "private" / "log"))
+    started = time.perf_counter()
+    options = ("diagnose", str(copy), "--json", "--seed", str(seed))
+    child = subprocess.run(
+        [sys.executable, "-c", _DIAGNOSE, str(os.getpid()), *options],
+        capture_output=True,
+        text=True,
+        cwd=copy.parent,
+        check=False,
+    )
+    taken = time.perf_counter() - started
     if child.returncode != 0:
         last = (child.stderr.strip().splitlines() or ["no message"])[-1]
         raise ExciteError(f"the diagnosis of {case.name} failed: {last}")
-    return case.name, json.loads(child.stdout), taken
+    try:
+        document = parse_json(child.stdout)
+    except ValueError as error:
+        raise ExciteError(
+            f"the diagnosis of {case.name} is no JSON ({' '.join(str(error).split())})"
+        ) from error
+    return checked(Diagnosis, document, case, remedy="diagnose it alone").content(), taken

@@ -9,8 +9,9 @@ import typer
 
 import excite
 from excite.claim import claimed
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.workers import workers
 
 NAME = "campaign"
 
@@ -37,7 +38,8 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Run the whole loop until the targets are met, or say which are not and why."""
     settings = excite.CampaignSettings(
@@ -48,13 +50,17 @@ def command(
         seed=seed,
         on_robot=on_robot,
     )
-    with claimed(out or Path("campaign")) as folder, progress_bars() as progress:
+    with (
+        claimed(out or Path("campaign")) as folder,
+        workers(jobs, cluster) as crew,
+        progress_bars() as progress,
+    ):
         result = excite.campaign(
             excite.load_robot(robot),
             folder,
             settings,
             resume=resume,
-            jobs=jobs,
+            jobs=crew,
             progress=progress,
         )
         excite.report(folder)

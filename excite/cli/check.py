@@ -7,8 +7,9 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.workers import workers
 from excite.json_document import write_json
 
 NAME = "check"
@@ -30,15 +31,16 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Check motions independently: verdict, margins, first violation with time and place."""
     robot, motions = (files[0], files[1:]) if whose is None else (whose, files)
     if not motions:
         raise typer.BadParameter("name at least one", param_hint="'MOTION…'")
     loaded = excite.load_robot(robot)
-    with progress_bars() as progress:
-        result = excite.check(loaded, excite.load_motions(motions, loaded), jobs=jobs, progress=progress)
+    with workers(jobs, cluster) as crew, progress_bars() as progress:
+        result = excite.check(loaded, excite.load_motions(motions, loaded), jobs=crew, progress=progress)
     if out is not None:
         write_json(result.to_json(), out / "check.json")
     emit(result.summary(), result.to_json(), as_json=as_json)

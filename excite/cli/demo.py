@@ -6,8 +6,9 @@ from pathlib import Path
 
 import excite
 from excite.claim import claimed
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit, progress_bars
+from excite.cli.workers import workers
 
 NAME = "demo"
 
@@ -16,9 +17,10 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Plan, check, run and identify on a virtual Unitree G1 with 5 kg added; ends in a report."""
-    with claimed(out or Path("demo")) as folder, progress_bars() as progress:
-        result = excite.demo(folder, seed=seed, jobs=jobs, progress=progress)
+    with claimed(out or Path("demo")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
+        result = excite.demo(folder, seed=seed, jobs=crew, progress=progress)
     emit(result.summary(), result.to_json(), as_json=as_json)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit
 from excite.diagnosis.result import Diagnosis
 from excite.json_document import write_json
@@ -21,7 +21,7 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
     result = excite.diagnose(log, seed=seed, out=out)

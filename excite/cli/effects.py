@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emitted
 
 NAME = "effects"
@@ -13,7 +13,7 @@ def command(
     as_json: JsonOption = False,
     out: OutOption = None,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """List the effects that a diagnosis can name: law, what looks like it, what tells them apart."""
     summaries = excite.effect_summaries()

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
 from excite.cli.output import emit
 from excite.json_document import write_json
 
@@ -38,7 +38,7 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
     from excite.export.export import SCHEMA, export_with_verdicts

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import excite
+from excite.atomic import atomic_folder
 from excite.cli.human_figures import human_figures
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, SeedOption
 from excite.cli.output import emit, progress_bars
 from excite.cli.segment_options import (
     AsymmetricOption,
@@ -19,6 +20,10 @@ from excite.cli.segment_options import (
 )
 from excite.errors import InputError
 from excite.json_document import write_json
+from excite.reading.number import shown
+
+if TYPE_CHECKING:
+    from excite.identification.estimators.settings import EstimatorSettings
 
 NAME = "human"
 
@@ -87,7 +92,7 @@ def command(
     mass_range: MassRangeOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Make a person's model (15 segments, 34 joints) and a log folder; then `excite identify DIR/robot.yaml DIR`."""
     if identify is None and (asymmetric or mass_range):
@@ -103,25 +108,56 @@ def command(
         segment_mass=named_numbers("--segment-mass", segment_mass),
     )
     subject = excite.Subject(mass, height, sex)  # type: ignore[arg-type]
+    _check_whole(trials, loaded, identify, out)
     with progress_bars() as progress:
         person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
-    excite.write_person(person, out)
-    document = person.to_json()
-    summary = f"{person.summary()}\nwrote {out}"
-    weight = excite.added_mass(out, loaded) if loaded else None
+    # All of it or nothing: a folder without what was asked for would be taken for the whole.
+    with atomic_folder(out) as folder:
+        excite.write_person(person, folder)
+        document, summary = _evaluated(person, folder, loaded, identify, estimator)
+        write_json(document, folder / "human.json")
+    emit(f"{person.summary()}\nwrote {out}{summary}", document, as_json=as_json)
+
+
+def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Path) -> None:
+    """Say before the work is done that it could not be finished."""
+    if loaded >= len(trials):
+        raise InputError(
+            f"is {shown(loaded)} of {len(trials)} recordings",
+            field="--loaded",
+            remedy="give a recording without the weight too, before those with it",
+        )
+    # They load every estimator and the robots' library, which would slow ``--help`` down.
+    from excite.identification.estimators.registry import find_estimator
+    from excite.logs.files import check_replaceable
+
+    if identify is not None:
+        find_estimator(identify)
+    check_replaceable(out)
+
+
+def _evaluated(
+    person: excite.MeasuredPerson,
+    folder: Path,
+    loaded: int,
+    identify: str | None,
+    estimator: EstimatorSettings,
+) -> tuple[dict[str, Any], str]:
+    """The document and what is said of it, after all that was asked for was written beside the log."""
+    document, said = person.to_json(), []
+    weight = excite.added_mass(folder, loaded) if loaded else None
     if weight is not None:
         document["added_mass"] = weight.to_json()
-        summary += f"\n{weight.summary()}"
+        said.append(f"\n{weight.summary()}")
     if identify is not None:
-        found = excite.identify_person(person, out, identify, estimator, loaded=loaded)
+        found = excite.identify_person(person, folder, identify, estimator, loaded=loaded)
         document["identification"] = found.identification.to_json()
         document["ground_reaction"] = found.reaction_table.to_json()
-        summary += f"\n\n{found.summary()}"
+        said.append(f"\n\n{found.summary()}")
         worn = None
         if weight is not None:
-            worn = excite.identify_wearing(person, out, weight, found, loaded, identify, estimator)
+            worn = excite.identify_wearing(person, folder, weight, found, loaded, identify, estimator)
             document["worn_weight"] = worn.to_json()
-            summary += f"\n\n{worn.summary()}"
-        human_figures(found, None if worn is None else worn.wearing, settings.table, out)
-    write_json(document, out / "human.json")
-    emit(summary, document, as_json=as_json)
+            said.append(f"\n\n{worn.summary()}")
+        human_figures(found, None if worn is None else worn.wearing, person.body.table, folder)
+    return document, "".join(said)

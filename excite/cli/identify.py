@@ -11,7 +11,7 @@ import typer
 import excite
 from excite.atomic import all_or_nothing
 from excite.cli.failure import of_error
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import emit
 from excite.cli.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
@@ -89,7 +89,7 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Identify the inertial parameters: values, relative standard deviations, fit, validation.
 

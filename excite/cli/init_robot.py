@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit
 
 NAME = "init-robot"
@@ -24,7 +24,7 @@ def command(
     ] = False,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Write a commented robot.yaml: what could be derived, and what a person must fill in.
 

@@ -10,6 +10,7 @@ import typer
 
 from excite.claim import claimed
 from excite.errors import InputError
+from excite.parallel.jobs import check_jobs
 
 
 def _usable(context: typer.Context, folder: Path | None) -> Path | None:
@@ -29,6 +30,16 @@ def _usable(context: typer.Context, folder: Path | None) -> Path | None:
     return folder
 
 
+def _possible(jobs: int | None) -> int | None:
+    """The number of processes, refused where no machine runs as many."""
+    if jobs is not None:
+        try:
+            check_jobs(jobs)
+        except InputError as error:
+            raise typer.BadParameter(f"{error.what}; {error.remedy}", param_hint="'--jobs'") from error
+    return jobs
+
+
 RobotArgument = Annotated[
     str, typer.Argument(metavar="ROBOT", help="Bundled robot (see `excite robots`) or path to a robot.yaml.")
 ]
@@ -41,11 +52,23 @@ JsonOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]
 JobsOption = Annotated[
-    int, typer.Option("--jobs", min=1, help="Processes to use; the result does not depend on it.")
+    int | None,
+    typer.Option(
+        "--jobs",
+        help="Processes to use; the result does not depend on it.",
+        show_default="one a core",
+        callback=_possible,
+    ),
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Dask scheduler whose workers are to be used instead, such as tcp://10.0.0.1:8786.",
+    ),
 ]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder that results are written to.", callback=_usable),
 ]
-
-DEFAULT_JOBS = os.cpu_count() or 1

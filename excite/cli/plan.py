@@ -9,8 +9,9 @@ import typer
 
 import excite
 from excite.claim import claimed
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.output import emit, progress_bars
+from excite.cli.workers import workers
 
 if TYPE_CHECKING:
     from excite.campaign.optimised import SeriesSettings
@@ -59,10 +60,11 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
-    with claimed(out or Path("plan")) as folder, progress_bars() as progress:
+    with claimed(out or Path("plan")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
         plan = excite.plan(
             excite.load_robot(robot),
             n_candidates=candidates,
@@ -72,7 +74,7 @@ def command(
             selection=select,
             budget_s=budget,
             seed=seed,
-            jobs=jobs,
+            jobs=crew,
             progress=progress,
         )
         plan.save(folder)

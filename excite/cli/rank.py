@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import excite
 from excite.cli.options import (
-    DEFAULT_JOBS,
     JobsOption,
     JsonOption,
     MotionArgument,
@@ -24,7 +23,7 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Rank motions by condition numbers: full (base columns) and per segment."""
     loaded = excite.load_robot(robot)

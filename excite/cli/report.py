@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import DEFAULT_JOBS, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.output import emit
 
 NAME = "report"
@@ -19,7 +19,7 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
 ) -> None:
     """Write report.html from what a folder holds."""
     path = excite.report(folder, out=out)

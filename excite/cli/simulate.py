@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.claim import claimed
 from excite.cli.options import (
-    DEFAULT_JOBS,
+    ClusterOption,
     JobsOption,
     JsonOption,
     MotionArgument,
@@ -19,6 +19,7 @@ from excite.cli.options import (
     SeedOption,
 )
 from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.workers import workers
 
 NAME = "simulate"
 
@@ -38,18 +39,19 @@ def command(
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
-    jobs: JobsOption = DEFAULT_JOBS,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
 ) -> None:
     """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
     loaded = excite.load_robot(robot)
-    with claimed(out or Path("log")) as folder, progress_bars() as progress:
+    with claimed(out or Path("log")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
         experiment = excite.simulate(
             loaded,
             excite.load_motions(motions, loaded),
             inject=tuple(inject or ()),
             nominal=nominal,
             seed=seed,
-            jobs=jobs,
+            jobs=crew,
             progress=progress,
         )
         experiment.save(folder)

@@ -87,7 +87,9 @@ def _likeness(robot: Robot, log: Log, trials: tuple[Trial, ...]) -> tuple[Array,
     predicted = inverse_dynamics(robot.model, q, v, a)[:, list(samples.index)]
     measured = samples.stacked("tau")
     n = measured.shape[1]
-    both = np.corrcoef(np.hstack([measured, predicted]).T + 0.0)[:n, n:]
+    # A channel that never changes follows nothing.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both = np.corrcoef(np.hstack([measured, predicted]).T + 0.0)[:n, n:]
     order = [samples.joints.index(name) for name in log.header.torque_joints]
     ratio = measured.std(axis=0) / np.maximum(predicted.std(axis=0), 1e-9)
     return np.nan_to_num(both[np.ix_(order, order)]), ratio

@@ -12,6 +12,7 @@ from excite.errors import InputError, LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
+from excite.reading.number import check_seed
 from excite.robot.robot import Robot
 from excite.threads import one_blas_thread
 
@@ -35,10 +36,10 @@ def diagnose(
         LogError: the log is malformed or has not what a diagnosis needs.
         InputError: a diagnosis of this kind of log is not available.
     """
+    rng = np.random.default_rng(check_seed(seed))
     loaded = log if isinstance(log, Log) else load_log(log, robot)
     robot = robot or nominal_robot(loaded)
     folder = None if out is None else Path(out)
-    rng = np.random.default_rng(seed)
     if loaded.header.base == "fixed":
         if not loaded.role("identification"):
             raise LogError(

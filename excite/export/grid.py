@@ -9,8 +9,13 @@ import numpy as np
 
 from excite.errors import InputError
 from excite.motion.motion import Motion, interpolate
+from excite.reading.number import check_number
 from excite.robot.robot import Robot
 
+# From one sample a day to what no controller runs at [Hz].
+_RATES_HZ = (1e-5, 1e6)
+# Of one file: 0.8 GB in memory and twice that as text.
+_MOST_NUMBERS = 100_000_000
 _AT_REST = 1e-6  # [rad/s or m/s]; below it a motion that ends between two grid points may be held
 
 
@@ -31,11 +36,16 @@ def on_grid(motion: Motion, robot: Robot, rate_hz: float) -> Motion:
     Raises:
         InputError: ``rate_hz`` is not positive and finite, or gives fewer than two samples.
     """
-    if not (math.isfinite(rate_hz) and rate_hz > 0.0):
-        raise InputError(
-            f"rate is {rate_hz} Hz", source="export", field="rate_hz", remedy="give a positive rate"
-        )
+    check_number(rate_hz, "rate_hz", *_RATES_HZ, "Hz", source="export")
     periods = motion.duration * rate_hz
+    numbers = periods * (motion.q.shape[1] + motion.v.shape[1] + motion.a.shape[1])
+    if numbers > _MOST_NUMBERS:
+        raise InputError(
+            f"{rate_hz:g} Hz gives {periods:.0f} samples of a motion of {motion.duration:.3f} s",
+            source=motion.name,
+            field="rate_hz",
+            remedy=f"give at most {_MOST_NUMBERS / numbers * rate_hz:.0f} Hz",
+        )
     whole = math.floor(periods + 1e-6)
     inside = np.arange(whole + 1) / rate_hz
     if len(inside) < 2:

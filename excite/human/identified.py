@@ -14,6 +14,7 @@ from excite.human.osim import write_osim
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
 from excite.human.urdf import ROBOT_FILE, urdf_text
 from excite.human.weight_candidate import AddedMass
+from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.result import Identification
@@ -72,8 +73,10 @@ def identify_person(
         loaded: how many trials, the last ones, were done wearing a weight and say nothing of the body.
 
     Raises:
+        UnknownNameError: no such method.
         NoSolutionError: the estimator found no parameters that pass its checks.
     """
+    find_estimator(method)
     robot = load_robot(folder / ROBOT_FILE)
     log = load_log(folder, robot)
     if loaded:

@@ -19,6 +19,8 @@ _UP = {
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
 }
+AXES = tuple(_UP)
+"""Axes of a laboratory, one of which points up."""
 _HIGH = ("torso", "head", "pelvis")
 _UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 1e3: "metres", 1e2: "metres"}
 _SEEN_TOO_SELDOM = 0.1

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from excite.atomic import atomic_path
+from excite.errors import UnknownNameError
 from excite.human.body import Body, body_of
 from excite.human.dimensions import DIMENSIONS, Dimensions
 from excite.human.force_plates import plate_readings
 from excite.human.inertials import ANTHROPOMETRY, Anthropometry
 from excite.human.joint_angles import joint_angles, near_singular
-from excite.human.laboratory import absent_markers, in_metres, up_axis, upright, with_known_labels
+from excite.human.laboratory import AXES, absent_markers, in_metres, up_axis, upright, with_known_labels
 from excite.human.log_folder import MeasuredTrial, human_log
 from excite.human.markers.calibration import Calibration, calibrate
 from excite.human.markers.marker_set import MarkerSet, find_marker_set, read_marker_set
@@ -31,7 +32,15 @@ from excite.logs.files import save_log
 from excite.logs.finding import Finding
 from excite.logs.log import Log
 from excite.progress import Progress, silent
+from excite.reading.number import check_number
 from excite.threads import one_blas_thread
+
+# People move below 20 Hz; a filter far below what they do leaves nothing of it [Hz].
+_CUTOFFS_HZ = (0.05, 1e4)
+# So much of a trial has to be left to identify from.
+_LARGEST_SHARE = 0.9
+# From nothing, after an amputation, to a segment as heavy as the heaviest person [kg].
+_SEGMENT_KG = (0.0, 400.0)
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,20 @@ class MeasureSettings:
     cutoff_hz: float = 6.0
     hold_out: float = 0.3
     segment_mass: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check every choice; raises UnknownNameError or InputError that names it."""
+        if self.table not in ANTHROPOMETRY:
+            raise UnknownNameError("table of segment inertias", str(self.table)[:60], list(ANTHROPOMETRY))
+        if self.up is not None and self.up not in AXES:
+            raise UnknownNameError("axis that points up", str(self.up)[:60], list(AXES))
+        if self.cutoff_hz != 0.0:
+            check_number(self.cutoff_hz, "cutoff_hz", *_CUTOFFS_HZ, "Hz, or 0 for none")
+        check_number(self.hold_out, "hold_out", 0.0, _LARGEST_SHARE)
+        for segment, mass in self.segment_mass.items():
+            if segment not in NAMES:
+                raise UnknownNameError("segment", segment[:60], list(NAMES))
+            check_number(mass, f"segment_mass.{segment}", *_SEGMENT_KG, "kg")
 
 
 @dataclass(frozen=True, eq=False)

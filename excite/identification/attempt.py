@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from numpy.linalg import LinAlgError
 
-from excite.errors import NoSolutionError
+from excite.errors import LogError, NoSolutionError
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.fallback import estimate_at
@@ -12,6 +15,7 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
 from excite.logs.finding import Finding
+from excite.logs.log import Log
 
 
 def attempt(
@@ -46,3 +50,22 @@ def failure_finding(failure: NoSolutionError) -> Finding:
     return Finding(
         "no_solution", f"{failure.what}: these parameters are only the best that is known, do not use them"
     )
+
+
+@contextmanager
+def equations_of(log: Log) -> Iterator[None]:
+    """Say of a log whose equations cannot be solved, not even by the nominal model's side, what is likely wrong.
+
+    Numbers of sixteen digits cannot hold channels that are further apart than any two of one robot.
+
+    Raises:
+        LogError: what is done in the block raised LinAlgError.
+    """
+    try:
+        yield
+    except LinAlgError as error:
+        raise LogError(
+            f"its equations cannot be solved ({' '.join(str(error).split())})",
+            source=log.folder,
+            remedy="a channel is in another unit or all noise: see `excite diagnose`, or plot the torques",
+        ) from error

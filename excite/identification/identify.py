@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.errors import InputError, NoSolutionError, RobotError
-from excite.identification.attempt import attempt, failure_finding
+from excite.identification.attempt import attempt, equations_of, failure_finding
 from excite.identification.changes import Changes, find_changes
 from excite.identification.consistency import check_consistency
 from excite.identification.constraints.com_box import equivalent_boxes
@@ -67,19 +67,20 @@ def identify(
         InputError: the settings state bounds that the method does not keep.
     """
     estimator = find_estimator(method)
-    problem = build_problem(robot, log, problem_settings, role="identification")
-    validation = None
-    if log.role("validation"):
-        validation = build_problem(robot, log, problem_settings, role="validation")
-    odd = (*nominal_faults(robot), *implausible(log, robot), *suspicions(robot, log, problem_settings))
-    try:
-        result = identify_problem(problem, validation, estimator, settings or EstimatorSettings())
-    except NoSolutionError as error:
-        if isinstance(error.best, Identification):
-            # A mistake in the log is the likeliest reason.
-            error.best = replace(error.best, findings=(*odd, *error.best.findings))
-        raise
-    return replace(result, findings=(*odd, *result.findings))
+    with equations_of(log):
+        problem = build_problem(robot, log, problem_settings, role="identification")
+        validation = None
+        if log.role("validation"):
+            validation = build_problem(robot, log, problem_settings, role="validation")
+        odd = (*nominal_faults(robot), *implausible(log, robot), *suspicions(robot, log, problem_settings))
+        try:
+            result = identify_problem(problem, validation, estimator, settings or EstimatorSettings())
+        except NoSolutionError as error:
+            if isinstance(error.best, Identification):
+                # A mistake in the log is the likeliest reason.
+                error.best = replace(error.best, findings=(*odd, *error.best.findings))
+            raise
+        return replace(result, findings=(*odd, *result.findings))
 
 
 @one_blas_thread

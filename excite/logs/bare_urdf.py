@@ -6,16 +6,15 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 
 from excite.errors import LogError
 from excite.logs.finding import Finding, listed
 from excite.logs.log import LogHeader
-from excite.robot.description import RobotDescription, validated
-from excite.robot.quantities import TORQUE, VELOCITY, Quantity, endless
+from excite.robot.description import RobotDescription
 from excite.robot.robot import Array, Robot
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_inertia import inertial_faults, resting_faults
-from excite.robot.urdf_model import urdf_model
 from excite.robot.urdf_tree import MOVING, check_tree
 
 _UNSTATED = "not stated in the log"
@@ -57,9 +56,9 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
         LogError: a joint of the header is not in the URDF.
         RobotError: the URDF is malformed.
     """
+    # What pinocchio would swallow is checked when the robot is built from this description.
     root = parse_urdf(file)
-    check_tree(root, file)
-    model = urdf_model(root, file)
+    model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
     movable = tuple(model.names)[1:]
     for joint in header.joints:
         if joint not in movable:
@@ -69,17 +68,17 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
     locked = [joint for joint in movable if joint not in header.joints]
     index = [model.joints[model.getJointId(joint)].idx_v for joint in header.joints]
 
-    def positive(values: Array, quantity: Quantity) -> dict[str, float]:
-        # Otherwise nothing is stated, or what means no limit.
-        stated = (values[index] > 0.0) & (values[index] <= quantity.most)
-        usable = np.where(stated, values[index], 1e3)
+    def positive(values: Array) -> dict[str, float]:
+        usable = np.where(np.isfinite(values[index]) & (values[index] > 0.0), values[index], 1e3)
         return {joint: float(value) for joint, value in zip(header.joints, usable, strict=True)}
 
     ranges = zip(header.joints, model.lowerPositionLimit[index], model.upperPositionLimit[index], strict=True)
-    position = {joint: (float(low), float(high)) for joint, low, high in ranges if not endless(low, high)}
+    position = {
+        joint: (float(low), float(high)) for joint, low, high in ranges if np.isfinite([low, high]).all()
+    }
     unbounded = {joint: (-np.pi, np.pi) for joint in header.joints if joint not in position}
     narrow = {joint: (low - 1e-3, high + 1e-3) for joint, (low, high) in position.items() if not low < high}
-    return validated(
+    return RobotDescription.model_validate(
         {
             "schema": "excite.robot/1",
             "name": model.name or file.stem,
@@ -94,8 +93,8 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "posture": {"base_height": 0.0, "source": _UNSTATED},
             "limits": {
                 "position": {"joints": position | unbounded | narrow, "source": "URDF"},
-                "velocity": {"joints": positive(model.velocityLimit, VELOCITY), "source": "URDF"},
-                "torque": {"joints": positive(model.effortLimit, TORQUE), "source": "URDF"},
+                "velocity": {"joints": positive(model.velocityLimit), "source": "URDF"},
+                "torque": {"joints": positive(model.effortLimit), "source": "URDF"},
                 "acceleration": {"default": 1e3, "source": _UNSTATED},
                 "jerk": {"default": 1e5, "source": _UNSTATED},
             },
@@ -126,8 +125,7 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
             },
             "collision": {"geometry": "collision", "margin": 0.0, "source": _UNSTATED},
             "gravity": header.gravity,
-        },
-        file,
+        }
     )
 
 

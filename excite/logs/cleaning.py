@@ -13,6 +13,7 @@ from excite.logs.clipping import clipped_samples
 from excite.logs.log import Cleaning
 from excite.logs.missing import missing_rows
 from excite.logs.resolution import channel_noise, coarse_step
+from excite.logs.sampling import FEWEST_ROWS, SAME_S, check_span, check_stamps
 from excite.robot.robot import Array
 
 _MAX_REORDERED = 0.01
@@ -44,9 +45,11 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
         The repaired columns and the report.
 
     Raises:
-        LogError: time goes back too often, or fewer than 16 distinct samples are left.
+        LogError: time goes back too often, is not in seconds, or leaps too far, or fewer than 16 distinct samples are
+            left.
     """
     time = columns["time"]
+    check_stamps(time, path)
     late = time < np.maximum.accumulate(time)
     reordered = int(late.sum())
     if reordered > max(1, _MAX_REORDERED * len(time)):
@@ -58,13 +61,17 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
             remedy="split the recording where its clock was reset",
         )
     order = np.argsort(time, kind="stable")
-    keep = order[np.concatenate([[True], np.diff(time[order]) > 0.0])]
+    keep = order[np.concatenate([[True], np.diff(time[order]) > SAME_S])]
     repeated = len(time) - len(keep)
-    if len(keep) < 16:
+    if len(keep) < FEWEST_ROWS:
         raise LogError(
-            f"has {len(keep)} distinct samples", source=path, field="time", remedy="at least 16 are needed"
+            f"has {len(keep)} distinct samples",
+            source=path,
+            field="time",
+            remedy=f"at least {FEWEST_ROWS} are needed",
         )
     cleaned = {name: values[keep] for name, values in columns.items()}
+    check_span(cleaned["time"], path)
     step = np.diff(cleaned["time"])
     median = float(np.median(step))
     missing = missing_rows(cleaned["time"])

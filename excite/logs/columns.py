@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,22 @@ _JOINT_CHANNELS = {
     "v": "v",
     "a": "a",
 }
+# What is larger is no reading in any unit that people log in (degrees, millimetres, N·mm, mA), but a counter that
+# overflowed or a float read from the wrong bytes: turns of years, map coordinates, the largest drives in N·mm. Squares
+# and products of what is below stay far from the largest float.
+_LARGEST = {
+    "q": 1e6,
+    "q_cmd": 1e6,
+    "v": 1e6,
+    "a": 1e9,
+    "tau": 1e9,
+    "tau_cmd": 1e9,
+    "i": 1e6,
+    "base": 1e7,
+    "wrench": 1e9,
+}
+# No sensor resolves less [N·m, N or A].
+_RESOLVED = 1e-9
 
 
 def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
@@ -59,7 +75,7 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     """
     wanted = check_columns(columns, header, file)
     n_rows = np.size(columns["time"])
-    cleaned = clean_columns({name: _numeric(columns[name], name, file, n_rows) for name in wanted}, file)
+    cleaned = clean_columns({name: numeric(columns[name], name, file, n_rows) for name in wanted}, file)
     values = cleaned.columns
     joint_values = {
         attribute: _joint_columns(values, prefix, header)
@@ -87,6 +103,33 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         cleaning=cleaned.report,
         **joint_values,
     )
+
+
+def check_measured(trials: Sequence[Trial], header: LogHeader, path: Path) -> None:
+    """Refuse a log from whose torques, or currents, nothing can be identified as all stay as they are.
+
+    Single channels that are dead are found later, and the others used.
+
+    Args:
+        trials: read and repaired; those of role ``identification`` count, where there are any.
+        header: of the log.
+        path: its ``log.yaml``, for errors.
+
+    Raises:
+        LogError: names the channels.
+    """
+    trials = [trial for trial in trials if trial.role == "identification"] or trials
+    measured = [header.joints.index(joint) for joint in header.torque_joints]
+    for attribute, prefix in (("tau", "tau"), ("current", "i")):
+        values = [getattr(trial, attribute) for trial in trials]
+        wanted = header.torque != "none" and all(value is not None for value in values)
+        if wanted and not any((np.ptp(value[:, measured], axis=0) > _RESOLVED).any() for value in values):
+            raise LogError(
+                "never changes, of no joint and in no identification trial",
+                source=path,
+                field=f"{prefix}.*",
+                remedy="log what was measured, or write torque: none and leave the columns out",
+            )
 
 
 def _with_channel(prefix: str, header: LogHeader) -> tuple[str, ...]:
@@ -140,19 +183,30 @@ def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list
     return wanted
 
 
-def _numeric(values: Array, name: str, file: Path, n_rows: int) -> Array:
-    try:
-        numbers = np.asarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
+def numeric(values: Array, name: str, file: Path, n_rows: int) -> Array:
+    """A column as numbers that a robot can have; raises LogError.
+
+    Args:
+        values: as they stand in the file.
+        name: of the column, by the contract.
+        file: for errors.
+        n_rows: rows that it should have.
+    """
+    values = np.asarray(values)
+    if values.dtype.kind not in "fiu":
         raise LogError(
-            f"is not numeric ({error})", source=file, field=name, remedy="write numbers only"
-        ) from error
-    if numbers.ndim != 1:
-        raise LogError(f"has shape {numbers.shape}", source=file, field=name, remedy="write one number a row")
-    if len(numbers) != n_rows:
-        raise LogError(
-            f"has {len(numbers)} rows, time has {n_rows}", source=file, field=name, remedy="align the columns"
+            f"is not numeric (it is of type {values.dtype})",
+            source=file,
+            field=name,
+            remedy="write numbers only",
         )
+    if values.ndim != 1:
+        raise LogError(f"has shape {values.shape}", source=file, field=name, remedy="write one number a row")
+    if len(values) != n_rows:
+        raise LogError(
+            f"has {len(values)} rows, time has {n_rows}", source=file, field=name, remedy="align the columns"
+        )
+    numbers = values.astype(float, copy=False)
     if not np.isfinite(numbers).all():
         row = int(np.argmax(~np.isfinite(numbers)))
         raise LogError(
@@ -160,6 +214,15 @@ def _numeric(values: Array, name: str, file: Path, n_rows: int) -> Array:
             source=file,
             field=name,
             remedy="leave out rows that were not measured",
+        )
+    largest = _LARGEST.get(name.split(".")[0], np.inf)
+    if n_rows and max(-numbers.min(), numbers.max()) > largest:
+        row = int(np.argmax(np.abs(numbers) > largest))
+        raise LogError(
+            f"is {numbers[row]:.4g} in row {row}, more than any robot has ({largest:g})",
+            source=file,
+            field=name,
+            remedy="leave the row out, or correct the unit",
         )
     return numbers
 

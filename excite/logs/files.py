@@ -9,10 +9,13 @@ import yaml
 
 from excite.atomic import atomic_folder
 from excite.errors import LogError
-from excite.logs.columns import check_columns, read_columns, trial_columns
-from excite.logs.header import check_header, read_header
-from excite.logs.log import Log, LogHeader, Trial, TrialHeader
-from excite.logs.readers.registry import reader_for
+from excite.logs.columns import check_columns, check_measured, read_columns, trial_columns
+from excite.logs.header import check_header, header_path, read_header
+from excite.logs.log import Log, LogHeader
+from excite.logs.readers.registry import read_trials, reader_for
+from excite.logs.sampling import check_log_clock
+from excite.reading.file import read_text
+from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.robot import Robot
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_tree import MOVING
@@ -36,11 +39,16 @@ def load_log(path: str | Path, robot: Robot | None = None) -> Log:
         LogError: a file, field or column is missing, unknown, not numeric, not finite or contradictory.
         RobotError: the nominal model's file is malformed.
     """
-    path = Path(path)
-    path = path / "log.yaml" if path.is_dir() else path
+    path = header_path(path)
     header = read_header(path)
     robot_text = _read_robot(header, path, robot)
-    trials = tuple(_read_trial(entry, header, path) for entry in header.trials)
+    files = [path.parent / entry.file for entry in header.trials]
+    trials = tuple(
+        read_columns(columns, entry, header, file)
+        for columns, entry, file in zip(read_trials(files), header.trials, files, strict=True)
+    )
+    check_log_clock(trials, header, path)
+    check_measured(trials, header, path)
     return Log(header=header, trials=trials, folder=path.parent, robot_text=robot_text)
 
 
@@ -79,10 +87,7 @@ def save_log(log: Log, folder: str | Path) -> Path:
             source=folder,
             field="trials",
         )
-    if folder.exists() and (
-        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "log.yaml").is_file())
-    ):
-        raise LogError("exists and is no log", source=folder, remedy="choose another folder")
+    check_replaceable(folder)
     with atomic_folder(folder) as temporary:
         temporary.mkdir()
         text = yaml.safe_dump(
@@ -95,6 +100,14 @@ def save_log(log: Log, folder: str | Path) -> Path:
             check_columns(columns, header, folder / entry.file)
             reader_for(Path(entry.file)).write(columns, temporary / entry.file)
     return folder
+
+
+def check_replaceable(folder: Path) -> None:
+    """Raise LogError where a log would replace what is no log; a log, an empty folder or nothing may be there."""
+    if folder.exists() and (
+        not folder.is_dir() or (any(folder.iterdir()) and not (folder / "log.yaml").is_file())
+    ):
+        raise LogError("exists and is no log", source=folder, remedy="choose another folder")
 
 
 def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | None:
@@ -119,13 +132,13 @@ def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | Non
             remedy="put the nominal model beside log.yaml",
         )
     if file.suffix in {".yaml", ".yml"}:
-        return file.read_text(encoding="utf-8")
+        return read_text(file, error=LogError)
     if robot is None:
         joints = parse_urdf(file).findall("joint")
         _check_joints(
             header.joints, tuple(j.get("name", "") for j in joints if j.get("type") in MOVING), path
         )
-    return file.read_text(encoding="utf-8")
+    return read_text(file, limit=MAX_XML_BYTES, error=LogError)
 
 
 def _check_joints(joints: Iterable[str], known: tuple[str, ...], path: Path) -> None:
@@ -137,8 +150,3 @@ def _check_joints(joints: Iterable[str], known: tuple[str, ...], path: Path) -> 
                 field="joints",
                 remedy="it has " + ", ".join(known),
             )
-
-
-def _read_trial(entry: TrialHeader, header: LogHeader, path: Path) -> Trial:
-    file = path.parent / entry.file
-    return read_columns(reader_for(file).read(file), entry, header, file)

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import math
+import os
 from pathlib import Path
 
-import yaml
-from pydantic import ValidationError
-
 from excite.errors import InputError, LogError
-from excite.logs.log import LogHeader
+from excite.logs.log import LogHeader, TrialHeader
 from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
+from excite.reading.json_document import checked
+from excite.reading.yaml_document import read_yaml
+
+# Gains that the servos of large robots have stay below [N·m/rad, N·m·s/rad, Hz].
+_LARGEST_GAIN = 1e9
+_GAINS = ("kp", "kd", "ki")
+_CONTROLLER_NUMBERS = ("rate_hz", "delay_s")
+
+
+def header_path(log: str | Path) -> Path:
+    """The ``log.yaml`` of a log, given as a folder or as that file itself."""
+    # Not Path.is_dir, which raises for names that no file can have.
+    return Path(log) / "log.yaml" if os.path.isdir(log) else Path(log)
 
 
 def read_header(path: Path) -> LogHeader:
@@ -19,30 +31,8 @@ def read_header(path: Path) -> LogHeader:
     Raises:
         LogError: the file is missing, is no YAML, or something in it is unknown, doubled or contradictory.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise LogError("no such file", source=path, remedy="give a folder that holds a log.yaml") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"cannot be read ({' '.join(str(error).split())})", source=path) from error
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        line = " ".join(str(error).split())
-        raise LogError(f"is not valid YAML ({line})", source=path, remedy="mend the syntax") from error
-    if not isinstance(content, dict):
-        raise LogError("is not a mapping", source=path, remedy="write it as in the manual's log folder")
-    try:
-        header = LogHeader.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        shown = repr(first["input"]).replace("\n", " ")[:60]
-        raise LogError(
-            f"{first['msg']}, got {shown}",
-            source=path,
-            field=".".join(str(part) for part in first["loc"]) or None,
-            remedy="see the manual's log folder",
-        ) from error
+    content = read_yaml(path, error=LogError, remedy="write it as in the manual's log folder")
+    header = checked(LogHeader, content, path, remedy="see the manual's log folder", error=LogError)
     check_header(header, path)
     return header
 
@@ -55,6 +45,7 @@ def check_header(header: LogHeader, path: Path) -> None:
     _unique(files, "trials", path)
     _unique([Path(file).stem for file in files], "trials", path)
     known = (*RIGID_BODY, *EFFECTS)
+    _unique(header.modelled, "modelled", path)
     for name in header.modelled:
         if name not in known:
             raise LogError(
@@ -67,18 +58,41 @@ def check_header(header: LogHeader, path: Path) -> None:
         raise LogError(
             "names both rigid_body and rigid_body_fixed", source=path, field="modelled", remedy="choose one"
         )
-    for trial in header.trials:
-        if trial.repeats is not None and trial.repeats not in files:
-            raise LogError(
-                f"repeats {trial.repeats!r}, which is no trial of this log",
-                source=path,
-                field=f"trials.{trial.file}.repeats",
-                remedy="name one of " + ", ".join(files),
-            )
+    _check_repeats(header.trials, path)
     _check_base(header, path)
     _check_no_torque(header, path)
     _check_coupling(header, path)
     _check_controller(header, path)
+
+
+def _check_repeats(trials: tuple[TrialHeader, ...], path: Path) -> None:
+    """Each repeats a trial of the log, and none itself, not even by way of others."""
+    repeated = {trial.file: trial.repeats for trial in trials}
+    sound: set[str | None] = {None}
+    for trial in trials:
+        way: dict[str, None] = {}
+        name: str | None = trial.file
+        while name is not None and name not in sound:
+            field = f"trials.{name}.repeats"
+            following = repeated[name]
+            way[name] = None
+            if following is not None and following not in repeated:
+                files = ", ".join(repeated)[:200]
+                raise LogError(
+                    f"repeats {following!r}, which is no trial of this log",
+                    source=path,
+                    field=field,
+                    remedy="name one of " + files,
+                )
+            if following in way:
+                raise LogError(
+                    f"repeats {following!r}, which repeats it",
+                    source=path,
+                    field=field,
+                    remedy="name the trial that ran first, and leave that one's repeats out",
+                )
+            name = following
+        sound |= way.keys()
 
 
 def _check_base(header: LogHeader, path: Path) -> None:
@@ -128,19 +142,45 @@ def _check_coupling(header: LogHeader, path: Path) -> None:
 
 
 def _check_controller(header: LogHeader, path: Path) -> None:
-    for gain in ("kp", "kd"):
-        values = (header.controller or {}).get(gain, {})
-        for joint in values if isinstance(values, dict) else ():
+    said = header.controller or {}
+    for name in _CONTROLLER_NUMBERS:
+        if name in said:
+            _check_gain(said[name], f"controller.{name}", path)
+    for gain in _GAINS:
+        values = said.get(gain, {})
+        if not isinstance(values, dict):
+            for value in values if isinstance(values, list) else [values]:
+                _check_gain(value, f"controller.{gain}", path)
+            continue
+        for joint, value in values.items():
             if joint not in header.joints:
                 raise LogError(
-                    f"no joint {joint!r} in this log",
+                    f"no joint {str(joint)[:60]!r} in this log",
                     source=path,
                     field=f"controller.{gain}",
                     remedy="the log has " + ", ".join(header.joints),
                 )
+            _check_gain(value, f"controller.{gain}.{joint}", path)
+
+
+def _check_gain(value: object, field: str, path: Path) -> None:
+    try:
+        # YAML takes 1e3 for a word.
+        number = float(value) if isinstance(value, int | float | str) else math.nan
+    except (ValueError, OverflowError):
+        number = math.nan
+    if value is not None and (isinstance(value, bool) or not 0.0 <= number <= _LARGEST_GAIN):
+        raise LogError(
+            f"is {str(value)[:60]!r}",
+            source=path,
+            field=field,
+            remedy="give a number of 0 or more, or leave it out",
+        )
 
 
 def _unique(names: list[str] | tuple[str, ...], field: str, path: Path) -> None:
-    for i, name in enumerate(names):
-        if name in names[:i]:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
             raise LogError(f"{name!r} stands twice", source=path, field=field, remedy="name each once")
+        seen.add(name)

@@ -11,38 +11,52 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from excite.logs.header_values import (
+    MAX_NAMES,
+    MAX_TRIALS,
+    Acceleration,
+    Angle,
+    Cutoff,
+    Factor,
+    FileName,
+    Length,
+    Name,
+    Noise,
+    Rate,
+    Stamp,
+    Text,
+)
 from excite.robot.robot import Array
 
 Role = Literal["identification", "validation"]
-Vector3 = tuple[float, float, float]
 
 
 class _Block(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
 
 class SensorHeader(_Block):
     """One contact wrench sensor; its pose is given in the frame of the link ``parent``."""
 
-    name: str
+    name: Name
     kind: Literal["foot_ft", "force_plate"]
-    parent: str
-    xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Vector3 = (0.0, 0.0, 0.0)
-    foot: str
-    excludes: tuple[str, ...] = ()
-    noise_force: float | None = None
-    noise_moment: float | None = None
+    parent: Name
+    xyz: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    foot: Name
+    excludes: tuple[Name, ...] = Field(default=(), max_length=MAX_NAMES)
+    noise_force: Noise | None = None
+    noise_moment: Noise | None = None
 
 
 class TrialHeader(_Block):
     """One trial: its file, relative to ``log.yaml``, and what it is for."""
 
-    file: str
+    file: FileName
     role: Role
-    session: str | None = None
-    start_s: float | None = None
-    repeats: str | None = None
+    session: Name | None = None
+    start_s: Stamp | None = None
+    repeats: FileName | None = None
 
 
 class LogHeader(_Block):
@@ -57,22 +71,22 @@ class LogHeader(_Block):
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
-    robot: str
+    robot: Text
     base: Literal["fixed", "floating", "suspended"]
-    gravity: Vector3 = (0.0, 0.0, -9.81)
-    rate_hz: float = Field(gt=0.0)
-    lowpass_hz: float | None = Field(default=None, gt=0.0)
-    joints: tuple[str, ...] = Field(min_length=1)
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
+    rate_hz: Rate
+    lowpass_hz: Cutoff | None = None
+    joints: tuple[Name, ...] = Field(min_length=1, max_length=MAX_NAMES)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
-    torque_constants: dict[str, float] = {}
-    no_torque: tuple[str, ...] = ()
-    coupling: dict[str, dict[str, float]] = {}
+    torque_constants: dict[Name, Factor] = {}
+    no_torque: tuple[Name, ...] = Field(default=(), max_length=MAX_NAMES)
+    coupling: dict[Name, dict[Name, Factor]] = {}
     controller: dict | None = None
-    base_link: str | None = None
+    base_link: Name | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None
-    sensors: tuple[SensorHeader, ...] = ()
-    modelled: tuple[str, ...] = ("rigid_body",)
-    trials: tuple[TrialHeader, ...] = Field(min_length=1)
+    sensors: tuple[SensorHeader, ...] = Field(default=(), max_length=MAX_NAMES)
+    modelled: tuple[Name, ...] = Field(default=("rigid_body",), max_length=MAX_NAMES)
+    trials: tuple[TrialHeader, ...] = Field(min_length=1, max_length=MAX_TRIALS)
 
     @property
     def torque_joints(self) -> tuple[str, ...]:

@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from excite.errors import LogError
-from excite.logs.columns import read_columns
+from excite.logs.columns import check_measured, numeric, read_columns
 from excite.logs.header import check_header
 from excite.logs.log import Log, LogHeader, Role
-from excite.logs.readers.registry import reader_for
+from excite.logs.readers.registry import read_trial
+from excite.logs.sampling import check_log_clock, check_stamps
+from excite.reading.yaml_document import read_yaml
 from excite.robot.robot import Array
 
 _Model = TypeVar("_Model", bound=BaseModel)
@@ -23,7 +24,7 @@ Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class _Block(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class RecordingTrial(_Block):
@@ -94,17 +95,15 @@ def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_tex
         read_columns(_cut(folder / trial.file, trial.part, columns), entry, header, folder / trial.file)
         for trial, entry in zip(parsed.trials, header.trials, strict=True)
     )
+    check_log_clock(trials, header, folder / "log.yaml")
+    check_measured(trials, header, folder / "log.yaml")
     return Log(header=header, trials=trials, folder=None, robot_text=robot_text)
 
 
 def _parse(mapping: Mapping[str, Any] | Path, source: object) -> RecordingMapping:
     if not isinstance(mapping, Path):
         return _validated(RecordingMapping, dict(mapping), source)
-    try:
-        content = yaml.safe_load(mapping.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise LogError(f"cannot be read ({' '.join(str(error).split())})", source=mapping) from error
-    return _validated(RecordingMapping, content, source)
+    return _validated(RecordingMapping, read_yaml(mapping, error=LogError), source)
 
 
 def _validated(kind: type[_Model], content: object, source: object) -> _Model:
@@ -156,7 +155,7 @@ def _single_columns(found: dict[str, Array]) -> dict[str, Array]:
 
 def _cut(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[str, Array]:
     """The wanted columns of a file under the contract's names, from the wanted part of its duration."""
-    found = _single_columns(reader_for(file).read(file))
+    found = _single_columns(read_trial(file))
     columns = {}
     for column in wanted:
         if column.source not in found:
@@ -167,12 +166,15 @@ def _cut(file: Path, part: tuple[float, float], wanted: list[_Column]) -> dict[s
                 remedy="the file has " + ", ".join(found)[:200],
             )
         values = found[column.source]
-        columns[column.target] = values if column.factor == 1.0 else np.asarray(values) * column.factor
+        if column.factor != 1.0:
+            values = numeric(values, column.source, file, len(values)) * column.factor
+        columns[column.target] = values
     if "time" not in columns:
         raise LogError(
             "no column is mapped to it", source=file, field="time", remedy="map time under columns"
         )
-    time = np.asarray(columns["time"], dtype=float)
+    time = numeric(columns["time"], "time", file, np.size(columns["time"]))
+    check_stamps(time, file)
     low, high = (time[0] + share * (time[-1] - time[0]) for share in part)
     inside = (time >= low) & (time <= high) if part[1] == 1.0 else (time >= low) & (time < high)
-    return {name: np.asarray(values)[inside] for name, values in columns.items()}
+    return {name: numeric(values, name, file, len(time))[inside] for name, values in columns.items()}

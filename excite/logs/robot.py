@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from excite.errors import LogError, RobotError
 from excite.logs.bare_urdf import bare_description
-from excite.logs.header import read_header
+from excite.logs.header import header_path, read_header
 from excite.logs.log import Log, LogHeader, SensorHeader
 from excite.robot.links import link_placement
 from excite.robot.loading import build_robot, load_robot
@@ -52,7 +52,7 @@ def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
     file = Path(name_or_path)
     if file.suffix != ".urdf":
         return load_robot(name_or_path)
-    path = Path(log) / "log.yaml" if Path(log).is_dir() else Path(log)
+    path = header_path(log)
     header = read_header(path)
     return robot_in_log(build_robot(bare_description(file, header), file), header, path)
 

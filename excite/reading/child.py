@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.errors import ExciteError, InputError
+from excite.lifetime import die_with_parent
 
 _MAIN = "from excite.reading.child import answer; answer()"
 
@@ -75,7 +76,7 @@ def answer() -> None:
     out = os.fdopen(os.dup(1), "wb")
     # What native code prints shall not be taken for the answer.
     os.dup2(2, 1)
-    _die_with_parent()
+    die_with_parent()
     function, args, memory_gb = pickle.load(sys.stdin.buffer)  # noqa: S301  (from our own parent)
     limit = int(memory_gb * 1e9)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -90,14 +91,6 @@ def answer() -> None:
     pickle.dump(result, buffer, protocol=pickle.HIGHEST_PROTOCOL)
     out.write(buffer.getvalue())
     out.close()
-
-
-def _die_with_parent() -> None:
-    if sys.platform == "linux":
-        import ctypes
-
-        death_signal = 1  # PR_SET_PDEATHSIG
-        ctypes.CDLL(None).prctl(death_signal, signal.SIGKILL)
 
 
 def _ending(code: int) -> str:

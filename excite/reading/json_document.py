@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import reprlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +15,20 @@ from excite.reading.file import read_text
 
 # The largest document that is written here, the identification of a humanoid from 2000 motions, has 6 MB.
 MAX_JSON_BYTES = 256 * 1024 * 1024
+
+# Errors whose input says nothing: the object around a field, or one that the sentence names.
+_SAID_ALREADY = frozenset({"value_error", "too_long"})
+_KINDS = {
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "an object"),
+    "list_type": "a list",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    **dict.fromkeys(("int_type", "int_from_float"), "a whole number"),
+    "bool_type": "true or false",
+    "string_type": "text",
+    "string_unicode": "text that UTF-8 can hold",
+    "string_pattern_mismatch": "text that can be shown",
+}
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -74,14 +90,24 @@ def checked(
     try:
         return model.model_validate(content)
     except ValidationError as reason:
-        first = reason.errors()[0]
-        shown = " ".join(repr(first["input"]).split())
-        raise error(
-            f"{first['msg']}, got {shown[:60]}",
-            source=path,
-            field=".".join(str(part) for part in first["loc"]) or None,
-            remedy=remedy,
-        ) from reason
+        first = reason.errors(include_url=False)[0]
+        field = ".".join(str(part)[:60] for part in first["loc"])
+        raise error(_in_words(first), source=path, field=field or None, remedy=remedy) from reason
+
+
+def _in_words(fault: Mapping[str, Any]) -> str:
+    """What is wrong with a field, of what pydantic says about it."""
+    kind = fault["type"]
+    if kind == "missing":
+        return "is missing"
+    # Not all of it: a value may be megabytes long, or nested as deep as a reader goes.
+    found = "null" if fault["input"] is None else " ".join(reprlib.repr(fault["input"]).split())[:60]
+    if kind in _KINDS:
+        return f"is {found}, not {_KINDS[kind]}"
+    said = fault["msg"].removeprefix("Value error, ")
+    said = said.removeprefix("Input ")
+    said = said[:1].lower() + said[1:]
+    return said if kind in _SAID_ALREADY else f"{said}, got {found}"
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

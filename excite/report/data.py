@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.atomic import atomic_path
+from excite.documents.document import LARGEST, MOST_CHANNELS
 from excite.errors import InputError
+from excite.reading.npz_arrays import read_npz
 from excite.robot.robot import Array
 
 Names = tuple[str, ...]
@@ -99,6 +100,22 @@ _PARTS: dict[str, type] = {
     "conditioning": ConditioningComparison,
     "gap": ForceComparison,
 }
+# What each field is, where it is not an array of numbers; by kind, numpy's kinds and how many dimensions.
+_FIELDS = {
+    **dict.fromkeys(("trial", "before_label", "after_label"), "a text"),
+    **dict.fromkeys(("channels", "units", "names", "segments"), "texts"),
+    **dict.fromkeys(("full_before", "full_after"), "a number"),
+    "changed": "flags",
+}
+_EXPECTED = {
+    "a text": ("U", {0}),
+    "texts": ("U", {1}),
+    "a number": ("fiu", {0}),
+    "flags": ("b", {1}),
+    "numbers": ("fiu", {1, 2}),
+}
+# A condition number is a quotient of two numbers, each rounded.
+_ROUNDING = 1e-9
 
 
 def save_report_data(data: ReportData, path: Path) -> Path:
@@ -122,11 +139,8 @@ def load_report_data(path: Path) -> ReportData:
     Raises:
         InputError: unreadable, a field is missing, or the lengths of a part's arrays disagree.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
-        raise InputError(f"cannot be read ({error})", source=path, remedy="write it again") from error
+    known = {f"{part}/{field.name}" for part, kind in _PARTS.items() for field in fields(kind)}
+    arrays = read_npz(path, known)
     parts = {part: _part(part, kind, arrays, path) for part, kind in _PARTS.items()}
     return ReportData(**parts)
 
@@ -139,37 +153,62 @@ def _part(part: str, kind: type, arrays: Mapping[str, NDArray], path: Path) -> A
     values: dict[str, Any] = {}
     for field in fields(kind):
         if field.name in found:
-            values[field.name] = _native(found[field.name])
+            values[field.name] = _native(found[field.name], field.name, prefix, path)
         elif field.default is not None and not isinstance(field.default, str):
-            raise InputError("is missing", source=path, field=prefix + field.name, remedy="write it again")
+            raise _wrong("is missing", prefix + field.name, path)
     content = kind(**values)
     _check_lengths(part, content, path)
     return content
 
 
-def _native(value: NDArray) -> Any:
-    """Zero-dimensional arrays as scalars, text as tuples of str, numbers as they are."""
-    if value.ndim == 0:
-        return value.item()
-    if value.dtype.kind == "U":
-        return tuple(str(item) for item in value)
-    return value
+def _native(value: NDArray, name: str, prefix: str, path: Path) -> Any:
+    """A field as it is used: texts as ``str`` or tuples of it, one number as float, flags and numbers as arrays."""
+    kind = _FIELDS.get(name, "numbers")
+    kinds, dimensions = _EXPECTED[kind]
+    if value.dtype.kind not in kinds or value.ndim not in dimensions:
+        raise _wrong(f"is {value.ndim}-dimensional {value.dtype}, not {kind}", prefix + name, path)
+    if kind in {"a text", "texts"}:
+        texts = tuple(str(item) for item in value.ravel())
+        if any(not item.isprintable() for item in texts):
+            raise _wrong("holds characters that cannot be shown", prefix + name, path)
+        return texts[0] if kind == "a text" else texts
+    if kind == "flags":
+        return value
+    with np.errstate(over="ignore"):  # What double precision cannot hold is infinite, and refused as such.
+        numbers = value.astype(float, copy=False)
+    _check_numbers(numbers, prefix + name, path)
+    return float(numbers) if kind == "a number" else numbers
+
+
+def _check_numbers(value: NDArray, field: str, path: Path) -> None:
+    """Finite ones that figures can show; condition numbers are 1 or more, infinite where nothing excites a segment."""
+    conditions = field.startswith("conditioning/")
+    if np.isnan(value).any() or (np.isinf(value).any() and not conditions):
+        raise _wrong("holds NaN or infinity", field, path)
+    if conditions and (value < 1.0 - _ROUNDING).any():
+        raise _wrong(f"is {value.min():g}, below 1", field, path)
+    if (np.abs(value[np.isfinite(value)]) > LARGEST).any():
+        raise _wrong(f"holds numbers above {LARGEST:g}", field, path)
 
 
 def _check_lengths(part: str, content: Any, path: Path) -> None:
     if isinstance(content, ForceComparison):
-        shape: tuple[int, ...] = (len(content.time), len(content.channels))
-        columns: tuple[str, ...] = ("measured", "nominal", "identified")
+        names, size = "channels", len(content.channels)
+        shapes: dict[str, tuple[int, ...]] = {"units": (size,), "time": (len(content.time),)}
+        shapes |= dict.fromkeys(("measured", "nominal", "identified"), (len(content.time), size))
     elif isinstance(content, MassComparison):
-        shape, columns = (len(content.names),), ("nominal", "identified", "true", "changed")
+        names, size = "names", len(content.names)
+        shapes = dict.fromkeys(("nominal", "identified", "true", "changed"), (size,))
     else:
-        shape, columns = (len(content.segments),), ("before", "after")
-    for name in columns:
+        names, size = "segments", len(content.segments)
+        shapes = dict.fromkeys(("before", "after"), (size,))
+    if not 0 < size <= MOST_CHANNELS or (isinstance(content, ForceComparison) and not len(content.time)):
+        raise _wrong(f"has {size} names, not 1 to {MOST_CHANNELS}", f"{part}/{names}", path)
+    for name, shape in shapes.items():
         value = getattr(content, name)
-        if value is not None and value.shape != shape:
-            raise InputError(
-                f"has shape {value.shape}, not {shape}",
-                source=path,
-                field=f"{part}/{name}",
-                remedy="write it again",
-            )
+        if value is not None and np.shape(value) != shape:
+            raise _wrong(f"has shape {np.shape(value)}, not {shape}", f"{part}/{name}", path)
+
+
+def _wrong(what: str, field: str, path: Path) -> InputError:
+    return InputError(what, source=path, field=field, remedy="write it again")

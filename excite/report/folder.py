@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from excite.documents.campaign import Campaign
+from excite.documents.check import Check
+from excite.documents.diagnosis import Diagnosis
+from excite.documents.document import Document as Model
+from excite.documents.document import read_document
+from excite.documents.identification import Identification
+from excite.documents.plan import Plan
+from excite.documents.signals import Signals
 from excite.errors import ExciteError, InputError
 from excite.motion.files import load_motion
 from excite.motion.motion import Motion
+from excite.reading.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.report.data import ReportData, load_report_data
+from excite.robot.catalogue import find_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
 Document = dict[str, Any]
 
-_SCHEMAS = {
-    "plan": "excite.plan/1",
-    "check": "excite.check/1",
-    "identification": "excite.identification/1",
-    "campaign": "excite.campaign/1",
-    "signals": "excite.signals/1",
-    "diagnosis": "excite.diagnosis/1",
+_KINDS: dict[str, type[Model]] = {
+    "plan": Plan,
+    "check": Check,
+    "identification": Identification,
+    "campaign": Campaign,
+    "signals": Signals,
+    "diagnosis": Diagnosis,
 }
+# A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
+_FARTHEST = 1e6
 _ABSENT = {
     "plan": "the plan (plan.json: candidates, chosen motions)",
     "check": "the independent safety check (check.json)",
@@ -81,17 +95,17 @@ def read_folder(folder: Path) -> Findings:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("is no folder", source=folder, remedy="give the --out folder of another command")
-    documents = {name: _read_json(folder / f"{name}.json", schema) for name, schema in _SCHEMAS.items()}
+    documents = {name: _content(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
     arrays = folder / "report_data.npz"
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
-        documents["identification"] = documents["campaign"].get("identification")
+        documents["identification"] = documents["campaign"]["identification"]
     # A diagnosis stands by itself: what belongs to excitation and identification is not missed beside it.
     alone = documents["diagnosis"] is not None and not any(documents[name] for name in _ABSENT)
     left_out = [
         _ABSENT[name] for name in documents if documents[name] is None and name in _ABSENT and not alone
     ]
-    if arrays.is_file():
+    if os.path.lexists(arrays):
         data = load_report_data(arrays)
         files.append(arrays.name)
     else:
@@ -118,36 +132,26 @@ def read_folder(folder: Path) -> Findings:
     )
 
 
-def _read_json(path: Path, schema: str) -> Document | None:
-    if not path.is_file():
-        return None
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"is no JSON ({error})", source=path, remedy="write it again") from error
-    found = content.get("schema") if isinstance(content, dict) else None
-    if found != schema:
-        raise InputError(
-            f"schema is {found!r}, not {schema!r}", source=path, field="schema", remedy="write it again"
-        )
-    return content
+def _content(path: Path, kind: type[Model]) -> Document | None:
+    """A document with every field, those that the file leaves out with their defaults; None where there is none."""
+    return read_document(path, kind).content() if os.path.lexists(path) else None
 
 
 def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Robot | None:
     """The robot that the documents name; a robot of one's own is named by its file."""
-    names = [
-        folder / document[key] if key == "robot_file" else document[key]
-        for document in documents.values()
-        if document
-        for key in ("robot_file", "robot")
-        if key in document
-    ]
     reason = "no file here names it"
-    for name in names:
-        try:
-            return load_robot(name)
-        except ExciteError as error:
-            reason = str(error)
+    for document in filter(None, documents.values()):
+        for key in ("robot_file", "robot"):
+            name = document.get(key)
+            if not name:
+                continue
+            try:
+                path = find_robot(folder / name if key == "robot_file" else name)
+                return load_robot(check_file(path, limit=MAX_DESCRIPTION_BYTES))
+            except ExciteError as error:
+                reason = str(error)
+            except OSError as error:
+                reason = f"{name[:60]}: cannot be read ({error.strerror})"
     left_out.append(f"pictures of the robot: {reason}")
     return None
 
@@ -158,9 +162,14 @@ def _motions(
     if plan is None or robot is None:
         return ()
     motions = []
-    for entry in plan.get("selected", ()):
+    for entry in plan["selected"]:
         try:
-            motions.append(load_motion(folder / entry["motion"], robot))
+            motion = load_motion(folder / entry["motion"], robot)
         except ExciteError as error:
             left_out.append(f"pictures of motion {entry['motion']}: {error}")
+            continue
+        if np.abs(motion.q).max() > _FARTHEST:
+            left_out.append(f"pictures of motion {entry['motion']}: it goes beyond {_FARTHEST:g} rad or m")
+            continue
+        motions.append(motion)
     return tuple(motions)

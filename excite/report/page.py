@@ -101,7 +101,7 @@ def robot_title(findings: Findings) -> str:
         return findings.robot.description.title
     documents = (findings.plan, findings.identification, findings.check, findings.diagnosis)
     return next(
-        (str(document["robot"]) for document in documents if document and "robot" in document), "a robot"
+        (document["robot"] for document in documents if document and document.get("robot")), "a robot"
     )
 
 

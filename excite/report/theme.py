@@ -9,9 +9,13 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from excite.report.html import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +42,8 @@ GROUND = Role("ground", "#eceff3", "#262d35")
 ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND)
 
 WIDTH_IN = 9.6
+# Half of the width at the size of labels.
+_LONGEST_LABEL = 60
 _STYLE: dict[Any, Any] = {
     "font.family": ["DejaVu Sans", "sans-serif"],
     "font.size": 8.5,
@@ -67,6 +73,8 @@ _STYLE: dict[Any, Any] = {
     "path.simplify": True,
     "path.simplify_threshold": 0.4,
     "svg.fonttype": "none",
+    # Names come from files: a dollar sign in one is no formula.
+    "text.parse_math": False,
     "svg.hashsalt": "excite",
 }
 
@@ -77,11 +85,40 @@ def draw(paint: Callable[[Figure], None], height_in: float, width_in: float = WI
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(_STYLE), _quiet():
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         FigureCanvasAgg(figure)
         paint(figure)
+        _label_logarithms(figure)
     return figure
+
+
+def short(text: str) -> str:
+    """A name as it stands in a figure, where a long one would leave no room for the curves."""
+    return text if len(text) <= _LONGEST_LABEL else text[: _LONGEST_LABEL - 1] + "…"
+
+
+def _label_logarithms(figure: Figure) -> None:
+    """Powers of ten at logarithmic axes as the page writes numbers: matplotlib's own need its formula language."""
+    from matplotlib.ticker import LogFormatterSciNotation
+
+    class Label(LogFormatterSciNotation):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return number(x, 1) if super().__call__(x, pos) else ""
+
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
+                axis.set_major_formatter(Label())
+                axis.set_minor_formatter(Label(labelOnlyBase=False))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without matplotlib's remarks on letters that its font lacks (the reader's has them) and on narrow panels."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
 
 
 def to_svg(figure: Figure, name: str, description: str) -> str:
@@ -95,7 +132,7 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     import matplotlib
 
     buffer = io.StringIO()
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(_STYLE), _quiet():
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
@@ -114,7 +151,7 @@ def to_png(figure: Figure, dpi: int = 150) -> bytes:
     import matplotlib
 
     buffer = io.BytesIO()
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(_STYLE), _quiet():
         figure.savefig(buffer, format="png", dpi=dpi, facecolor=PAPER.light, metadata={"Software": None})
     return buffer.getvalue()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 from excite.robot.links import link_placement
-from excite.robot.meshes import convex_hull, foreign_points, mesh_points
+from excite.robot.mesh_files import read_meshes
+from excite.robot.meshes import convex_hull
+from excite.robot.quantities import MAX_TRAVEL
 from excite.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -165,11 +167,9 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
     shapes: list[Shape] = []
     if block.geometry != "authored":
         root = fromstring(robot.urdf)
-        solids = f"{block.geometry}/geometry/mesh"
-        files = [Path(mesh.get("filename", "")) for mesh in root.iterfind(f"link/{solids}")]
-        foreign = [file for file in dict.fromkeys(files) if file.suffix.lower() != ".stl"]
-        points = foreign_points(foreign)
-        for link in root.iter("link"):
+        meshes = root.iterfind(f"link/{block.geometry}/geometry/mesh")
+        points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
+        for link in root.findall("link"):
             shapes += _link_shapes(robot, link, block.geometry, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
@@ -208,39 +208,49 @@ def _link_shapes(
         joint, placement = link_placement(robot.model, name, robot.source, where)
         pose = placement * _origin(element.find("origin"))
         geometry = element.find("geometry")
-        solids = [] if geometry is None else list(geometry)
-        if len(solids) != 1:
-            what = "has no geometry" if not solids else f"has {len(solids)} solids in one <geometry>"
-            raise RobotError(what, source=robot.source, field=where, remedy="give each element one solid")
-        bare = Shape(f"{name}_{number}", name, joint, pose, "convex")
-        shapes.append(_solid(bare, solids[0], robot, where, points))
+        solid = geometry[0] if geometry is not None and len(geometry) else None
+        if solid is None:
+            raise RobotError(
+                "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
+            )
+        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot, where, points))
     return shapes
 
 
 def _solid(
-    bare: Shape, solid: ElementTree.Element, robot: Robot, where: str, points: Mapping[Path, Array]
+    name: str,
+    link: str,
+    joint: int,
+    pose: pin.SE3,
+    solid: ElementTree.Element,
+    robot: Robot,
+    where: str,
+    meshes: Mapping[Path, Array],
 ) -> Shape:
-    """The shape of a solid; ``bare`` has its place, ``points`` the corners of meshes that are not STL."""
     if solid.tag == "mesh":
         corners = robot.description.collision.hull_corners
-        file = Path(solid.get("filename", ""))
-        cloud = points[file] if file in points else mesh_points(file)
-        try:
-            hull = convex_hull(
-                cloud * _floats(solid.get("scale", "1 1 1")), corners, _SLACK * (_CORNERS / corners) ** 2
+        points = meshes[Path(solid.get("filename", ""))] * _floats(solid.get("scale", "1 1 1"))
+        if np.abs(points).max() > MAX_TRAVEL:
+            raise RobotError(
+                f"its mesh reaches {np.abs(points).max():.3g} m from its origin",
+                source=robot.source,
+                field=where,
+                remedy='looks like millimetres: write scale="0.001 0.001 0.001"',
             )
+        try:
+            hull = convex_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:
             raise RobotError(
                 str(error), source=robot.source, field=where, remedy="author a shape instead"
             ) from error
-        return replace(bare, vertices=hull.vertices, faces=hull.faces)
+        return Shape(name, link, joint, pose, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
-        return replace(bare, kind="box", size=tuple(_floats(solid.get("size", "")).tolist()))
+        return Shape(name, link, joint, pose, "box", tuple(_floats(solid.get("size", "")).tolist()))
     if solid.tag == "sphere":
-        return replace(bare, kind="sphere", size=(float(solid.get("radius", "nan")),))
-    if solid.tag == "cylinder" or solid.tag == "capsule":
+        return Shape(name, link, joint, pose, "sphere", (float(solid.get("radius", "nan")),))
+    if solid.tag in {"cylinder", "capsule"}:
         size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
-        return replace(bare, kind="cylinder" if solid.tag == "cylinder" else "capsule", size=size)
+        return Shape(name, link, joint, pose, "capsule" if solid.tag == "capsule" else "cylinder", size)
     raise RobotError(
         f"unknown geometry {solid.tag!r}",
         source=robot.source,

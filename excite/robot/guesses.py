@@ -12,7 +12,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.robot.collision import collision_shapes, shape_points
-from excite.robot.quantities import endless
 from excite.robot.robot import Robot
 from excite.robot.urdf_numbers import numbers
 from excite.robot.urdf_tree import MOVING
@@ -66,7 +65,6 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
                 found[key] = numbers(limit, key, 1, path, f"joint {name!r}/limit")[0]
         continuous = joint.get("type") == "continuous"
         stated = not continuous and "lower" in found and "upper" in found and found["lower"] < found["upper"]
-        stated = stated and not endless(found["lower"], found["upper"])
         guesses.append(
             JointGuess(
                 name=name,

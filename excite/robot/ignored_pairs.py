@@ -93,7 +93,8 @@ class _Search:
             self.geometry.addCollisionPair(pin.CollisionPair(first, second))
         names = [(shapes[first].link, shapes[second].link) for first, second in index_pairs]
         self.pairs = list(dict.fromkeys(names))
-        self.columns = np.array([self.pairs.index(name) for name in names], dtype=np.int64)
+        column = {pair: index for index, pair in enumerate(self.pairs)}
+        self.columns = np.array([column[name] for name in names], dtype=np.int64)
         self.joints = {shape.link: shape.joint for shape in shapes}
         self.data, self.geometry_data = robot.model.createData(), self.geometry.createData()
 

@@ -8,7 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from excite.errors import RobotError
-from excite.robot.description import PerJoint, RobotDescription
+from excite.robot.description import RobotDescription
+from excite.robot.per_joint import PerJoint
+from excite.robot.quantities import MAX_TRAVEL, in_radians, looks_like_degrees
 from excite.robot.robot import Array, Limits
 
 
@@ -48,7 +50,7 @@ def check_joints(description: RobotDescription, names: tuple[str, ...], path: Pa
                 )
 
 
-def _covers(block: PerJoint[float], names: tuple[str, ...], field: str, path: Path) -> None:
+def _covers(block: PerJoint, names: tuple[str, ...], field: str, path: Path) -> None:
     """A block without default must name every joint."""
     missing = [name for name in names if block.default is None and name not in block.joints]
     if missing:
@@ -58,12 +60,28 @@ def _covers(block: PerJoint[float], names: tuple[str, ...], field: str, path: Pa
         )
 
 
-def per_joint(block: PerJoint[float] | None, names: tuple[str, ...], fallback: Array) -> Array:
+def per_joint(block: PerJoint | None, names: tuple[str, ...], fallback: Array) -> Array:
     """Values of a per-joint block in the order of ``names``; joints it does not cover get ``fallback``."""
     if block is None:
         return fallback.copy()
     default = fallback if block.default is None else np.full(len(names), block.default)
     return np.array([block.joints.get(name, default[i]) for i, name in enumerate(names)])
+
+
+def check_range(joint: str, values: tuple[float, ...], slides: bool, field: str, path: Path) -> None:
+    """Raise RobotError where a joint's positions can only be in degrees or millimetres."""
+    for value in values:
+        if slides and abs(value) > MAX_TRAVEL:
+            what, remedy = f"is {value:g} m for the slide {joint!r}", "looks like millimetres: write metres"
+        elif not slides and looks_like_degrees(value):
+            what, remedy = f"is {value:g} rad for the hinge {joint!r}", in_radians(value)
+        else:
+            continue
+        raise RobotError(what, source=path, field=field, remedy=remedy)
+
+
+def _kind(model: pin.Model, joint: str) -> str:
+    return str(model.joints[model.getJointId(joint)].shortname())
 
 
 def read_limits(
@@ -74,6 +92,9 @@ def read_limits(
     block = description.limits
     lower, upper = model.lowerPositionLimit[nq:].copy(), model.upperPositionLimit[nq:].copy()
     for joint, (low, high) in block.position.joints.items():
+        check_range(
+            joint, (low, high), "Prismatic" in _kind(model, joint), f"limits.position.joints.{joint}", path
+        )
         lower[names.index(joint)], upper[names.index(joint)] = low, high
     lower, upper = lower + block.position.margin, upper - block.position.margin
     nothing = np.full(len(names), np.nan)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -17,11 +16,9 @@ from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
-from excite.robot.meshes import MAX_MESH_BYTES
-from excite.robot.plausible import check_plausible
 from excite.robot.robot import Array, Foot, Robot
 from excite.robot.urdf import Stated, read_urdf
-from excite.robot.urdf_model import urdf_model
+from excite.robot.weights import check_weights
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -46,7 +43,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         )
     robot = build_robot(read_description(path), path)
     _rest_within_limits(robot)
-    check_plausible(robot)
+    check_weights(robot.model, robot.limits.torque, model_file(robot))
     return robot
 
 
@@ -54,8 +51,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     """Build the robot of a validated description; ``path`` is the file that it was read from."""
     model_path = _model_path(description, path)
     urdf = read_urdf(model_path, _stated(description))
-    root = ElementTree.fromstring(urdf)
-    model = _build_model(root, description, model_path)
+    model = _build_model(urdf, description, model_path)
     joint_names = tuple(list(model.names)[2 if description.base == "floating" else 1 :])
     check_joints(description, joint_names, path)
     segments = read_segments(model, description, path)
@@ -65,7 +61,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
         description=description,
         source=path,
         urdf=urdf,
-        hash=_fingerprint(description, model_path, root),
+        hash=_fingerprint(description, model_path, urdf),
         model=model,
         joint_names=joint_names,
         limits=read_limits(model, description, joint_names, path),
@@ -76,23 +72,21 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     )
 
 
-def _fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
+def _fingerprint(description: RobotDescription, model_path: Path, urdf: str) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
     What the description leaves at its default is left out, so that a field that is added later changes no robot.
     """
     stated = description.model_dump_json(by_alias=True, exclude_defaults=True)
     # The file as it is, not the text as loaded: that one holds paths of this machine.
-    digest = hashlib.sha256(
-        stated.encode() + b"\0" + read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
-    )
-    for link in root.findall("link"):
+    content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
+    digest = hashlib.sha256(stated.encode() + b"\0" + content)
+    for link in ElementTree.fromstring(urdf).findall("link"):
         for mesh in link.iterfind(f"{description.collision.geometry}/geometry/mesh"):
             file = Path(mesh.get("filename", ""))
-            # A mesh that is not there is refused where the geometry is built.
-            if os.path.isfile(file):
-                content = read_bytes(file, limit=MAX_MESH_BYTES, error=RobotError)
-                digest.update(b"\0" + hashlib.sha256(content).digest())
+            # A mesh that is not there, or is no mesh, is refused where the geometry is built.
+            if file.is_file() and file.stat().st_size <= MAX_XML_BYTES:
+                digest.update(b"\0" + hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
 
 
@@ -131,8 +125,15 @@ def _stated(description: RobotDescription) -> Stated:
     )
 
 
-def _build_model(root: ElementTree.Element, description: RobotDescription, model_path: Path) -> pin.Model:
-    model = urdf_model(root, model_path, floating=description.base == "floating")
+def _build_model(urdf: str, description: RobotDescription, model_path: Path) -> pin.Model:
+    try:
+        if description.base == "floating":
+            model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
+        else:
+            model = pin.buildModelFromXML(urdf)
+    except (RuntimeError, ValueError) as error:
+        what = f"pinocchio refuses it ({' '.join(str(error).split())})"
+        raise RobotError(what, source=model_path, remedy="check the file with check_urdf") from error
     if model.njoints == 1:
         raise RobotError("has no joint that moves", source=model_path, remedy="describe at least one")
     model.gravity.linear = np.array(description.gravity)

@@ -1,33 +1,18 @@
-"""Meshes as convex hulls: reading their points, and hulls of few vertices that contain the mesh."""
+"""Meshes as convex hulls of few vertices that contain the mesh."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from excite.errors import RobotError
-from excite.reading.child import in_child
-from excite.reading.file import check_file, read_bytes
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
-
-MAX_MESH_BYTES = 128 * 1024 * 1024
-"""Largest mesh file that is read: four times the largest of 780 published ones, and 2.6 million triangles of STL."""
-
-# Meshes of 29 MB take coal 4 s each.
-_SECONDS = 40.0
-# A kilometre in millimetres.
-_FARTHEST = 1e6
-_BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,97 +29,6 @@ class Hull:
     vertices: Array
     faces: Faces
     inflation: float
-
-
-def mesh_points(path: Path) -> Array:
-    """Corners of a mesh file, ``(n, 3)``, in its own unit and frame; shared corners may be repeated.
-
-    STL is read here; any other format (Collada, OBJ) goes through coal's loader in a process of its own, since that
-    one does not return from some damaged files.
-
-    Raises:
-        RobotError: the file is missing, damaged, or holds no finite corner.
-    """
-    if path.suffix.lower() != ".stl":
-        return foreign_points((path,))[path]
-    return _usable(_stl_points(read_bytes(path, limit=MAX_MESH_BYTES, error=RobotError), path), path)
-
-
-def foreign_points(paths: Sequence[Path]) -> dict[Path, Array]:
-    """Corners of mesh files that coal has to read, as for :func:`mesh_points`, all in one process."""
-    for path in paths:
-        check_file(path, limit=MAX_MESH_BYTES, error=RobotError)
-    if not paths:
-        return {}
-    try:
-        points = _in_child(paths)
-    except RobotError:
-        if len(paths) == 1:
-            raise
-        # Which of them it was is not known.
-        points = [_in_child((path,))[0] for path in paths]
-    return {path: _usable(found, path) for path, found in zip(paths, points, strict=True)}
-
-
-def _in_child(paths: Sequence[Path]) -> list[Array]:
-    function = "excite.robot.meshes:coal_points"
-    return in_child(function, tuple(paths), source=paths[0], error=RobotError, seconds=_SECONDS)
-
-
-def coal_points(paths: Sequence[Path]) -> list[Array]:
-    """Corners of mesh files as coal's loader reads them; run in a child process by :func:`foreign_points`."""
-    import coal
-
-    found = []
-    for path in paths:
-        try:
-            found.append(np.array(coal.MeshLoader().load(str(path), np.ones(3)).vertices()))
-        except (OSError, ValueError, RuntimeError) as error:
-            reason = " ".join(str(error).split())
-            raise RobotError(
-                f"mesh cannot be read ({reason[:160]})", source=path, remedy="check the mesh's format"
-            ) from error
-    return found
-
-
-def _usable(points: Array, path: Path) -> Array:
-    if len(points) == 0 or not np.isfinite(points).all():
-        raise RobotError(
-            "mesh has no corners or one that is not finite", source=path, remedy="export it again"
-        )
-    if np.abs(points).max() > _FARTHEST:
-        raise RobotError(
-            f"mesh has a corner at {np.abs(points).max():.3g}",
-            source=path,
-            remedy="it is damaged: export it again",
-        )
-    return points
-
-
-def _stl_points(content: bytes, path: Path) -> Array:
-    n_triangles = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
-    if n_triangles > 0 and len(content) == 84 + 50 * n_triangles:
-        triangles = np.frombuffer(content, _BINARY_STL, n_triangles, offset=84)
-        return triangles["corners"].reshape(-1, 3).astype(np.float64)
-    if b"vertex" not in content:
-        raise RobotError(
-            f"mesh has {len(content)} bytes and declares {n_triangles} triangles, which need {84 + 50 * n_triangles}"
-            if n_triangles >= 0
-            else f"mesh has {len(content)} bytes, less than the head of an STL file",
-            source=path,
-            remedy="it is damaged: export it again",
-        )
-    try:
-        rows = [
-            line.split()[1:] for line in content.decode("ascii", "replace").splitlines() if "vertex" in line
-        ]
-        return np.array(rows, dtype=np.float64).reshape(-1, 3)
-    except ValueError as error:
-        raise RobotError(
-            "mesh has a vertex that is not three numbers",
-            source=path,
-            remedy="it is damaged: export it again",
-        ) from error
 
 
 def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> Hull:
@@ -158,7 +52,7 @@ def convex_hull(points: Array, max_vertices: int = 96, slack: float = 0.01) -> H
 
     try:
         exact = _exact_hull(points)
-    except (QhullError, ValueError) as error:
+    except QhullError as error:
         raise ValueError("the points lie in a plane and have no convex hull") from error
     corners = points[exact.vertices]
     centre = corners.mean(axis=0)

@@ -1,176 +1,153 @@
-"""What is in a MuJoCo model file, looked at before MuJoCo reads it.
+"""MuJoCo model files looked through before MuJoCo sees them: what they include, how large they become, their numbers.
 
-MuJoCo takes a model at its word: it repeats a body a hundred million times, waits at a pipe that is included, and
-drops an offset that is no number. Files and counts are bounded here, so that what is left is a model.
+A line of MJCF can stand for a billion bodies (``replicate``, ``composite``, ``flexcomp``), name a pipe as a mesh, or
+include itself; MuJoCo then takes all memory, waits for ever, or ends the process.
 """
 
 from __future__ import annotations
 
-import math
 import os
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
 from excite.errors import RobotError
-from excite.reading.file import check_file
-from excite.reading.xml_document import MAX_ELEMENTS, MAX_XML_BYTES, read_xml
-from excite.robot.meshes import MAX_MESH_BYTES
+from excite.reading.file import check_file, unreadable_file
+from excite.reading.xml_document import read_xml
+from excite.robot.mjcf_numbers import check_numbers, count
 
-# The most of 161 published models is 5.
-MAX_FILES = 100
-# What replicated elements may amount to in all; the largest known model has 6 000 elements as written.
-MAX_COPIES = MAX_ELEMENTS
-# Texels, height samples and other table entries: a texture of 8192 × 8192 has this many.
-MAX_CELLS = 64 * 1024 * 1024
-# Keyframes, constraints, user data: 300 000 is the largest found.
-MAX_COUNT = 10_000_000
-# 1e10 stands for "no limit" in forces and ranges.
-MAX_NUMBER = 1e12
+# The largest model known, a rodent with muscles and skin, has 4 000 elements in 5 files, 30 deep.
+MAX_EXPANDED = 100_000
+MAX_DEPTH = 100
+MAX_FILES = 200
+# The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
+MAX_ASSET_BYTES = 256 * 1024 * 1024
 
-# Tables whose memory is the product of these.
-_TABLES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
-_ASSETS = {"mesh", "hfield", "skin", "texture"}
-_GEOMETRIC = {
-    "pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "mass", "diaginertia",
-    "fullinertia", "size", "fromto", "density", "scale", "armature", "gear", "polycoef", "anchor",
-    "boundmass", "boundinertia", "settotalmass", "forcerange", "ctrlrange", "actuatorfrcrange",
-}  # fmt: skip
-_COUNT = re.compile(r"\d+", re.ASCII)
+_MULTIPLIERS = ("replicate", "composite", "flexcomp")
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
+_ASSETS = ("mesh", "texture", "hfield", "skin", "flexcomp", "composite", "plugin")
 
 
 def scan_mjcf(path: Path) -> None:
-    """Refuse a MuJoCo model that MuJoCo should not be given; it is not compiled.
-
-    Args:
-        path: the model; files that it includes lie in its folder, below it or in the folder above.
+    """Refuse a MuJoCo model that would be too large, includes what is no file, or holds numbers that are none.
 
     Raises:
-        RobotError: a file is missing, no regular file or too large; an element is repeated, or a table or count is
-            larger than in any model; a number is none.
+        RobotError: names file, element and what to do.
     """
-    scan = _Scan(path)
-    scan.read(check_file(path, limit=MAX_XML_BYTES, error=RobotError))
-
-
-@dataclass(eq=False)
-class _Scan:
-    """A model while its files are looked at: files seen, elements counted, folders of its assets."""
-
-    model: Path
-    seen: set[Path] = field(default_factory=set)
-    folders: set[Path] = field(default_factory=set)
-    copies: int = 0
-
-    def read(self, path: Path) -> None:
-        resolved = path.resolve()
-        if resolved in self.seen:
-            raise RobotError(
-                "is included twice", source=self.model, field=path.name, remedy="include it once"
-            )
-        self.seen.add(resolved)
-        if len(self.seen) > MAX_FILES:
-            raise RobotError(f"includes more than {MAX_FILES} files", source=self.model, remedy="join them")
-        root = read_xml(path, error=RobotError)
-        self.folders.add(path.parent)
-        for compiler in root.iter("compiler"):
-            for key in ("meshdir", "texturedir", "assetdir"):
-                self.folders.add(self.model.parent / compiler.get(key, ""))
-        for element, factor in _elements(root, 1):
-            self.copies += factor
-            if self.copies > MAX_COPIES:
-                raise RobotError(
-                    f"stands for more than {MAX_COPIES} elements",
-                    source=path,
-                    field=element.tag,
-                    remedy="reduce the count of its replicate elements",
-                )
-            _check_element(element, path)
-            if element.get("file"):
-                self.follow(element, path)
-
-    def follow(self, element: ElementTree.Element, path: Path) -> None:
-        """Scan the model that an element includes; check a file of another kind."""
-        name = element.get("file", "")
-        if element.tag in _ASSETS:
-            for file in (folder / name for folder in sorted(self.folders)):
-                # A mesh that is not there may be left out later.
-                if os.path.exists(file):
-                    check_file(file, limit=MAX_MESH_BYTES, error=RobotError)
-        if element.tag not in {"include", "model"}:
-            return
-        places = (self.model.parent / name, path.parent / name)
-        file = check_file(
-            next((place for place in places if os.path.exists(place)), places[0]),
-            limit=MAX_XML_BYTES,
-            error=RobotError,
-        )
-        if not file.resolve().is_relative_to(self.model.resolve().parent.parent):
-            raise RobotError(
-                "lies outside the model's folder",
-                source=path,
-                field=f"{element.tag} {name[:60]!r}",
-                remedy="put it beside the model",
-            )
-        self.read(file)
-
-
-def _elements(element: ElementTree.Element, factor: int) -> Iterator[tuple[ElementTree.Element, int]]:
-    """Every element, with how often it will stand in the model."""
-    yield element, factor
-    if element.tag == "replicate":
-        # More than any bound is enough.
-        factor = min(factor * _count(element.get("count", "1")), 10 * MAX_COPIES)
-    for child in element:
-        yield from _elements(child, factor)
-
-
-def _count(text: str) -> int:
-    """A count as MuJoCo may understand it; 0 where it will refuse the text itself."""
-    text = text.strip()
-    return int(text[:18]) if _COUNT.fullmatch(text[:18]) else 0
-
-
-def _check_element(element: ElementTree.Element, path: Path) -> None:
-    where = element.tag + (f" {element.get('name')!r}" if element.get("name") else "")
-    if element.tag in {"flexcomp", "flex"}:
-        raise RobotError("is deformable", source=path, field=where, remedy="remove it")
-    if element.tag in {"plugin", "lengthrange"}:
-        what = "is a plugin, which a URDF does not have" if element.tag == "plugin" else "runs a simulation"
-        raise RobotError(what, source=path, field=where, remedy="remove it")
-    cells = math.prod(_count(element.get(side, "0")) for side in _TABLES.get(element.tag, ()))
-    if element.tag in _TABLES and cells > MAX_CELLS:
-        sides = " × ".join(_TABLES[element.tag])
+    scan = _Scan(path.parent)
+    root = scan.read(path)
+    if root.tag != "mujoco":
         raise RobotError(
-            f"has {cells} cells ({sides})", source=path, field=where, remedy=f"at most {MAX_CELLS} are read"
+            f"is no MuJoCo model: its outermost element is <{root.tag[:60]}>, not <mujoco>",
+            source=path,
+            remedy="give an MJCF file",
         )
-    if element.tag == "size":
-        _check_counts(element, path)
-    for attribute, text in element.attrib.items():
-        if attribute in _GEOMETRIC:
-            _check_numbers(text, f"{where}@{attribute}", path)
+    scan.size(root, (path,), 0)
+    scan.check_assets()
 
 
-def _check_counts(element: ElementTree.Element, path: Path) -> None:
-    for attribute, text in element.attrib.items():
-        # The arena is not needed to read a model; its text has a suffix such as M.
-        amount = _count(text.rstrip("KMGTPE"))
-        if amount > MAX_COUNT * (100 if attribute == "memory" and amount == _count(text) else 1):
+@dataclass
+class _Scan:
+    """What was seen so far.
+
+    Attributes:
+        folder: folder of the model's main file, to which all paths are relative.
+        files: how many files were read.
+        folders: folders that the model names for its assets.
+        assets: files that it names, with the element that names them.
+        models: size of each model that may be attached, by name.
+    """
+
+    folder: Path
+    files: int = 0
+    folders: set[str] = field(default_factory=lambda: {""})
+    assets: list[tuple[str, str]] = field(default_factory=list)
+    models: dict[str, int] = field(default_factory=dict)
+
+    def read(self, path: Path) -> ElementTree.Element:
+        self.files += 1
+        if self.files > MAX_FILES:
             raise RobotError(
-                f"is {text[:40]}", source=path, field=f"size@{attribute}", remedy="remove it, or reduce it"
+                f"is made of more than {MAX_FILES} files", source=path, remedy="reduce what it includes"
             )
+        root = read_xml(path, error=RobotError, max_depth=MAX_DEPTH)
+        # Attached models may be named before or after the place where they are used.
+        for model in root.iter("model"):
+            self.models.setdefault(_name(model), 0)
+        return root
 
-
-def _check_numbers(text: str, where: str, path: Path) -> None:
-    for part in text.split():
-        try:
-            value = float(part)
-        except ValueError:
-            # A word, as of fromto and type; MuJoCo says what it thinks of it.
-            continue
-        if math.isnan(value) or (math.isfinite(value) and abs(value) > MAX_NUMBER):
+    def size(self, element: ElementTree.Element, files: tuple[Path, ...], depth: int) -> int:
+        """Number of elements that an element becomes; checks everything below it."""
+        path, tag = files[-1], element.tag
+        if depth > MAX_DEPTH:
             raise RobotError(
-                f"is {part[:40]!r}", source=path, field=where, remedy="give a number in SI units"
+                f"elements are nested more than {MAX_DEPTH} deep",
+                source=path,
+                field=tag[:60],
+                remedy="flatten it",
             )
+        check_numbers(element, path)
+        below = 1
+        if tag == "include" or (tag == "model" and "file" in element.attrib):
+            below += self._other(element, files, depth)
+        elif tag == "compiler":
+            self.folders |= {element.get(key, "") for key in _FOLDERS}
+        elif tag in _ASSETS:
+            self.assets += [(value, tag) for key, value in element.items() if key.startswith("file")]
+        if tag == "attach":
+            below += self.models.get(element.get("model", ""), 0)
+        # Assets come first, so that models are known where they are attached.
+        for child in sorted(element, key=lambda child: child.tag not in {"compiler", "asset"}):
+            below += self.size(child, files, depth + 1)
+        total = below * (count(element, path) if tag in _MULTIPLIERS else 1)
+        if total > MAX_EXPANDED:
+            raise RobotError(
+                f"stands for more than {MAX_EXPANDED} elements",
+                source=path,
+                field=f"{tag}@count" if tag in _MULTIPLIERS else tag,
+                remedy="repeat less",
+            )
+        return total
+
+    def _other(self, element: ElementTree.Element, files: tuple[Path, ...], depth: int) -> int:
+        """Size of another file that an element brings in."""
+        named = element.get("file", "")
+        if not named:
+            raise RobotError("is missing", source=files[-1], field=f"{element.tag}@file", remedy="name it")
+        other = self._found(named, files[-1])
+        same = [file for file in files if other.exists() and file.exists() and file.samefile(other)]
+        if same:
+            raise RobotError(
+                f"includes itself through {named!r}",
+                source=files[-1],
+                field=f"{element.tag}@file",
+                remedy="remove it",
+            )
+        size = self.size(self.read(other), (*files, other), depth + 1)
+        if element.tag == "model":
+            name = _name(element)
+            self.models[name] = max(self.models.get(name, 0), size)
+        return size
+
+    def _found(self, named: str, by: Path) -> Path:
+        """File of that name; MuJoCo takes it relative to the main file, other tools to the one that names it."""
+        places = [self.folder / named, by.parent / named]
+        return next((place for place in places if os.path.exists(place)), places[0])
+
+    def check_assets(self) -> None:
+        """Refuse meshes and pictures that are no files or too large; those that are not there are the compiler's."""
+        for named, tag in self.assets:
+            for folder in self.folders:
+                file = self.folder / folder / named
+                try:
+                    file.stat()
+                except (FileNotFoundError, NotADirectoryError):
+                    continue
+                except (OSError, ValueError) as reason:
+                    raise unreadable_file(file, reason, RobotError) from reason
+                if named and not (folder and file.is_dir() and tag == "plugin"):
+                    check_file(file, limit=MAX_ASSET_BYTES, error=RobotError)
+
+
+def _name(model: ElementTree.Element) -> str:
+    return model.get("name") or Path(model.get("file", "")).stem

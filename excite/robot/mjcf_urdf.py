@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 WORLD = "world"
 MESHES = "meshes"
+# File systems take 255 bytes, of which a letter may need four.
+_LONGEST_NAME = 60
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,10 @@ class UrdfWriter:
 
     def _mesh(self, mesh: int) -> str:
         """Relative path of a mesh's file."""
-        name = f"{MESHES}/{(self.model.mesh(mesh).name or f'mesh_{mesh}').replace('/', '_')}.stl"
+        called = self.model.mesh(mesh).name.replace("/", "_")
+        if not called or len(called) > _LONGEST_NAME or not called.isprintable():
+            called = f"mesh_{mesh}"
+        name = f"{MESHES}/{called}.stl"
         if name not in self.meshes:
             model = self.model
             vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]

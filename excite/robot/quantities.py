@@ -1,140 +1,138 @@
-"""Numbers that a robot can have: each kind of quantity with bounds that no robot comes near.
+"""The numbers of a robot's description: each kind of quantity with the largest that any robot has.
 
-The bounds are not limits of good taste. They keep out what is no number, what overflows in a product of a few of
-them, and what is right only in another unit. The largest value met in some 1200 published robot models stands beside
-each.
+The bounds are orders of magnitude above what is built, so that they stop slips of unit and of typing (a minus too
+few in an exponent, degrees, millimetres) and nothing that exists.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator
-from pydantic_core import PydanticCustomError
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import PydanticCustomError, core_schema
+
+# The longest robot arms built, for the space station and for ships' hulls, have less than 100 m.
+MAX_LENGTH = 1e3
+# Gantries and cable robots travel less than 100 m; 350 is a lift of 0.35 m written in millimetres.
+MAX_TRAVEL = 100.0
+# More turns than any encoder of a robot's joint counts.
+MAX_ANGLE = 1e3
+# Orientations are written within a turn or two; 90, 120, 180 are degrees.
+MAX_ORIENTATION = 8.0 * math.pi
+# Arms turn twice about themselves at most. Beyond four turns, only whole half turns are taken for angles in rad.
+MAX_TURNS = 8.0 * math.pi
+# Ten times the weight of the largest excavators' booms.
+MAX_MASS = 1e6
+# A body of that mass and 30 m.
+MAX_INERTIA = 1e9
+# Hydraulic presses give 1e9 N; models write 1e4 … 1e6 for a torque without limit.
+MAX_FORCE = 1e10
+# Turbines reach 1e4 rad/s; models write 1e4 for a velocity without limit.
+MAX_VELOCITY = 1e6
+# Shocks that destroy gears have 1e6 m/s²; the jerk that builds one up within a microsecond.
+MAX_ACCELERATION = 1e9
+MAX_JERK = 1e12
+# N·m/rad, N·m·s/rad, kg·m²: a servo that holds a body of MAX_MASS still within its encoder's step.
+MAX_GAIN = 1e12
+# A standard deviation larger than what is measured is no measurement; a rate of 1 MHz is no robot's log.
+MAX_NOISE = 1e6
+MAX_RATE = 1e6
+# Rubber on rubber has 1 … 2; gecko-like pads some tens.
+MAX_FRICTION = 100.0
+# On the sun's surface it is 274 m/s²; no robot identifies itself above Jupiter's 25.
+MAX_GRAVITY = 100.0
+# Exporters write 1e16 for a joint without position limits; what lies beyond MAX_ANGLE is read as that.
+MAX_STAND_IN = 1e18
+
+
+def looks_like_degrees(angle: float) -> bool:
+    """Whether an angle that is meant in radians can only be one in degrees.
+
+    Joints of many turns end at whole half turns, in radians multiples of π to two decimals at least; what people
+    write in degrees are other numbers, most of them whole.
+    """
+    if not MAX_TURNS < abs(angle) < MAX_ANGLE:
+        return False
+    half_turns = round(abs(angle) / math.pi)
+    return float(angle).is_integer() or abs(abs(angle) - half_turns * math.pi) > 0.006
+
+
+def in_radians(angle: float) -> str:
+    """The remedy for an angle that looks like degrees."""
+    return (
+        f"looks like degrees: write radians, {math.radians(angle):.4g}"
+        " (a joint of many turns ends at a multiple of π, to two decimals)"
+    )
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """A kind of quantity.
+class Bounded:
+    """What pydantic checks of a number.
 
     Attributes:
-        name: what it is, in the plural or as a mass noun.
-        unit: its unit.
         most: largest magnitude.
-        mistake: the likely cause of a larger one.
+        unit: its unit, for the error.
+        least: ``any`` sign, ``from 0`` or ``above 0``.
+        cause: what to do about a larger one.
     """
 
-    name: str
-    unit: str
     most: float
-    mistake: str = "check the exponent"
+    unit: str
+    least: Literal["any", "from 0", "above 0"] = "above 0"
+    cause: str = "check its unit and exponent"
+
+    def __get_pydantic_core_schema__(
+        self, source: type, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Check what stands there, read it as a number, check that."""
+        number = core_schema.no_info_before_validator_function(_written, handler(source))
+        return core_schema.no_info_after_validator_function(self._check, number)
+
+    def _check(self, value: float) -> float:
+        if not math.isfinite(value):
+            raise _refused("is not finite", f"give a number in {self.unit}")
+        if abs(value) > self.most:
+            raise _refused(f"is more than any robot has ({self.most:.4g} {self.unit})", self.cause)
+        if value < 0.0 and self.least != "any":
+            raise _refused("is negative", f"give a number {self.least}")
+        if value == 0.0 and self.least == "above 0":
+            raise _refused("is 0", "give a number above 0")
+        return value
 
 
-# A crane's boom is 100 m; the largest offset of a joint found is 1.5 m, the largest solid a plane of 200 m.
-LENGTH = Quantity("a length", "m", 1e3, "lengths are metres, not millimetres")
-# 1573 kg, the base of a robot for payloads of 210 kg.
-MASS = Quantity("a mass", "kg", 1e6, "masses are kilograms, not grams")
-# 100 kg·m²; a mass of 1e6 kg spread over 1e3 m has 1e12.
-INERTIA = Quantity("a moment of inertia", "kg·m²", 1e12, "moments are kg·m², not kg·mm²")
-# Roll, pitch and yaw: 4.7 rad. A drum of a thousand turns is 6e3 rad.
-ANGLE = Quantity("an angle", "rad", 1e4, "angles are radians, not degrees")
-# 1.5 m from one joint to the next; 15 m along a slide.
-OFFSET = Quantity("an offset or a travel", "m", 100.0, "it looks like millimetres: give metres")
-# 1e16 rad, a propeller that turns without end; also 1e4 rad/s and 5e4 N·m for joints without a limit.
-LIMIT = Quantity("a limit", "rad, m, rad/s or N·m", 1e17)
-# A factor from inches is 0.0254, from millimetres 0.001; 3 is the largest.
-SCALE = Quantity("a scale", "", 1e6)
-# 1e4 rad/s, where a file means no limit; a spindle of 100 000 rpm does as much.
-VELOCITY = Quantity("a velocity", "rad/s or m/s", 1e5, "velocities are rad/s or m/s")
-ACCELERATION = Quantity("an acceleration", "rad/s² or m/s²", 1e7, "accelerations are rad/s² or m/s²")
-JERK = Quantity("a jerk", "rad/s³ or m/s³", 1e10, "jerks are rad/s³ or m/s³")
-# 5e4 N·m, where a file means no limit.
-TORQUE = Quantity("a torque or force", "N·m or N", 1e9, "torques are N·m, not N·mm")
-# 1e6 N·m/rad is a stiff servo of an industrial robot.
-GAIN = Quantity("a gain", "N·m/rad", 1e12)
-# Encoders and torque sensors are read at 1e4 Hz at most.
-RATE = Quantity("a rate", "Hz", 1e6, "rates are Hz")
-# No jump of the noise of a sensor that says anything.
-NOISE = Quantity("a standard deviation", "SI units", 1e6)
-FRICTION = Quantity("a coefficient of friction", "", 1e3)
-# Jupiter has 25 m/s².
-GRAVITY = Quantity("gravity", "m/s²", 100.0, "gravity is m/s², [0, 0, -9.81] on Earth")
-
-TURNS = 4.0 * math.pi
-"""Largest position limit of a joint that turns to and fro [rad]: two turns from zero; the largest found is 10 rad."""
-
-
-def fault(
-    value: float, quantity: Quantity, *, least: float | None = None, open_end: bool = False
-) -> str | None:
-    """What is wrong with a number, in words; None if nothing is.
-
-    Args:
-        value: the number.
-        quantity: its kind.
-        least: smallest allowed value, by default minus the largest magnitude.
-        open_end: whether ``least`` itself is too small.
-    """
-    if not math.isfinite(value):
-        return f"is {value}, which is no number"
-    if abs(value) > quantity.most:
-        unit = f" {quantity.unit}" if quantity.unit else ""
-        return f"is {value:g}, more than {quantity.name} of any robot ({quantity.most:g}{unit})"
-    if least is not None and (value < least or (open_end and value == least)):
-        return f"is {value:g}, {'not above' if open_end else 'below'} {least:g}"
-    return None
-
-
-def looks_like_degrees(*limits: float) -> bool:
-    """Whether limits of a joint that turns to and fro are plausible in degrees only [rad]."""
-    return TURNS < max(map(abs, limits)) <= 720.0
-
-
-def endless(*limits: float) -> bool:
-    """Whether limits stand for none, as ±1e16 does for a propeller [rad or m]."""
-    return max(map(abs, limits)) > ANGLE.most
-
-
-def _within(
-    quantity: Quantity, least: float | None = None, *, open_end: bool = False
-) -> Callable[[float], float]:
-    def check(value: float) -> float:
-        what = fault(value, quantity, least=least, open_end=open_end)
-        if what is None:
-            return value
-        remedy = f"give {quantity.name}" + (f" in {quantity.unit}" if quantity.unit else "")
-        if math.isfinite(value) and abs(value) > quantity.most:
-            remedy = quantity.mistake
-        raise PydanticCustomError("quantity", "{what}", {"what": what, "remedy": remedy})
-
-    return check
-
-
-def _no_truth_value(value: Any) -> Any:
-    # YAML reads yes, on and true as truth values, which would count as 1.
+def _written(value: Any) -> Any:
     if isinstance(value, bool):
-        raise PydanticCustomError(
-            "quantity", "{what}", {"what": f"is {str(value).lower()}", "remedy": "give a number"}
-        )
+        raise _refused("is true or false, not a number", "give a number")
+    if isinstance(value, str) and not value.isascii():
+        raise _refused("is no number", "write it with the digits 0 to 9")
     return value
 
 
-# The fields of robot.yaml.
-_NUMBER = BeforeValidator(_no_truth_value)
-Length = Annotated[float, _NUMBER, AfterValidator(_within(LENGTH))]
-Size = Annotated[float, _NUMBER, AfterValidator(_within(LENGTH, 0.0, open_end=True))]
-Margin = Annotated[float, _NUMBER, AfterValidator(_within(LENGTH, 0.0))]
-Angle = Annotated[float, _NUMBER, AfterValidator(_within(ANGLE))]
-Velocity = Annotated[float, _NUMBER, AfterValidator(_within(VELOCITY, 0.0, open_end=True))]
-Acceleration = Annotated[float, _NUMBER, AfterValidator(_within(ACCELERATION, 0.0, open_end=True))]
-Jerk = Annotated[float, _NUMBER, AfterValidator(_within(JERK, 0.0, open_end=True))]
-Inertia = Annotated[float, _NUMBER, AfterValidator(_within(INERTIA, 0.0, open_end=True))]
-Torque = Annotated[float, _NUMBER, AfterValidator(_within(TORQUE, 0.0, open_end=True))]
-Gain = Annotated[float, _NUMBER, AfterValidator(_within(GAIN, 0.0, open_end=True))]
-Rate = Annotated[float, _NUMBER, AfterValidator(_within(RATE, 0.0, open_end=True))]
-Noise = Annotated[float, _NUMBER, AfterValidator(_within(NOISE, 0.0))]
-Friction = Annotated[float, _NUMBER, AfterValidator(_within(FRICTION, 0.0, open_end=True))]
-Gravity = Annotated[float, _NUMBER, AfterValidator(_within(GRAVITY))]
+def _refused(what: str, remedy: str) -> PydanticCustomError:
+    return PydanticCustomError("quantity", "{what}", {"what": what, "remedy": remedy})
+
+
+Coordinate = Annotated[float, Bounded(MAX_LENGTH, "m", "any", "write metres")]
+Length = Annotated[float, Bounded(MAX_LENGTH, "m", "above 0", "write metres")]
+JointValue = Annotated[float, Bounded(MAX_ANGLE, "rad or m", "any", "write radians or metres")]
+Angle = Annotated[float, Bounded(MAX_ORIENTATION, "rad", "any", "looks like degrees: write radians")]
+Margin = Annotated[float, Bounded(MAX_TRAVEL, "rad or m", "from 0", "write radians or metres")]
+Velocity = Annotated[float, Bounded(MAX_VELOCITY, "rad/s or m/s")]
+Acceleration = Annotated[float, Bounded(MAX_ACCELERATION, "rad/s² or m/s²")]
+Jerk = Annotated[float, Bounded(MAX_JERK, "rad/s³ or m/s³")]
+Torque = Annotated[float, Bounded(MAX_FORCE, "N·m or N")]
+Gain = Annotated[float, Bounded(MAX_GAIN, "N·m/rad or N·m·s/rad")]
+Noise = Annotated[float, Bounded(MAX_NOISE, "N, N·m, m or rad", "from 0")]
+TorqueNoise = Annotated[float, Bounded(MAX_NOISE, "N·m or N")]
+Rate = Annotated[float, Bounded(MAX_RATE, "Hz")]
+FrictionCoefficient = Annotated[float, Bounded(MAX_FRICTION, "newtons a newton")]
+DriveFriction = Annotated[float, Bounded(MAX_FORCE, "N·m·s/rad, N·m or kg·m²")]
+GravityComponent = Annotated[
+    float, Bounded(MAX_GRAVITY, "m/s²", "any", "write m/s²; on the ground it is 9.81 downwards")
+]
+
+Vector3 = tuple[Coordinate, Coordinate, Coordinate]
+Rotation3 = tuple[Angle, Angle, Angle]
+Gravity = tuple[GravityComponent, GravityComponent, GravityComponent]

@@ -13,10 +13,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from excite.errors import RobotError
 from excite.robot.collision import collision_shapes
-from excite.robot.description import validated
+from excite.robot.description import RobotDescription
 from excite.robot.guesses import (
     FootGuess,
     JointGuess,
@@ -28,12 +29,12 @@ from excite.robot.guesses import (
 )
 from excite.robot.ignored_pairs import PairReview, review_pairs
 from excite.robot.loading import build_robot
-from excite.robot.plausible import Overload, overload
 from excite.robot.robot import Robot
 from excite.robot.scaffold_text import render
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_inertia import inertial_faults
-from excite.robot.urdf_tree import check_tree
+from excite.robot.urdf_tree import MAX_NAME, check_tree
+from excite.robot.weights import check_weights
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,6 @@ class Draft:
         geometry: ``collision``, ``visual``, or None if neither can be used; then ``geometry_fault`` says why.
         geometry_fault: why the URDF's geometry cannot be used, or None.
         review: pairs of links that may be ignored in collision checks, or None without geometry.
-        overload: the joint that cannot hold what it carries by far, or None.
     """
 
     name: str
@@ -79,7 +79,6 @@ class Draft:
     geometry: str | None
     geometry_fault: str | None
     review: PairReview | None
-    overload: Overload | None
 
 
 def scaffold_description(
@@ -119,13 +118,13 @@ def draft_description(
     rest = {guess.name: value for guess in free if (value := _rest(guess)) != 0.0}
     stand_in = _StandIn(path, floating, free, locked, tuple(faults), rest)
     robot, geometry, geometry_fault = stand_in.with_geometry()
+    check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
     inertia = dict(
         zip(robot.joint_names, (float(value) for value in joint_inertias(robot, rng)), strict=True)
     )
-    torques = {guess.name: guess.torque for guess in free}
     return Draft(
-        name=path.stem,
-        title=root.get("name") or path.stem,
+        name=path.stem[:MAX_NAME],
+        title=root.get("name", ""),
         urdf=os.path.relpath(path.resolve(), Path(folder or path.parent).resolve()),
         floating=floating,
         joints=free,
@@ -139,7 +138,6 @@ def draft_description(
         geometry=geometry,
         geometry_fault=geometry_fault,
         review=review_pairs(robot, rng, n_random=100) if geometry else None,
-        overload=overload(robot, np.array([torques[name] or np.inf for name in robot.joint_names])),
     )
 
 
@@ -205,8 +203,8 @@ class _StandIn:
         one = {"default": 1.0, "source": said}
         content = {
             "schema": "excite.robot/1",
-            "name": self.path.stem,
-            "title": self.path.stem,
+            "name": said,
+            "title": said,
             "model": {
                 "path": str(self.path.resolve()),
                 "acknowledged": dict.fromkeys(self.faults, said),
@@ -233,7 +231,16 @@ class _StandIn:
             "controller": {"kp": one, "kd": one},
             "collision": {"geometry": geometry, "margin": 0.01, "source": said},
         }
-        return build_robot(validated(content, self.path), self.path)
+        try:
+            description = RobotDescription.model_validate(content)
+        except ValidationError as error:
+            first = error.errors()[0]
+            field = ".".join(str(part) for part in first["loc"])
+            what = f"cannot be described: {field} {first['msg']}"
+            raise RobotError(
+                what, source=self.path, remedy="correct the model, or rename its file"
+            ) from error
+        return build_robot(description, self.path)
 
     def _feet(self) -> list[dict[str, object]]:
         """One foot, for the schema's sake, on the root link."""

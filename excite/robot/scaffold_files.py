@@ -48,24 +48,24 @@ def write_scaffold(file: Path, folder: Path, *, seed: int = 0, overwrite: bool =
     if not is_mjcf(file):
         text = scaffold_description(file, folder, seed=seed)
         return ScaffoldFiles(write_text(target, text), file, _open_marks(text), ())
-    conversion = convert_mjcf(file)
     urdf = folder / f"{file.stem}.urdf"
     _absent(urdf, overwrite)
-    text = _described(conversion, file, seed)
+    conversion = convert_mjcf(file)
+    text = _described(conversion, urdf, file, seed)
     with all_or_nothing():
         conversion.write(urdf)
-        # Last: where there is a description, what it names is there.
         write_text(target, text)
     return ScaffoldFiles(target, urdf, _open_marks(text), conversion.notes)
 
 
-def _described(conversion: MjcfConversion, file: Path, seed: int) -> str:
-    """Describe the URDF made from ``file``, from a copy that nobody sees."""
-    with tempfile.TemporaryDirectory(prefix="excite_") as folder:
-        urdf = conversion.write(Path(folder) / f"{file.stem}.urdf")
+def _described(conversion: MjcfConversion, urdf: Path, file: Path, seed: int) -> str:
+    """Describe the URDF from a copy that goes away again, so that nothing is written where that fails."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = conversion.write(Path(folder) / urdf.name)
         try:
-            return scaffold_description(urdf, urdf.parent, seed=seed, floating=conversion.floating)
+            return scaffold_description(copy, folder, seed=seed, floating=conversion.floating)
         except RobotError as error:
+            # The person knows the model, not the copy of its URDF.
             raise RobotError(error.what, source=file, field=error.field, remedy=error.remedy) from error
 
 

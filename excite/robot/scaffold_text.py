@@ -73,10 +73,7 @@ def _head(draft: Draft) -> list[str]:
 
 
 def _limits(draft: Draft) -> list[str]:
-    lines = ["limits:"]
-    if draft.overload is not None:
-        lines.append(f"  # FILL IN: correct the URDF's units, or state torque limits here: {draft.overload}")
-    lines.append("  position:")
+    lines = ["limits:", "  position:"]
     unlimited = [guess for guess in draft.joints if guess.position is None]
     if unlimited:
         lines.append("    joints:")

@@ -6,7 +6,6 @@ without a message; so everything that it would swallow is checked here.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,11 +17,12 @@ import pinocchio as pin
 
 from excite.errors import RobotError
 from excite.reading.xml_document import read_xml
-from excite.robot.quantities import TURNS, endless, looks_like_degrees
+from excite.robot.joint_values import check_range
 from excite.robot.urdf_inertia import check_inertials
 from excite.robot.urdf_numbers import numbers
 from excite.robot.urdf_tree import MOVING, check_tree
 
+# The deepest element known, a mesh of a link, is the sixth.
 MAX_NESTING = 32
 
 
@@ -100,6 +100,9 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
                 field="locked_joints",
                 remedy="the model has " + ", ".join(n for n, j in joints.items() if j.get("type") in MOVING),
             )
+        check_range(
+            name, (values[name],), joints[name].get("type") == "prismatic", f"locked_joints.{name}", path
+        )
     for name, joint in joints.items():
         mimic = joint.find("mimic")
         if mimic is None or joint.get("type") == "fixed":
@@ -133,13 +136,6 @@ def _fix(joint: ElementTree.Element, value: float, path: Path) -> None:
         pin.rpy.rpyToMatrix(*numbers(origin, "rpy", 3, path, where, default="0 0 0")),
         np.array(numbers(origin, "xyz", 3, path, where, default="0 0 0")),
     )
-    if joint.get("type") != "prismatic" and looks_like_degrees(value):
-        raise RobotError(
-            f"is {value:g}, which looks like degrees",
-            source=path,
-            field=f"locked_joints.{joint.get('name')} of robot.yaml",
-            remedy="give radians",
-        )
     axis = joint.find("axis")
     direction = np.array([1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, path, where))
     direction /= np.linalg.norm(direction)
@@ -161,16 +157,13 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     has_limits = limit is not None and "lower" in limit.attrib and "upper" in limit.attrib
     if name in stated.limits:
         lower, upper = stated.limits[name]
-        _check_stated(joint, (lower, upper), path)
     elif kind != "continuous" and limit is not None and has_limits:
         lower, upper = (
             numbers(limit, side, 1, path, f"joint {name!r}/limit")[0] for side in ("lower", "upper")
         )
     else:
-        lower, upper = -math.inf, math.inf
-    if endless(lower, upper):
         raise RobotError(
-            "has no position limits" if kind != "continuous" and not has_limits else "turns without end",
+            "turns without end" if kind == "continuous" else "has no position limits",
             source=path,
             field=f"joint {name!r}/limit",
             remedy=f"state limits.position.joints.{name} in robot.yaml",
@@ -184,21 +177,6 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     # Absent or 0: refused later unless robot.yaml states them.
     limit.set("effort", limit.get("effort", "0"))
     limit.set("velocity", limit.get("velocity", "0"))
-
-
-def _check_stated(joint: ElementTree.Element, limits: tuple[float, float], path: Path) -> None:
-    """Refuse degrees in robot.yaml: beyond two turns where the URDF is not, or in quarters and eighths of a turn."""
-    name, kind, limit = joint.get("name"), joint.get("type"), joint.find("limit")
-    own = [] if limit is None else [float(limit.get(side, "inf")) for side in ("lower", "upper")]
-    within = kind == "revolute" and bool(own) and max(map(abs, own)) <= TURNS
-    sure = within or all(value % 45.0 == 0.0 for value in limits)
-    if kind != "prismatic" and looks_like_degrees(*limits) and sure:
-        raise RobotError(
-            f"{limits[0]:g} to {limits[1]:g} looks like degrees",
-            source=path,
-            field=f"limits.position.joints.{name} of robot.yaml",
-            remedy="give radians",
-        )
 
 
 def _absolute_meshes(root: ElementTree.Element, path: Path) -> None:
@@ -215,10 +193,12 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     other names are relative to the URDF.
     """
     folder = urdf.resolve().parent
+    if "\0" in name:
+        return None
     if not name.startswith("package://"):
         file = folder / name.removeprefix("file://")
-        # Unlike Path.is_file, this one takes names that no file can have.
-        return file.resolve() if name and os.path.isfile(file) else None
+        # Also what is no file, whose reader says so.
+        return file.resolve() if name and os.path.exists(file) else None
     relative = Path(name.removeprefix("package://").lstrip("/"))
     roots = [folder, *folder.parents]
     roots += [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,18 +12,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.errors import RobotError
-from excite.robot.quantities import ANGLE, INERTIA, MASS, OFFSET
-from excite.robot.urdf_numbers import numbers, single
+from excite.robot.urdf_numbers import numbers
 
 TOLERANCE = 1e-6
 """How far, relative to the largest principal moment, a moment may break the triangle inequality."""
-
-MOST_GYRATION = 20.0
-"""Largest radius of gyration of a link [m].
-
-Twice what the most careless of 1200 published models has (moments of 1 or 100 put in as placeholders); the boom of a
-crane, 60 m, has 17. Moments in kg·mm² make it a thousand times too large.
-"""
 
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -123,34 +114,23 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
         return None
     if len(elements) > 1:
         raise RobotError("occurs twice", source=path, field=where, remedy="keep one")
-    mass_element, inertia = (single(elements[0], tag, path, where) for tag in ("mass", "inertia"))
+    mass_element, inertia = elements[0].find("mass"), elements[0].find("inertia")
     if mass_element is None:
         raise RobotError("has no <mass>", source=path, field=where, remedy="give the mass in kilograms")
     if inertia is None:
         raise RobotError(
             "has no <inertia>", source=path, field=where, remedy="give the moments about the CoM"
         )
-    (mass,) = numbers(mass_element, "value", 1, path, f"{where}/mass", quantity=MASS)
-    origin = single(elements[0], "origin", path, where)
+    (mass,) = numbers(mass_element, "value", 1, path, f"{where}/mass")
+    origin = elements[0].find("origin")
     pose = ElementTree.Element("origin") if origin is None else origin
-    centre, rpy = (
-        numbers(pose, key, 3, path, f"{where}/origin", default="0 0 0", quantity=quantity)
-        for key, quantity in (("xyz", OFFSET), ("rpy", ANGLE))
-    )
-    values = [numbers(inertia, key, 1, path, f"{where}/inertia", quantity=INERTIA)[0] for key in _MOMENTS]
+    centre, rpy = (numbers(pose, key, 3, path, f"{where}/origin", default="0 0 0") for key in ("xyz", "rpy"))
+    values = [numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in _MOMENTS]
     if mass < 0.0 or (mass == 0.0 and any(values)):
         remedy = "give a positive mass in kilograms"
         raise RobotError(f"is {mass}", source=path, field=f"{where}/mass@value", remedy=remedy)
     xx, xy, xz, yy, yz, zz = values
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if mass > 0.0 and math.sqrt(max(map(abs, values)) / mass) > MOST_GYRATION:
-        radius = math.sqrt(max(map(abs, values)) / mass)
-        raise RobotError(
-            f"spreads {mass:g} kg over a radius of {radius:.3g} m",
-            source=path,
-            field=f"{where}/inertia",
-            remedy="give moments in kg·m² and the mass in kg",
-        )
     rotation = pin.rpy.rpyToMatrix(*rpy)
     # A frame: mass and moments all zero.
     return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T) if mass > 0.0 else None

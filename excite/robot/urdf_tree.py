@@ -8,12 +8,28 @@ from xml.etree import ElementTree
 import numpy as np
 
 from excite.errors import RobotError
-from excite.robot.quantities import ANGLE, GAIN, LENGTH, OFFSET, SCALE, endless, looks_like_degrees
-from excite.robot.urdf_numbers import numbers, single
+from excite.robot.joint_values import check_range
+from excite.robot.quantities import MAX_ANGLE
+from excite.robot.urdf_geometry import check_geometry, check_origin
+from excite.robot.urdf_numbers import numbers, shorten
 
 MOVING = ("revolute", "continuous", "prismatic")
 MAX_LINKS = 2000
+# The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
+# other one, in 100 postures: these bounds keep that below half a minute.
+MAX_MOVING = 200
+MAX_SOLIDS = 400
 MAX_DEPTH = 200
+# Names become parts of columns, file names and lines of text.
+MAX_NAME = 200
+# Readers take the first or the last of what stands twice, each its own.
+_ONCE = {
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "collision": ("origin", "geometry"),
+    "visual": ("origin", "geometry"),
+}
 
 
 def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.Element]:
@@ -28,6 +44,7 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     """
     if not root.get("name", "").strip():
         raise RobotError("is missing", source=path, field="robot@name", remedy="name the robot")
+    _check_name(root.get("name", ""), "robot@name", path)
     links = _named(root, "link", path)
     joints = _named(root, "joint", path)
     if not links:
@@ -35,6 +52,10 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
     if len(links) > MAX_LINKS:
         what = f"has {len(links)} links, more than {MAX_LINKS}"
         raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+    for kind, elements in (("link", links), ("joint", joints)):
+        for name, element in elements.items():
+            _check_once(element, f"{kind} {name!r}", path)
+            _check_flat(element, f"{kind} {name!r}", path)
     parents: dict[str, str] = {}
     carriers: dict[str, str] = {}
     for name, joint in joints.items():
@@ -49,8 +70,9 @@ def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.E
         parents[child], carriers[child] = parent, name
         _check_joint(joint, name, path)
     _check_roots(links, parents, path)
+    _check_count(root, path)
     for name, link in links.items():
-        _check_geometry(link, name, path)
+        check_geometry(link, name, path)
     return joints
 
 
@@ -60,6 +82,7 @@ def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, Element
         name = element.get("name", "")
         if not name.strip():
             raise RobotError("has no name", source=path, field=f"{tag} {number}", remedy="name it")
+        _check_name(name, f"{tag} {number}", path)
         if name in found:
             raise RobotError(
                 "occurs twice", source=path, field=f"{tag} {name!r}", remedy="rename one of them"
@@ -68,10 +91,54 @@ def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, Element
     return found
 
 
+def _check_count(root: ElementTree.Element, path: Path) -> None:
+    moving = sum(joint.get("type") in MOVING for joint in root.findall("joint"))
+    solids = {kind: len(root.findall(f"link/{kind}")) for kind in ("collision", "visual")}
+    for what, number, most in (
+        ("joints that move", moving, MAX_MOVING),
+        *((f"{kind} elements", number, MAX_SOLIDS) for kind, number in solids.items()),
+    ):
+        if number > most:
+            what = f"has {number} {what}, more than {most}"
+            raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+
+
+def _check_name(name: str, where: str, path: Path) -> None:
+    if len(name) > MAX_NAME or not name.isprintable():
+        what = f"has the name {shorten(name)!r}"
+        remedy = f"give it a name of at most {MAX_NAME} printable characters"
+        raise RobotError(what, source=path, field=where, remedy=remedy)
+
+
+def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
+    for tag in _ONCE.get(element.tag, ()):
+        found = element.findall(tag)
+        if len(found) > 1:
+            raise RobotError("occurs twice", source=path, field=f"{where}/{tag}", remedy="keep one")
+    for child in element:
+        if child.tag in _ONCE:
+            _check_once(child, f"{where}/{child.tag}", path)
+        elif child.tag == "geometry" and len(child) > 1:
+            raise RobotError(
+                f"holds {len(child)} solids",
+                source=path,
+                field=f"{where}/geometry",
+                remedy=f"give each a <{element.tag}> of its own",
+            )
+
+
+def _check_flat(element: ElementTree.Element, where: str, path: Path) -> None:
+    """Readers pass over a link or joint inside another one."""
+    for inside in element.iter():
+        if inside is not element and inside.tag in {"link", "joint"}:
+            what = f"holds the {inside.tag} {shorten(inside.get('name', ''))!r}"
+            raise RobotError(what, source=path, field=where, remedy="put it beside, not inside")
+
+
 def _end(
     joint: ElementTree.Element, name: str, end: str, links: dict[str, ElementTree.Element], path: Path
 ) -> str:
-    element = single(joint, end, path, f"joint {name!r}")
+    element = joint.find(end)
     link = None if element is None else element.get("link")
     where = f"joint {name!r}/{end}"
     if link is None:
@@ -97,25 +164,21 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
             field=where,
             remedy="use one of fixed, " + ", ".join(MOVING),
         )
-    _check_origin(joint, where, path)
+    check_origin(joint, where, path)
     if kind == "fixed":
         return
-    axis = single(joint, "axis", path, where)
+    axis = joint.find("axis")
     if axis is not None:
         direction = np.array(numbers(axis, "xyz", 3, path, f"{where}/axis"))
         if not 1e-6 < np.linalg.norm(direction) < 1e6:
             what = f"is {axis.get('xyz')!r}, which is no direction"
             raise RobotError(what, source=path, field=f"{where}/axis", remedy="give a vector of length 1")
-    dynamics = single(joint, "dynamics", path, where)
-    for attribute in ("damping", "friction"):
-        if dynamics is not None:
-            numbers(dynamics, attribute, 1, path, f"{where}/dynamics", default="0", quantity=GAIN)
-    limit = single(joint, "limit", path, where)
+    limit = joint.find("limit")
     if limit is not None:
-        _check_limit(limit, str(kind), f"{where}/limit", path)
+        _check_limit(joint, limit, f"{where}/limit", path)
 
 
-def _check_limit(limit: ElementTree.Element, kind: str, where: str, path: Path) -> None:
+def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: str, path: Path) -> None:
     for attribute in ("effort", "velocity"):
         (value,) = numbers(limit, attribute, 1, path, where, default="0")
         if value < 0.0:
@@ -125,23 +188,13 @@ def _check_limit(limit: ElementTree.Element, kind: str, where: str, path: Path) 
     if lower > upper:
         what = f"lower {lower} is above upper {upper}"
         raise RobotError(what, source=path, field=where, remedy="exchange or correct them")
-    if kind == "revolute" and looks_like_degrees(lower, upper):
-        raise RobotError(
-            f"from {lower:g} to {upper:g} looks like degrees",
-            source=path,
-            field=where,
-            remedy="give radians; make a joint of many turns continuous and state its limits in robot.yaml",
-        )
-    if kind == "prismatic" and not endless(lower, upper):
-        for side in ("lower", "upper"):
-            numbers(limit, side, 1, path, where, default="0", quantity=OFFSET)
-
-
-def _check_origin(element: ElementTree.Element, where: str, path: Path) -> None:
-    origin = single(element, "origin", path, where)
-    if origin is not None:
-        for attribute, quantity in (("xyz", OFFSET), ("rpy", ANGLE)):
-            numbers(origin, attribute, 3, path, f"{where}/origin", default="0 0 0", quantity=quantity)
+    if joint.get("type") == "continuous":
+        return
+    if joint.get("type") == "revolute" and max(-lower, upper) > MAX_ANGLE:
+        # How exporters say that it turns without end.
+        joint.set("type", "continuous")
+    else:
+        check_range(joint.get("name", ""), (lower, upper), joint.get("type") == "prismatic", where, path)
 
 
 def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str], path: Path) -> None:
@@ -177,30 +230,3 @@ def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str],
     if depth[deepest] > MAX_DEPTH:
         what = f"lies {depth[deepest]} joints from the root, more than {MAX_DEPTH}"
         raise RobotError(what, source=path, field=f"link {deepest!r}", remedy="shorten the chain")
-
-
-def _check_geometry(link: ElementTree.Element, name: str, path: Path) -> None:
-    for kind in ("collision", "visual"):
-        for number, element in enumerate(link.findall(kind)):
-            where = f"link {name!r}/{kind} {number}"
-            _check_origin(element, where, path)
-            for solid in element.iterfind("geometry/*"):
-                _check_solid(solid, where, path)
-
-
-def _check_solid(solid: ElementTree.Element, where: str, path: Path) -> None:
-    lengths: dict[str, tuple[tuple[str, int, str | None], ...]] = {
-        "box": (("size", 3, None),),
-        "sphere": (("radius", 1, None),),
-        "cylinder": (("radius", 1, None), ("length", 1, None)),
-        "capsule": (("radius", 1, None), ("length", 1, None)),
-        "mesh": (("scale", 3, "1 1 1"),),
-    }
-    where = f"{where}/{solid.tag}"
-    for attribute, count, default in lengths.get(solid.tag, ()):
-        quantity = SCALE if solid.tag == "mesh" else LENGTH
-        values = numbers(solid, attribute, count, path, where, default=default, quantity=quantity)
-        # A mesh may be mirrored by a negative scale, and scaled to nothing by none.
-        if any(value == 0.0 if solid.tag == "mesh" else value <= 0.0 for value in values):
-            what = f"is {solid.get(attribute)!r}"
-            raise RobotError(what, source=path, field=f"{where}@{attribute}", remedy="give lengths above 0")

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sized
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from excite.errors import InputError
 from excite.motion.content import with_verdict
 from excite.motion.generators.candidate import Candidate
+from excite.motion.generators.proposal import Proposal
+from excite.motion.generators.registry import draw
 from excite.motion.motion import Motion
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.collision import collision_model
 from excite.robot.robot import Robot
@@ -24,9 +26,6 @@ from excite.safety.verdict import Verdict
 
 # What a caller makes of an accepted motion, in the process that made it; has to be picklable, and so has the answer.
 Keep = Callable[[Robot, Motion], Any]
-
-# Workers use one BLAS thread each: there are as many of them as cores.
-_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class FilterOutcome:
         motion: the motion, None if rejected or handed to ``keep``.
         verdict: the independent verdict, None if no motion came out of the repairs.
         rejection: why it was rejected, None if accepted.
-        seconds: processor time by stage [s]; stages are the repairs and ``check``.
+        seconds: processor time by stage [s]; stages are ``draw`` of a proposal, the repairs and ``check``.
         kept: what ``keep`` made of an accepted motion.
     """
 
@@ -147,12 +146,12 @@ class SafetyFilter:
         )
 
 
-def filter_candidate(robot: Robot, candidate: Candidate) -> FilterOutcome:
+def filter_candidate(robot: Robot, candidate: Candidate | Proposal) -> FilterOutcome:
     """Make one candidate safe, or say why that failed.
 
     Args:
         robot: the robot.
-        candidate: the candidate.
+        candidate: the candidate, or a proposal, which is drawn first.
 
     Returns:
         The motion and its verdict, or the rejection. Repairs never judge: a motion is accepted only if the
@@ -161,14 +160,21 @@ def filter_candidate(robot: Robot, candidate: Candidate) -> FilterOutcome:
     Raises:
         RobotError: the robot's collision geometry cannot be read.
     """
-    return _filter_of(robot).filter(candidate)
+    if not isinstance(candidate, Proposal):
+        return _filter_of(robot).filter(candidate)
+    start = time.process_time()
+    drawn = draw(robot, candidate)
+    seconds = {"draw": time.process_time() - start}
+    outcome = _filter_of(robot).filter(drawn)
+    return replace(outcome, seconds={**seconds, **outcome.seconds})
 
 
 def filter_candidates(
     robot: Robot,
-    candidates: Sequence[Candidate],
+    candidates: Iterable[Candidate | Proposal],
     *,
-    jobs: int = 1,
+    jobs: Jobs = 1,
+    total: int | None = None,
     progress: Progress = silent,
     keep: Keep | None = None,
 ) -> FilterReport:
@@ -176,8 +182,9 @@ def filter_candidates(
 
     Args:
         robot: the robot.
-        candidates: the candidates.
-        jobs: number of processes; -1 for one a core. The outcomes do not depend on it.
+        candidates: candidates, or proposals, which are drawn where they are judged; read as work proceeds.
+        jobs: number of processes, or an executor. The outcomes do not depend on it.
+        total: how many candidates, where they do not say.
         progress: told after each candidate, stage ``filter``.
         keep: called with the robot and each accepted motion where that was made; its answer stands in the outcome
             in place of the motion, so that memory need not grow with the number of candidates.
@@ -186,18 +193,17 @@ def filter_candidates(
         One outcome per candidate, in their order.
 
     Raises:
-        InputError: ``jobs`` is neither positive nor -1.
+        InputError: ``jobs`` is not what it may be.
         RobotError: the robot's collision geometry cannot be read.
     """
-    if jobs < -1 or jobs == 0:
-        raise InputError(f"{jobs} jobs", field="jobs", remedy="ask for at least one, or -1 for one a core")
-    workers = min(len(os.sched_getaffinity(0)) if jobs == -1 else jobs, len(candidates))
-    if workers > 1:
-        return FilterReport(_in_processes(robot, candidates, workers, progress, keep))
-    outcomes = []
-    for done, candidate in enumerate(candidates, start=1):
-        outcomes.append(_handed_over(robot, filter_candidate(robot, candidate), keep))
-        progress("filter", done, len(candidates))
+    if total is None and isinstance(candidates, Sized):
+        total = len(candidates)
+    if jobs != 1:
+        # Broken geometry shall raise here, before it is read by every worker.
+        collision_model(robot)
+    outcomes = in_order(
+        _work, candidates, jobs=jobs, shared=(robot, keep), total=total, stage="filter", progress=progress
+    )
     return FilterReport(tuple(outcomes))
 
 
@@ -222,30 +228,6 @@ def _handed_over(robot: Robot, outcome: FilterOutcome, keep: Keep | None) -> Fil
     return replace(outcome, motion=None, kept=keep(robot, outcome.motion))
 
 
-def _in_processes(
-    robot: Robot, candidates: Sequence[Candidate], workers: int, progress: Progress, keep: Keep | None
-) -> tuple[FilterOutcome, ...]:
-    from joblib.externals.loky import ProcessPoolExecutor, as_completed
-
-    # Broken geometry shall raise here, where the error says what is wrong, and not break the workers.
-    collision_model(robot)
-    with ProcessPoolExecutor(
-        max_workers=workers, initializer=_start_worker, initargs=(robot, keep), env=_ENVIRONMENT
-    ) as pool:
-        futures = [pool.submit(_work, candidate) for candidate in candidates]
-        for done, _ in enumerate(as_completed(futures), start=1):
-            progress("filter", done, len(candidates))
-        return tuple(future.result() for future in futures)
-
-
-# What a worker process was started with; empty elsewhere.
-_WORKER: list[tuple[Robot, SafetyFilter, Keep | None]] = []
-
-
-def _start_worker(robot: Robot, keep: Keep | None) -> None:
-    _WORKER[:] = [(robot, SafetyFilter(robot), keep)]
-
-
-def _work(candidate: Candidate) -> FilterOutcome:
-    robot, made, keep = _WORKER[0]
-    return _handed_over(robot, made.filter(candidate), keep)
+def _work(shared: tuple[Robot, Keep | None], candidate: Candidate | Proposal) -> FilterOutcome:
+    robot, keep = shared
+    return _handed_over(robot, filter_candidate(robot, candidate), keep)

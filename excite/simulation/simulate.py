@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from excite.errors import InputError
 from excite.logs.log import Log, Role, Trial, TrialHeader
 from excite.motion.motion import Motion
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.simulation.replay import Replay, watched_run
 from excite.simulation.sensing import log_header, sense
@@ -48,7 +49,7 @@ def simulate(
     *,
     seed: int | np.random.SeedSequence,
     roles: Mapping[str, Role] | None = None,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Log:
     """The log of :func:`run_experiment`, same arguments and errors."""
@@ -61,7 +62,7 @@ def run_experiment(
     *,
     seed: int | np.random.SeedSequence,
     roles: Mapping[str, Role] | None = None,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> SimulatedRuns:
     """Run each motion under the robot's position servo and log what its sensors say.
@@ -74,7 +75,7 @@ def run_experiment(
         motions: what to run, names all different.
         seed: of the sensors' noise.
         roles: by motion name, ``identification`` (the default) or ``validation``.
-        jobs: number of processes.
+        jobs: number of processes, or an executor; the log does not depend on it.
         progress: told after each motion.
 
     Returns:
@@ -100,21 +101,16 @@ def run_experiment(
     starts = np.concatenate([[0.0], np.cumsum([motion.duration + _PAUSE_S for motion in motions])])
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     tasks = (
-        delayed(_trial)(
-            virtual,
-            motion,
-            roles.get(motion.name, "identification"),
-            _child(root, index),
-            float(starts[index]),
-        )
+        _Run(motion, roles.get(motion.name, "identification"), _child(root, index), float(starts[index]))
         for index, motion in enumerate(motions)
     )
-    trials: list[Trial] = []
-    replays: list[Replay] = []
-    for trial, judgement in Parallel(n_jobs=jobs, return_as="generator")(tasks):
-        trials.append(trial)
-        replays.append(judgement)
-        progress("simulate", len(trials), len(names))
+    done = list(
+        in_order(
+            _trial, tasks, jobs=jobs, shared=virtual, total=len(names), stage="simulate", progress=progress
+        )
+    )
+    trials = [trial for trial, _ in done]
+    replays = [judgement for _, judgement in done]
     headers = tuple(
         TrialHeader(
             file=f"{trial.name}.parquet",
@@ -138,8 +134,16 @@ def _child(root: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, index), pool_size=root.pool_size)
 
 
-def _trial(
-    virtual: VirtualRobot, motion: Motion, role: Role, seed: np.random.SeedSequence, session_s: float
-) -> tuple[Trial, Replay]:
-    run = watched_run(virtual, motion, session_s)
-    return sense(virtual, run.recording, role, np.random.default_rng(seed)), run.replay
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """One motion to be run: its trial's role, seed of noise, and when in the session it starts [s]."""
+
+    motion: Motion
+    role: Role
+    seed: np.random.SeedSequence
+    session_s: float
+
+
+def _trial(virtual: VirtualRobot, task: _Run) -> tuple[Trial, Replay]:
+    run = watched_run(virtual, task.motion, task.session_s)
+    return sense(virtual, run.recording, task.role, np.random.default_rng(task.seed)), run.replay

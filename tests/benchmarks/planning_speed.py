@@ -40,7 +40,7 @@ if whole:
     made.to_json()
     accepted, repairs = len(made.accepted), 0.0
 else:
-    from excite.campaign.on_disk import TemporaryFolder
+    from excite.temporary_folder import TemporaryFolder
     from excite.campaign.pool import Keeper, Pool
     from excite.motion.generators.registry import plan_candidates
     from excite.safety.filter import filter_candidates

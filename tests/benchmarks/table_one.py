@@ -13,7 +13,6 @@ from itertools import pairwise
 import numpy as np
 
 from excite.campaign.choice import Rule, candidates, choose
-from excite.campaign.on_disk import TemporaryFolder
 from excite.campaign.pool import Keeper, Pool
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import select
@@ -23,6 +22,7 @@ from excite.regressor.base_parameters import BaseParameters, structural_base_par
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates
+from excite.temporary_folder import TemporaryFolder
 from tests.benchmarks.constraint_cost import STEPS, ladder
 from tests.benchmarks.table import Row
 from tests.reproduction.hrp2 import CONDITION_NUMBERS

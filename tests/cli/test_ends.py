@@ -22,8 +22,8 @@ def fail():
     write_text(Path("first.txt"), "done")
     raise KeyError("something\\nodd")
 excite.effect_summaries = fail
-from excite.cli.main import main
-main()
+from excite.cli.main import program
+program()
 """
 
 _BUSY = """
@@ -33,8 +33,8 @@ def work():
     print("at work", file=sys.stderr, flush=True)
     HOW
 excite.effect_summaries = work
-from excite.cli.main import main
-main()
+from excite.cli.main import program
+program()
 """
 
 
@@ -131,7 +131,8 @@ def test_a_terminal_without_unicode_shows_all_that_it_can(tmp_path: Path) -> Non
     ],
 )
 def test_with_json_a_failure_is_one_document(arguments: tuple[str, ...], code: int, tmp_path: Path) -> None:
-    call = f"import sys; sys.argv = ['excite', *{[*arguments, '--json']!r}]\nfrom excite.cli.main import main\nmain()"
+    given = ["excite", *arguments, "--json"]
+    call = f"import sys; sys.argv = {given!r}\nfrom excite.cli.main import program\nprogram()"
     done = python(call, cwd=tmp_path)
     assert done.returncode == code
     assert json.loads(done.stdout)["error"]["code"] == code

@@ -3,50 +3,41 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from excite.atomic import atomic_folder
 from excite.errors import InputError, MotionError, UnknownNameError
-from excite.export.export import export_motion, export_motions, on_grid
+from excite.export.export import export_motion, export_motions
+from excite.export.grid import on_grid
 from excite.export.registry import EXPORTERS
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
+from tests.safety.motions import smooth, standing_motion
 
 
 @pytest.fixture(scope="module")
 def motion(g1: Robot) -> Motion:
-    """0.503 s of minimum-jerk motion of every joint, from rest to rest; the base rises by 2 cm."""
-    time = np.linspace(0.0, 0.503, 61)
-    s = time / time[-1]
-    rise = 10 * s**3 - 15 * s**4 + 6 * s**5
-    speed = (30 * s**2 - 60 * s**3 + 30 * s**4) / time[-1]
-    surge = (60 * s - 180 * s**2 + 120 * s**3) / time[-1] ** 2
-    step = np.zeros(g1.model.nv)
-    step[2] = 0.02
-    step[6:] = np.linspace(0.05, 0.4, g1.n_joints)
-    return Motion(
-        name="rise",
-        robot="g1",
-        joint_names=g1.joint_names,
-        time=time,
-        q=np.array([pin.integrate(g1.model, g1.rest, step * value) for value in rise]),
-        v=speed[:, None] * step,
-        a=surge[:, None] * step,
-        contacts={foot.name: np.ones(len(time), dtype=bool) for foot in g1.feet},
-    )
+    """0.503 s from rest to rest at an uneven rate: the pelvis goes down by 1 cm, an elbow bends; both feet stand."""
+    step = smooth(np.linspace(0.0, 1.0, 61))
+    pelvis = np.column_stack([0.0 * step, 0.0 * step, -0.01 * step])
+    moved = standing_motion(g1, pelvis, {"right_elbow_joint": 0.1 * step}, rate_hz=60 / 0.503)
+    # The spline's derivatives at the ends are zero to rounding; here they are to the bit.
+    v, a = moved.v.copy(), moved.a.copy()
+    v[[0, -1]] = a[[0, -1]] = 0.0
+    return replace(moved.renamed("rise"), v=v, a=a)
 
 
 def _read_bag(path: Path):
     from rosbags.highlevel import AnyReader
 
     with AnyReader([path]) as reader:
-        (connection,) = reader.connections
-        ((_, _, raw),) = list(reader.messages())
+        joints = [c for c in reader.connections if c.topic == "/joint_trajectory_controller/joint_trajectory"]
+        ((connection, _, raw),) = list(reader.messages(connections=joints))
         return connection.topic, connection.msgtype, reader.deserialize(raw, connection.msgtype)
 
 

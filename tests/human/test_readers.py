@@ -66,7 +66,7 @@ def test_csv(tmp_path):
         ("a.mot", "a\nendheader\ntime ground_force_vx\n1 2 3\n1 2\n", "line 4 has 3 numbers for 2"),
         ("a.csv", "time,A.x\n0,1\n0,2\n", "does not rise"),
         ("a.csv", "time,A.x\n0,1\n1,2\n", "A.y"),
-        ("a.c3d", "nothing", "cannot be read"),
+        ("a.c3d", "nothing", "is no C3D file"),
         ("a.xyz", "nothing", "no reader"),
     ],
 )

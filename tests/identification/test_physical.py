@@ -57,6 +57,27 @@ def random_allowed(allowed, rng):
     return allowed.nearest(allowed.coordinates(physical, drives))
 
 
+def test_the_estimate_s_figures_are_recomputed_from_the_parameters(problem, found):
+    """Residual, distance in deviations of the noise, active bounds, and what the objective contains."""
+    assert found.residual == pytest.approx(np.sqrt(np.mean(problem.residual(found.parameters) ** 2)))
+    seen = np.linalg.lstsq(problem.Y, problem.y, rcond=1e-8)[0]
+    floor = np.linalg.norm(problem.residual(seen))
+    certificate = found.certificate
+    gap = np.sqrt(max(certificate.objective**2 - certificate.lower_bound**2, 0.0))
+    # The objective leaves out the parameters that the elimination cancels: its floor is a little higher.
+    noise = floor / np.sqrt(problem.n_rows - len(found.essential))
+    assert found.distance == pytest.approx(gap / noise, rel=0.1, abs=1e-9)
+    physical, bounds = physical_parameters(found.parameters[: problem.n_inertial]), iiwa.bounds()
+    allowed = feasible_set(problem, bounds, SETTINGS)
+    span = bounds.upper - bounds.lower
+    near = np.minimum(physical - bounds.lower, bounds.upper - physical) <= 1e-6 * span
+    free = [k for k in range(len(bounds.links)) if k in allowed.free]
+    named = {label.removeprefix("bounds:").split(".")[0] for label in found.active}
+    assert named == {bounds.links[k] for k in free if near[k].any()}
+    assert len(found.active) == near[free].sum() > 0
+    assert set(found.violations.values()) == {0.0}
+
+
 def test_coordinates_are_those_of_pinocchio():
     """Eq. (14) of Xu et al. 2020 against pinocchio's inertia about the centre of mass."""
     rng = np.random.default_rng(1)

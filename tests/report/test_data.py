@@ -57,3 +57,17 @@ def test_a_torn_file_is_refused(g1, tmp_path):
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InputError, match="cannot be read"):
         load_report_data(path)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", ["f2", "f4", "i8", "f16"])
+def test_numbers_of_any_precision_are_read_as_double(kind, tmp_path):
+    arrays = {f"masses/{name}": np.ones(1, kind) for name in ("nominal", "identified")}
+    path = tmp_path / "report_data.npz"
+    np.savez(path, **{"masses/names": np.array(["torso"]), **arrays})
+    assert load_report_data(path).masses.nominal.dtype == float
+    if kind == "f16":
+        arrays["masses/nominal"] = np.array([np.longdouble("1e4000")])
+        np.savez(path, **{"masses/names": np.array(["torso"]), **arrays})
+        with pytest.raises(InputError, match="masses/nominal: holds NaN or infinity"):
+            load_report_data(path)

@@ -138,7 +138,7 @@ def test_a_robot_of_ones_own_is_found_by_its_file_or_left_out(folder, tmp_path):
     ("name", "text", "message"),
     [
         ("plan.json", "{", "is no JSON"),
-        ("check.json", "[]", "schema is None"),
+        ("check.json", "[]", "is no JSON object"),
         ("campaign.json", '{"schema": "excite.campaign/9"}', "schema is 'excite.campaign/9'"),
         ("other.txt", "", "holds none of"),
     ],

@@ -11,7 +11,7 @@ import pytest
 
 from excite.errors import InputError, RobotError
 from excite.robot.loading import load_robot
-from excite.robot.meshes import mesh_points
+from excite.robot.mesh_files import mesh_points
 from excite.robot.mjcf_import import convert_mjcf, is_mjcf
 from excite.robot.scaffold_files import write_scaffold
 from tests.robot.test_scaffold import fill_in

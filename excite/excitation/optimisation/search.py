@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.chain import Chain, Point
@@ -16,6 +15,9 @@ from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.curves import Curve
 from excite.motion.generators.generator import child_seed
 from excite.motion.motion import Motion, MotionMetadata
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs, check_jobs
+from excite.parallel.shared import Shared
 from excite.progress import Progress, silent
 from excite.robot.robot import Array, Robot
 from excite.safety.check import check_motion
@@ -103,7 +105,7 @@ def optimise(
     task: ExcitationTask,
     settings: SearchSettings | None = None,
     *,
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> SearchResult:
     """Search for the best motion of a task.
@@ -115,7 +117,7 @@ def optimise(
     Args:
         task: what to optimise.
         settings: how hard to search.
-        jobs: number of processes; the result does not depend on it.
+        jobs: number of processes, or an executor; the result does not depend on it.
         progress: told after each solve, stage ``optimise``.
 
     Returns:
@@ -126,27 +128,24 @@ def optimise(
         InputError: settings, noise or columns do not fit.
     """
     settings = settings or SearchSettings()
-    if jobs < 1:
-        raise InputError(f"{jobs} jobs", field="jobs", remedy="ask for at least one")
+    check_jobs(jobs)
     chain = Chain(task, settings.effort)
+    shared = Shared(chain)
     points: list[Point | None] = [None] * settings.starts
     history: list[list[float]] = []
     interrupted = False
     rounds, done = settings.kicks + 2, 0
     try:
-        with Parallel(n_jobs=min(jobs, settings.starts), return_as="generator") as workers:
-            for number in range(rounds):
-                calls = (
-                    delayed(_step)(
-                        chain, point, number, rounds, child_seed(_root(settings), index * rounds + number)
-                    )
-                    for index, point in enumerate(list(points))
-                )
-                for index, point in enumerate(_kept(workers(calls))):
-                    points[index] = point
-                    done += 1
-                    progress("optimise", done, rounds * settings.starts)
-                history.append([np.inf if point is None else point.value for point in points])
+        for number in range(rounds):
+            steps = [
+                _Step(point, number, rounds, child_seed(_root(settings), index * rounds + number))
+                for index, point in enumerate(points)
+            ]
+            for index, point in enumerate(in_order(_step, steps, jobs=jobs, shared=shared, stage="optimise")):
+                points[index] = point
+                done += 1
+                progress("optimise", done, rounds * settings.starts)
+            history.append([np.inf if point is None else point.value for point in points])
     except KeyboardInterrupt:
         interrupted = True
         if not any(point is not None for point in points):
@@ -158,16 +157,21 @@ def _root(settings: SearchSettings) -> np.random.SeedSequence:
     return np.random.SeedSequence(settings.seed)
 
 
-def _kept(results: Iterator[Point]) -> Iterator[Point]:
-    yield from results
-
-
-def _step(chain: Chain, point: Point | None, number: int, rounds: int, seed: int) -> Point:
+@dataclass(frozen=True, eq=False)
+class _Step:
     """One round of one start."""
-    rng = np.random.default_rng(seed)
-    if point is None:
+
+    point: Point | None
+    number: int
+    rounds: int
+    seed: int
+
+
+def _step(chain: Chain, step: _Step) -> Point:
+    rng = np.random.default_rng(step.seed)
+    if step.point is None:
         return chain.begin(rng)
-    return chain.finish(point) if number == rounds - 1 else chain.kick(point, rng)
+    return chain.finish(step.point) if step.number == step.rounds - 1 else chain.kick(step.point, rng)
 
 
 def _result(

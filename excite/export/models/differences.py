@@ -118,7 +118,7 @@ def find_differences(standard_parameters: Mapping[str, Mapping[str, Any]]) -> Di
                 values = [_value(source.get(kind), k) for source in (nominal, block, std, determined)]
                 if values[0] is None or values[1] is None:
                     continue
-                segment = str(block.get("name", link))
+                segment = str(block.get("name") or link)
                 rows.append(
                     Difference(link, segment, name, _UNITS[kind], values[0], values[1], values[2], values[3])
                 )

@@ -121,7 +121,6 @@ def write_mjcf(
 
 
 def _read(template: Path) -> bytes:
-    """The text of a template that MuJoCo may be given."""
     scan_mjcf(template)
     return read_bytes(template, limit=MAX_XML_BYTES)
 

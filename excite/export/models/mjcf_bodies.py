@@ -15,6 +15,7 @@ from excite.export.models.bodies import Member, moved_pseudo
 from excite.export.models.verification import MujocoNames, mujoco_places, random_states
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.reading.child import in_child
+from excite.robot.mjcf_import import COMPILE_MEMORY_GB, COMPILE_SECONDS
 from excite.robot.robot import Array, Robot
 
 if TYPE_CHECKING:
@@ -25,31 +26,36 @@ _SAME_FRAME = 1e-4
 
 
 def compiled(content: bytes, template: Path | None) -> mujoco.MjModel:
-    """Compile a text as if it stood where ``template`` stands.
-
-    Raises:
-        InputError: MuJoCo refuses it, or does not get through it.
-    """
+    """Compile a text as if it stood where ``template`` stands: somebody else's, in a process of its own."""
     if template is None:
-        return compiled_here(content, None)
-    # Somebody else's file.
-    function = "excite.export.models.mjcf_bodies:compiled_here"
-    return in_child(function, content, template, source=template)
+        return compile_text(content, None)
+    folder = template.resolve().parent
+    return in_child(
+        "excite.export.models.mjcf_bodies:compile_text",
+        content,
+        folder,
+        template,
+        source=template,
+        seconds=COMPILE_SECONDS,
+        memory_gb=COMPILE_MEMORY_GB,
+    )
 
 
-def compiled_here(content: bytes, template: Path | None) -> mujoco.MjModel:
-    """What :func:`compiled` gives, in this process."""
+def compile_text(content: bytes, folder: Path | None, source: object = "written model") -> mujoco.MjModel:
+    """Compile a text in this process; paths in it are relative to ``folder``."""
     import mujoco
 
     try:
         spec = mujoco.MjSpec.from_string(content.decode("utf-8"))
-        if template is not None:
-            _drop_missing_files(spec, template.resolve().parent)
+        if folder is not None:
+            # MuJoCo writes warnings to a file in the current folder.
+            mujoco.set_mju_user_warning(lambda _: None)
+            _drop_missing_files(spec, folder)
         return spec.compile()
-    except (ValueError, OSError, RuntimeError) as error:
+    except ValueError as error:
         raise InputError(
             f"MuJoCo refuses it ({' '.join(str(error).split())})",
-            source=template or "written model",
+            source=source,
             remedy="check that it loads in MuJoCo's viewer, with its meshes beside it",
         ) from error
 

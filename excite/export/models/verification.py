@@ -231,9 +231,9 @@ def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:
         for kind in ("visual", "collision"):
             for element in link.findall(kind):
                 link.remove(element)
-    # Settings of MuJoCo's own would change what is compared.
-    for settings in root.findall("mujoco"):
-        root.remove(settings)
+    # Settings of MuJoCo's own that a URDF may hold: sizes of its memory, for one.
+    for extension in root.findall("mujoco"):
+        root.remove(extension)
     for joint in root.findall("joint"):
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)

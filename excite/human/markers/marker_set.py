@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from excite.errors import InputError, UnknownNameError
 from excite.human.markers.landmarks import LANDMARKS, landmark_segment
 from excite.human.segments import NAMES
+from excite.reading.yaml_document import read_yaml
 
 SCHEMA = "excite.markers/1"
 _FEWEST = 10
@@ -194,16 +194,13 @@ def read_marker_set(name_or_path: str | Path) -> MarkerSet:
     for known in MARKER_SETS:
         if known.name == str(name_or_path):
             return known
-    path = Path(name_or_path)
-    if not path.is_file():
+    # Not Path.is_file, which raises for names that no file can have.
+    if not os.path.isfile(name_or_path):
         names = [known.name for known in MARKER_SETS]
-        raise UnknownNameError("marker set (or mapping file)", str(name_or_path), names)
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        line = " ".join(str(error).split())
-        raise InputError(f"is not valid YAML ({line})", source=path, remedy="mend the syntax") from error
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise UnknownNameError("marker set (or mapping file)", str(name_or_path)[:200], names)
+    path = Path(name_or_path)
+    content = read_yaml(path)
+    if content.get("schema") != SCHEMA:
         raise InputError(
             "is no mapping file", source=path, field="schema", remedy=f"begin with schema: {SCHEMA}"
         )
@@ -221,19 +218,22 @@ def _site(entry: object, label: str, path: Path) -> MarkerSite:
     field = f"markers.{label}"
     if not isinstance(entry, dict) or not entry.keys() <= {"segment", "landmark"} or not entry:
         raise InputError(
-            f"is {entry!r}", source=path, field=field, remedy="write {landmark: …} or {segment: …}"
+            f"is {str(entry)[:60]!r}", source=path, field=field, remedy="write {landmark: …} or {segment: …}"
         )
     landmark, segment = entry.get("landmark"), entry.get("segment")
-    if landmark is not None and landmark not in LANDMARKS:
+    if landmark is not None and str(landmark) not in LANDMARKS:
         raise InputError(
-            f"no landmark {landmark!r}",
+            f"no landmark {str(landmark)[:60]!r}",
             source=path,
             field=field,
             remedy="choose one of " + ", ".join(LANDMARKS),
         )
-    segment = landmark_segment(str(landmark)) if segment is None else segment
+    segment = landmark_segment(str(landmark)) if segment is None else str(segment)
     if segment not in NAMES:
         raise InputError(
-            f"no segment {segment!r}", source=path, field=field, remedy="choose one of " + ", ".join(NAMES)
+            f"no segment {segment[:60]!r}",
+            source=path,
+            field=field,
+            remedy="choose one of " + ", ".join(NAMES),
         )
-    return MarkerSite(segment, landmark)
+    return MarkerSite(segment, None if landmark is None else str(landmark))

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.errors import LogError
-from excite.human.readers.reader import RecordingReader, checked_time, numbers, read_lines
+from excite.human.readers.reader import RecordingReader, check_labels, checked_time, numbers, read_lines
 from excite.human.recording import PlateRecording, Recording
 from excite.robot.robot import Array
 
@@ -27,6 +27,7 @@ class CsvReader(RecordingReader):
         labels = [label.strip() for label in lines[0].split(",")] if lines else []
         if "time" not in labels:
             raise LogError("has no column time", source=path, remedy="name the columns in the first line")
+        check_labels(labels, path)
         rows = []
         for place, line in enumerate(lines[1:], start=2):
             if not line.strip():
@@ -39,7 +40,8 @@ class CsvReader(RecordingReader):
                     remedy="write one field a column, empty for a missing marker",
                 )
             rows.append(numbers(fields, path, place))
-        columns = dict(zip(labels, np.array(rows).reshape(len(rows), -1).T, strict=True))
+        data = np.array(rows).reshape(len(rows), len(labels))
+        columns = {label: data[:, i] for i, label in enumerate(labels)}
         time = checked_time(columns["time"], path)
         markers, plates = {}, []
         for label in labels:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -10,8 +12,12 @@ import numpy as np
 
 from excite.errors import LogError
 from excite.human.recording import Recording
+from excite.reading.file import read_text
 from excite.robot.robot import Array
 
+# Ten minutes of sixty markers at 200 Hz have 250 MB; as numbers of Python's they take five times as much.
+MAX_TEXT_BYTES = 256 * 1024 * 1024
+_MOST_LABELS = 100_000
 METRES: dict[str, float] = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 
 
@@ -37,12 +43,16 @@ class RecordingReader(ABC):
 
 def read_lines(path: Path) -> list[str]:
     """Lines of a text file; raises LogError."""
-    try:
-        return path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError as error:
-        raise LogError("no such file", source=path, remedy="check the path") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"cannot be read ({' '.join(str(error).split())})", source=path) from error
+    return read_text(path, limit=MAX_TEXT_BYTES, error=LogError).splitlines()
+
+
+def check_labels(labels: Sequence[str], path: Path) -> None:
+    """Refuse names that stand twice, and more columns than any file has; raises LogError."""
+    if len(labels) > _MOST_LABELS:
+        raise LogError(f"has {len(labels)} columns", source=path, remedy="export it again")
+    twice = [label for label, count in Counter(labels).items() if count > 1]
+    if twice:
+        raise LogError("stands twice", source=path, field=twice[0][:60], remedy="rename one of them")
 
 
 def numbers(fields: list[str], path: Path, line: int) -> list[float]:
@@ -51,7 +61,9 @@ def numbers(fields: list[str], path: Path, line: int) -> list[float]:
         return [float(text) if text.strip() else np.nan for text in fields]
     except ValueError as error:
         raise LogError(
-            f"line {line} is not numeric ({error})", source=path, remedy="write numbers only"
+            f"line {line} is not numeric ({' '.join(str(error).split())[:80]})",
+            source=path,
+            remedy="write numbers only",
         ) from error
 
 
@@ -69,5 +81,5 @@ def checked_time(time: Array, path: Path) -> Array:
 def metres_per_unit(unit: str, path: Path) -> float:
     """Factor to metres; raises LogError for a unit that is none of length."""
     if unit.strip().lower() not in METRES:
-        raise LogError(f"is {unit.strip()!r}", source=path, field="units", remedy="use m, cm or mm")
+        raise LogError(f"is {unit.strip()[:30]!r}", source=path, field="units", remedy="use m, cm or mm")
     return METRES[unit.strip().lower()]

@@ -7,6 +7,7 @@ from pathlib import Path
 from excite.errors import LogError
 from excite.human.readers.c3d import C3dReader
 from excite.human.readers.csv import CsvReader
+from excite.human.readers.plausible import check_recording
 from excite.human.readers.reader import RecordingReader
 from excite.human.readers.storage import StorageReader
 from excite.human.readers.trc import TrcReader
@@ -23,6 +24,6 @@ def read_recording(path: Path) -> Recording:
     """
     for reader in READERS:
         if path.suffix.lower() in reader.suffixes:
-            return reader.read(path)
+            return check_recording(reader.read(path))
     known = ", ".join(suffix for reader in READERS for suffix in reader.suffixes)
-    raise LogError(f"no reader for {path.suffix!r}", source=path, remedy=f"use one of {known}")
+    raise LogError(f"no reader for {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")

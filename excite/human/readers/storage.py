@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.errors import LogError
-from excite.human.readers.reader import RecordingReader, checked_time, numbers, read_lines
+from excite.human.readers.reader import RecordingReader, check_labels, checked_time, numbers, read_lines
 from excite.human.recording import PlateRecording, Recording
 from excite.robot.robot import Array
 
@@ -66,6 +66,7 @@ def read_storage(path: Path) -> dict[str, Array]:
     if not ends or len(lines) < ends[0] + 3:
         raise LogError("has no endheader and rows below", source=path, remedy="export it from OpenSim again")
     labels = lines[ends[0] + 1].split()
+    check_labels(labels, path)
     rows = []
     for place, line in enumerate(lines[ends[0] + 2 :], start=ends[0] + 3):
         fields = line.split()

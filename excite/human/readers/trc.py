@@ -8,7 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from excite.errors import LogError
-from excite.human.readers.reader import RecordingReader, checked_time, metres_per_unit, numbers, read_lines
+from excite.human.readers.reader import (
+    RecordingReader,
+    check_labels,
+    checked_time,
+    metres_per_unit,
+    numbers,
+    read_lines,
+)
 from excite.human.recording import Recording
 
 
@@ -29,22 +36,29 @@ class TrcReader(RecordingReader):
             raise LogError("is missing", source=path, field="Units", remedy="export the markers as TRC")
         unit = metres_per_unit(header["Units"], path)
         labels = [label.strip() for label in lines[3].split("\t")[2:] if label.strip()]
+        if not labels:
+            raise LogError("names no markers", source=path, remedy="export it again")
+        check_labels(labels, path)
         width = 2 + 3 * len(labels)
         rows = []
         for place, line in enumerate(lines[4:], start=5):
             fields = line.split("\t")
             if not fields[0].strip() or fields[0].strip().startswith("X"):
                 continue
+            # Programs leave out fields at the end of a line where the last markers were not seen.
+            if len(fields) > width + 1 and any(field.strip() for field in fields[width:]):
+                raise LogError(
+                    f"line {place} has {len(fields)} fields for {len(labels)} markers",
+                    source=path,
+                    remedy="export it again",
+                )
             fields = (fields + [""] * width)[:width]
             rows.append(numbers(fields, path, place))
-        if not rows or not labels:
+        if not rows:
             raise LogError("holds no frames", source=path, remedy="export it again")
         data = np.array(rows)
         points = data[:, 2:].reshape(len(data), len(labels), 3) * unit
         # Programs write a marker that was not seen as empty fields or as exact zeros.
         points[(points == 0.0).all(axis=2)] = np.nan
-        if len(set(labels)) < len(labels):
-            twice = next(label for label in labels if labels.count(label) > 1)
-            raise LogError("stands twice", source=path, field=twice, remedy="rename one of them")
         markers = {label: points[:, i] for i, label in enumerate(labels)}
         return Recording(path, checked_time(data[:, 1], path), markers)

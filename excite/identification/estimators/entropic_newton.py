@@ -37,7 +37,13 @@ class _Point:
         )
         return _Point(*(old + alpha * change for old, change in parts))
 
+    @property
+    def finite(self) -> bool:
+        return all(np.isfinite(part).all() for part in (self.z, self.s, self.dual, self.nu, self.big))
 
+
+# Where no point meets the rows, multipliers grow until they overflow: that is looked at, not warned of.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def newton(problem: EntropicProblem) -> EntropicAnswer | None:
     """Primal-dual steps from the nominal model, which is inside; None where they find no feasible point.
 
@@ -65,6 +71,8 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
             break
         level = max(mu, float((after_x - problem.weights).max(initial=0.0)))
         guess = system.step(np.zeros(m), problem.weights, None)
+        if not guess.finite:
+            break
         alpha = min(1.0, _longest(point, system, guess))
         if length > _SHORT:
             center, corrected = max((1.0 - alpha) ** 3, 1e-4) * level, guess
@@ -72,6 +80,8 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
             # Close to the boundary: back to the middle, without a correction that was meant for a long step.
             center, corrected = 0.5 * level, None
         step = system.step(np.full(m, center), np.maximum(problem.weights, center), corrected)
+        if not step.finite:
+            break
         length = min(1.0, _BACK * _longest(point, system, step))
         point = point.moved(step, length)
     if not missed < _FEASIBLE:

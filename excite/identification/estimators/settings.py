@@ -11,6 +11,7 @@ import numpy as np
 
 from excite.errors import InputError, UnknownNameError
 from excite.identification.physical.known_bounds import KnownBounds
+from excite.reading.number import check_number
 from excite.robot.robot import Array, Robot
 
 _MAY_BE_NONE = ("total_mass", "symmetry", "mirror")
@@ -114,6 +115,8 @@ class EstimatorSettings:
         Raises:
             InputError: a number out of bounds; names the setting.
         """
+        _check_segments(self.segment_spread, "segment_spread", 1e-6, 1e6)
+        _check_segments(self.segment_mass_range, "segment_mass_range", 0.0, 1e6)
         for item in fields(self):
             value = getattr(self, item.name)
             if not item.metadata or (value is None and item.name in _MAY_BE_NONE):
@@ -147,3 +150,8 @@ def _known_segments(robot: Robot, names: Iterable[str]) -> list[str]:
             known = [link for link, body in zip(links, massive, strict=True) if body]
             raise UnknownNameError("segment", name, known)
     return links
+
+
+def _check_segments(shares: Mapping[str, float], name: str, low: float, high: float) -> None:
+    for link, share in shares.items():
+        check_number(share, f"{name}.{link[:60]}", low, high, source="settings")

@@ -15,13 +15,12 @@ from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.known_bounds import Interval, KnownBounds
 from excite.reading.yaml_document import read_yaml
+from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
 
 SCHEMA = "excite.physical_bounds/1"
 _AXES = ("x", "y", "z")
 _FIELDS = ("schema", "source", "total_mass", "rules", "links", "drives", "parameters")
-# A mass of 1e6 kg spread over 1 km has a moment of inertia of 1e12 kg·m².
-_MOST = 1e12
 _POSITIVE = ("m", "Ixx", "Iyy", "Izz")
 
 
@@ -87,12 +86,14 @@ def load_physical_values(path: str | Path, column: str) -> dict[str, float]:
         InputError: the file is malformed, or a parameter has no such value.
     """
     values: dict[str, float] = {}
-    path = Path(path)
-    for name, entry in _mapping(path, _document(path), "parameters").items():
-        value = _number(entry.get(column)) if isinstance(entry, dict) else None
+    for name, entry in (_document(Path(path)).get("parameters") or {}).items():
+        if not isinstance(entry, dict) or column not in entry:
+            raise InputError(f"has no value {column!r}", source=path, field=name)
+        value = _number(entry[column])
         if value is None or not math.isfinite(value):
-            remedy = f"give {column}: and a number"
-            raise InputError(f"has no value {column!r}", source=path, field=str(name), remedy=remedy)
+            raise InputError(
+                f"is {entry[column]!r}", source=path, field=f"{name}.{column}", remedy="give a number"
+            )
         values[name] = value
     return values
 
@@ -177,19 +178,12 @@ def _pair(path: Path, name: str, value: Any) -> Interval:
             f"has bounds {value!r}", source=path, field=name, remedy="write [lower, upper], two numbers in SI"
         )
     low, high = float(numbers[0] or 0.0), float(numbers[1] or 0.0)
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if not (abs(low) <= MAX_INERTIA and abs(high) <= MAX_INERTIA):
         raise InputError(
             f"has bounds [{low:g}, {high:g}]",
             source=path,
             field=name,
-            remedy="write finite numbers, or leave the line out",
-        )
-    if max(abs(low), abs(high)) > _MOST:
-        raise InputError(
-            f"has bounds [{low:g}, {high:g}], which bound nothing",
-            source=path,
-            field=name,
-            remedy="check the exponent, or leave the line out",
+            remedy=f"write numbers up to {MAX_INERTIA:g}, or leave the line out",
         )
     if not low < high:
         raise InputError(

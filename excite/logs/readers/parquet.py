@@ -9,8 +9,8 @@ from typing import ClassVar
 import pyarrow as pa
 import pyarrow.parquet
 
-from excite.arrow_columns import arrow_table, numpy_columns, read_parquet
-from excite.logs.readers.reader import TrialReader, unreadable
+from excite.arrow_columns import arrow_table, open_parquet, read_numbers
+from excite.logs.readers.reader import TrialReader, check_size, unreadable
 from excite.robot.robot import Array
 
 
@@ -20,13 +20,15 @@ class ParquetReader(TrialReader):
     name: ClassVar[str] = "parquet"
     suffixes: ClassVar[tuple[str, ...]] = (".parquet",)
 
-    def read(self, path: Path) -> dict[str, Array]:
-        """See :meth:`TrialReader.read`."""
+    def _columns(self, path: Path) -> dict[str, Array]:
         try:
-            return numpy_columns(read_parquet(path))
-        except (OSError, pa.ArrowException) as error:
+            with open_parquet(path) as file:
+                rows, columns = file.metadata.num_rows, file.metadata.num_columns
+                check_size(rows * columns, columns, path)
+                return read_numbers(file)
+        except (OSError, ValueError, KeyError, MemoryError, pa.ArrowException) as error:
             raise unreadable(path, error) from error
 
     def write(self, columns: Mapping[str, Array], path: Path) -> None:
         """See :meth:`TrialReader.write`."""
-        pa.parquet.write_table(arrow_table(columns), path, compression="zstd")
+        pa.parquet.write_table(arrow_table(columns), path, compression="zstd", write_page_checksum=True)

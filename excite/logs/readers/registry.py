@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from excite.errors import LogError
@@ -10,6 +11,12 @@ from excite.logs.readers.hdf5 import Hdf5Reader
 from excite.logs.readers.npz import NpzReader
 from excite.logs.readers.parquet import ParquetReader
 from excite.logs.readers.reader import TrialReader
+from excite.reading.child import in_child
+from excite.reading.file import check_file
+from excite.robot.robot import Array
+
+# A process starts in less than a second; the rest is for the file, at a tenth of what disks and gzip do [s, bytes/s].
+_STARTING_S, _BYTES_PER_S = 20.0, 5e6
 
 READERS: dict[str, type[TrialReader]] = {
     reader.name: reader for reader in (ParquetReader, CsvReader, NpzReader, Hdf5Reader)
@@ -26,4 +33,44 @@ def reader_for(path: Path) -> TrialReader:
         if path.suffix.lower() in reader.suffixes:
             return reader()
     known = ", ".join(suffix for reader in READERS.values() for suffix in reader.suffixes)
-    raise LogError(f"unknown format {path.suffix!r}", source=path, remedy=f"use one of {known}")
+    raise LogError(f"unknown format {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")
+
+
+def read_trial(path: Path) -> dict[str, Array]:
+    """Columns of one file; see :func:`read_trials`."""
+    return next(read_trials([path]))
+
+
+def read_trials(paths: Sequence[Path]) -> Iterator[dict[str, Array]]:
+    """Columns of trial files by their suffixes, one file after the other.
+
+    Files of libraries that may crash are read in one process for all of them: starting it takes longer than reading.
+
+    Raises:
+        LogError: no format has a suffix; a file is missing, is no such file, or holds more than can be read.
+    """
+    readers = [reader_for(path) for path in paths]
+    found: dict[Path, dict[str, Array]] = {}
+    for function in {reader.apart for reader in readers if reader.apart is not None}:
+        own = [path for path, reader in zip(paths, readers, strict=True) if reader.apart == function]
+        found |= zip(own, _read_apart(function, own), strict=True)
+    for path, reader in zip(paths, readers, strict=True):
+        yield found.pop(path) if reader.apart is not None else reader.read(path)
+
+
+def _read_apart(function: str, paths: list[Path]) -> list[dict[str, Array]]:
+    size = sum(check_file(path, error=LogError).stat().st_size for path in paths)
+    try:
+        found: list[dict[str, Array]] = in_child(
+            function,
+            paths,
+            source=paths[0],
+            error=LogError,
+            seconds=_STARTING_S + size / _BYTES_PER_S,
+        )
+    except LogError:
+        if len(paths) == 1:
+            raise
+        # One by one, to name the file that it was.
+        return [_read_apart(function, [path])[0] for path in paths]
+    return found

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from excite.errors import RobotError
 from excite.motion.generators.candidate import Candidate
+from excite.motion.generators.proposal import Proposal
 from excite.robot.robot import Robot
 
 
@@ -53,17 +54,23 @@ class Generator(ABC):
             UnknownNameError: a target is no joint of the robot.
             RobotError: the generator does not apply to the robot.
         """
+        drawn = self.proposals(robot, count, seed, targets)
+        return [self.draw(robot, item.seed, item.targets, item.name) for item in drawn]
+
+    def proposals(
+        self, robot: Robot, count: int, seed: np.random.SeedSequence, targets: Sequence[str] = ()
+    ) -> Iterator[Proposal]:
+        """What :meth:`candidates` draws, not drawn yet; same arguments and errors."""
         if not self.applies(robot):
             why = f": {self.needs}" if self.needs else ""
             raise RobotError(f"generator {self.name!r} does not apply to it{why}", source=robot.name)
         for joint in targets:
             robot.joint_index(joint)
         aims = tuple(targets) or self.aims(robot)
-        drawn = []
-        for i in range(count):
-            number = child_seed(seed, i)
-            drawn.append(self.draw(robot, number, (aims[i % len(aims)],), f"{self.name}_{i:03d}"))
-        return drawn
+        return (
+            Proposal(self.name, child_seed(seed, i), (aims[i % len(aims)],), f"{self.name}_{i:03d}")
+            for i in range(count)
+        )
 
 
 def child_seed(seed: np.random.SeedSequence, index: int) -> int:

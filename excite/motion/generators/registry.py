@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.fourier import Fourier
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.leg_swing import LegSwing
+from excite.motion.generators.proposal import Proposal
 from excite.motion.generators.random_joint import RandomJoint
 from excite.motion.generators.squat import Squat
 from excite.motion.generators.walking import Walking
@@ -34,6 +36,11 @@ def make_generator(name: str) -> Generator:
     if name not in GENERATORS:
         raise UnknownNameError("generator", name, sorted(GENERATORS))
     return GENERATORS[name]()
+
+
+def draw(robot: Robot, proposal: Proposal) -> Candidate:
+    """The candidate that a proposal stands for; raises UnknownNameError."""
+    return make_generator(proposal.generator).draw(robot, proposal.seed, proposal.targets, proposal.name)
 
 
 def plan_candidates(
@@ -61,6 +68,18 @@ def plan_candidates(
         UnknownNameError: a generator or a target is unknown.
         RobotError: a generator of ``mix`` does not apply to the robot.
     """
+    return [draw(robot, item) for item in plan_proposals(robot, count, seed, mix=mix, targets=targets)]
+
+
+def plan_proposals(
+    robot: Robot,
+    count: int,
+    seed: np.random.SeedSequence,
+    *,
+    mix: Mapping[str, float] | None = None,
+    targets: Sequence[str] = (),
+) -> Iterator[Proposal]:
+    """What :func:`plan_candidates` draws, not drawn yet; same arguments and errors."""
     usual = (AIMED_STANDING_MIX, AIMED_ARM_MIX) if targets else (STANDING_MIX, ARM_MIX)
     shares = dict(mix if mix is not None else usual[0] if robot.feet else usual[1])
     for joint in targets:
@@ -69,12 +88,12 @@ def plan_candidates(
     if targets:
         shares = {name: share for name, share in shares.items() if aims[name]}
     numbers = _apportion(np.array(list(shares.values()), dtype=float), count)
-    drawn: list[Candidate] = []
+    drawn: list[Iterator[Proposal]] = []
     for name, number in zip(shares, numbers, strict=True):
         position = list(GENERATORS).index(name)
         child = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, position))
-        drawn += make_generator(name).candidates(robot, int(number), child, aims[name])
-    return drawn
+        drawn.append(make_generator(name).proposals(robot, int(number), child, aims[name]))
+    return chain.from_iterable(drawn)
 
 
 def _aims(generator: Generator, robot: Robot, targets: Sequence[str]) -> tuple[str, ...]:

@@ -70,7 +70,12 @@ class TableReader(MotionReader):
                     start += len(line)
                 names, separator = _names(line, path)
                 stream.seek(start)
-                table = pa.csv.read_csv(stream, parse_options=pa.csv.ParseOptions(delimiter=separator))
+                table = pa.csv.read_csv(
+                    stream,
+                    # A thread that reads ahead may outlive the interpreter and end it by an abort.
+                    pa.csv.ReadOptions(use_threads=False),
+                    pa.csv.ParseOptions(delimiter=separator),
+                )
             columns = numpy_columns(table.rename_columns(names))
         except (
             OSError,

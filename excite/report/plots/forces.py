@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.report.data import ForceComparison
-from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw
+from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, short
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,6 +19,8 @@ _TITLES = {
     **{f"t{axis}": f"moment {axis}" for axis in "xyz"},
 }
 _MAX_POINTS = 3000
+# As many joints as the largest robot known here has; the layout of 250 panels takes a minute.
+MOST_PANELS = 60
 
 
 def channel_label(channel: str) -> str:
@@ -27,8 +29,11 @@ def channel_label(channel: str) -> str:
 
 
 def plot_forces(data: ForceComparison) -> Figure:
-    """One panel a channel, forces left and moments right for a wrench; its title says how the RMSE fell."""
-    n = len(data.channels)
+    """One panel a channel, forces left and moments right for a wrench; its title says how the RMSE fell.
+
+    Of more than ``MOST_PANELS`` channels the first ones.
+    """
+    n = min(len(data.channels), MOST_PANELS)
     rows = math.ceil(n / 2)
     down_columns = data.channels == _WRENCH
     shown = slice(None, None, max(1, math.ceil(len(data.time) / _MAX_POINTS)))
@@ -50,9 +55,9 @@ def plot_forces(data: ForceComparison) -> Figure:
             before, after = (
                 _rmse(data.measured[:, i] - model[:, i]) for model in (data.nominal, data.identified)
             )
-            name = channel_label(data.channels[i])
-            axes.set_title(f"{name}, RMSE {before:.3g} → {after:.3g} {data.units[i]}")
-            axes.set_ylabel(f"[{data.units[i]}]")
+            name, unit = short(channel_label(data.channels[i])), short(data.units[i])
+            axes.set_title(f"{name}, RMSE {before:.3g} → {after:.3g} {unit}")
+            axes.set_ylabel(f"[{unit}]")
             axes.margins(x=0.0)
         for axes in grid[-1]:
             axes.set_xlabel("time [s]")

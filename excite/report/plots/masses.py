@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from excite.report.data import MassComparison
-from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw
+from excite.report.theme import IDENTIFIED, INK, PALE, TRUE, draw, short
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +31,7 @@ def plot_masses(data: MassComparison) -> Figure:
             axes.plot(data.true, rows, color=TRUE.light, label="true", **style)
         axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="mass [kg]")
         axes.set_xlim(left=min(0.0, float(np.min(data.identified))))
-        axes.set_yticks(rows, data.names)
+        axes.set_yticks(rows, [short(name) for name in data.names])
         axes.tick_params(axis="y", length=0)
         if data.changed is not None:
             for label, changed in zip(axes.get_yticklabels(), data.changed, strict=True):

@@ -21,7 +21,7 @@ class Certainty(Section):
             return ""
         campaign = findings.campaign
         iterations = campaign["iterations"]
-        target = campaign.get("target_rsd_percent")
+        target = campaign["target_rsd_percent"]
         lead = (
             "Each point is one base parameter: with every iteration the points should sink, and those that "
             "stay above their target are the ones that new motions are made for."
@@ -29,8 +29,8 @@ class Certainty(Section):
         plot = plot_rsd(iterations, target)
         last = iterations[-1]
         missed = sorted(last["not_met"], key=lambda name: -(last["rsd_percent"].get(name) or float("inf")))
-        why = last.get("reasons", {})
-        rows = [(name, last["rsd_percent"].get(name), str(why.get(name, ""))) for name in missed]
+        why = last["reasons"]
+        rows = [(name, last["rsd_percent"].get(name), why.get(name, "")) for name in missed]
         listing = folded(
             f"{len(missed)} parameters miss the target at the end",
             table(("base parameter", "RSD [%]", "why"), rows),

@@ -27,13 +27,14 @@ class Verdict(Section):
         found = findings.diagnosis
         if found is None:
             return ""
-        said = f'<section id="{self.identifier}">{paragraph(found["sentence"], "verdict")}</section>'
+        sentence = found["sentence"] or f"{found['robot'] or 'a robot'}: {_VERDICTS[found['verdict']]}."
+        said = f'<section id="{self.identifier}">{paragraph(sentence, "verdict")}</section>'
         return f'{said}<div class="tiles">{"".join(_tiles(found))}</div>'
 
 
 def _tiles(found: Document) -> Iterator[str]:
     verdict, gap = found["verdict"], found["gap"]
-    yield tile(verdict, _VERDICTS.get(verdict, ""))
+    yield tile(verdict, _VERDICTS[verdict])
     closed = bool(found["effects"])
     size = f"{_percent(gap['before'])} → {_percent(gap['after'])}" if closed else _percent(gap["before"])
     yield tile(size, f"of the signal is not explained; {_percent(gap['noise_floor'])} is noise")
@@ -43,16 +44,23 @@ def _tiles(found: Document) -> Iterator[str]:
         yield tile(f"{_whole(gap['share_closed'])} %", "of the gap above the noise is closed" + within)
     rollouts = found["simulation"]
     if closed and rollouts and rollouts["before"]:
-        ratios = sorted(rollouts["after"][c] / max(rollouts["before"][c], 1e-300) for c in rollouts["before"])
+        ratios = sorted(_ratios(rollouts["before"], rollouts["after"]))
         label = (
             f"of the error of {rollouts['horizon_s']:g} s roll-outs is left with the effects, median channel"
         )
-        yield tile(f"{_whole(ratios[len(ratios) // 2])} %", label)
+        if ratios:
+            yield tile(f"{_whole(ratios[len(ratios) // 2])} %", label)
+
+
+def _ratios(before: Document, after: Document) -> list[float]:
+    """Errors after over those before, of the channels in which both are known and there was one."""
+    both = ((before[name], after[name]) for name in before)
+    return [now / was for was, now in both if was and now is not None]
 
 
 def _percent(share: float | None) -> str:
     return "–" if share is None else f"{100.0 * share:.3g} %"
 
 
-def _whole(share: float) -> str:
-    return f"{100.0 * share:.0f}".replace("-", "−")
+def _whole(share: float | None) -> str:
+    return "–" if share is None else f"{100.0 * share:.0f}".replace("-", "−")

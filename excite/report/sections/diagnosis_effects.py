@@ -45,7 +45,8 @@ class Effects(Section):
 
 
 def _row(item: Document, standing: str) -> tuple[Cell, ...]:
-    closed = round(100.0 * item["share_closed"])
+    share = item["share_closed"]
+    closed = None if share is None else round(100.0 * share)
     name = item["effect"].replace("_", " ")
     return (
         name,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, folded, section, table
 from excite.report.plots.gap import plot_gap
@@ -42,11 +40,15 @@ class GapByChannel(Section):
 def _rollouts(simulation: dict | None) -> str:
     if simulation is None or not simulation["before"]:
         return ""
-    floor = simulation.get("floor", {})
+    after, floor = simulation["after"], simulation["floor"]
     rows: list[tuple[Cell, ...]] = [
-        (name, 1e3 * before, 1e3 * simulation["after"][name], 1e3 * floor.get(name, math.nan))
+        (name, _thousand(before), _thousand(after[name]), _thousand(floor.get(name)))
         for name, before in simulation["before"].items()
     ]
     how = f"{simulation['horizon_s']:g} s, driven by {simulation['driven_by']}"
     summary = f"Roll-outs of {how}: errors [mrad or mm]"
     return folded(summary, table(("channel", "before", "after", "what noise alone makes"), rows))
+
+
+def _thousand(value: float | None) -> float | None:
+    return None if value is None else 1e3 * value

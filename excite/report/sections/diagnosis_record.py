@@ -30,7 +30,7 @@ class Record(Section):
                 for item in found["log"]
             ]
             content.append("<h3>Faults of the record</h3>" + table(("what", "likely cause", ""), rows))
-        notes = [*found["warnings"], *((found["simulation"] or {}).get("warnings", ()))]
+        notes = [*found["warnings"], *((found["simulation"] or {"warnings": ()})["warnings"])]
         if notes:
             content.append(
                 "<h3>Limits</h3><ul>" + "".join(f"<li>{escape(text)}</li>" for text in notes) + "</ul>"

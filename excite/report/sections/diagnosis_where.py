@@ -41,11 +41,11 @@ class Where(Section):
 
 
 def _row(row: dict, what: list[str]) -> str:
-    low, high = row["band_hz"]
+    band = " to ".join("–" if end is None else f"{end:.2g}" for end in row["band_hz"])
     cells = "".join(_shaded(row["dependence"].get(name)) for name in what)
     return (
         f"<tr><td>{escape(channel_label(row['channel']))}</td>{_shaded(row['share'])}{cells}"
-        f"<td>{low:.2g} to {high:.2g}</td></tr>"
+        f"<td>{band}</td></tr>"
     )
 
 

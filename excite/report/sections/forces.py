@@ -6,7 +6,7 @@ from typing import Any
 
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, section, table
-from excite.report.plots.forces import channel_label, plot_forces
+from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
 
@@ -38,6 +38,8 @@ class Forces(Section):
                 f"On {data.trial}, which the identification has not seen, the blue line of the identified "
                 "model should cover the measured one, and the dashed nominal one should not."
             )
+            if len(data.channels) > MOST_PANELS:
+                lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
             svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
             content.append(figure(svg))
         return section(self.identifier, self.title, lead, *content, *tables)
@@ -46,8 +48,9 @@ class Forces(Section):
 def _fit_table(channels: dict[str, dict[str, Any]]) -> str:
     rows: list[tuple[Cell, ...]] = []
     for channel, row in channels.items():
-        before, after = row.get("reference_rmse"), row["rmse"]
-        change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if before else "–"
-        rows.append((channel_label(channel), before, after, change, row.get("reference_cc"), row.get("cc")))
+        before, after = row["reference_rmse"], row["rmse"]
+        known = bool(before) and after is not None
+        change = f"{100.0 * (after - before) / before:+.0f} %".replace("-", "−") if known else "–"
+        rows.append((channel_label(channel), before, after, change, row["reference_cc"], row["cc"]))
     headers = ("channel", "RMSE nominal", "RMSE identified", "change", "CC nominal", "CC identified")
     return table(headers, rows)

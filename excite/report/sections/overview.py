@@ -62,7 +62,7 @@ def _certainty(findings: Findings) -> Iterator[str]:
 
 def _fit(findings: Findings) -> Iterator[str]:
     channels = (findings.identification or {}).get("validation") or {}
-    judged = [row for row in channels.values() if row.get("reference_rmse") is not None]
+    judged = [row for row in channels.values() if None not in (row["reference_rmse"], row["rmse"])]
     if judged:
         better = sum(row["rmse"] < row["reference_rmse"] for row in judged)
         label = "validation channels are predicted better than by the nominal model"
@@ -74,7 +74,7 @@ def _mass(findings: Findings) -> Iterator[str]:
     if masses is None:
         return
     total = float(masses.identified.sum())
-    if masses.true is None:
+    if masses.true is None or not masses.true.sum():
         yield tile(f"{total:.2f} kg", f"total mass identified; nominal {masses.nominal.sum():.2f} kg")
         return
     true = float(masses.true.sum())

@@ -29,7 +29,7 @@ class Parameters(Section):
             f"Identified with method {identification['method']} from {identification['n_samples']} samples; "
             "a relative standard deviation (RSD) above 10 to 20 % means that the data hardly determine it."
         )
-        warnings = [paragraph(text, "note") for text in identification.get("warnings", ())]
+        warnings = [paragraph(text, "note") for text in identification["warnings"]]
         base = identification["base_parameters"]
         rows: list[tuple[Cell, ...]] = [
             (row["expression"], row["value"], row["std"], row["rsd_percent"]) for row in base
@@ -42,6 +42,8 @@ class Parameters(Section):
 
 
 def _consistency(identification: dict) -> str:
-    found = identification.get("consistency") or {}
-    rows: list[tuple[Cell, ...]] = [(label, found[name]) for name, label in _CHECKS.items() if name in found]
+    found = identification["consistency"] or {}
+    rows: list[tuple[Cell, ...]] = [
+        (label, found[name]) for name, label in _CHECKS.items() if found.get(name) is not None
+    ]
     return table(("physical consistency of the standard parameters", ""), rows) if rows else ""

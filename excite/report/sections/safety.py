@@ -33,24 +33,20 @@ class Safety(Section):
             "How far the motions stay from every limit at the worst instant, by a check independent of the "
             "repairs; a margin that could not be computed counts as unsafe."
         )
-        named = [name for name in _MARGINS if any(_applies(name, motion) for motion in motions)]
+        named = [name for name in _MARGINS if any(name not in motion["not_applicable"] for motion in motions)]
         smallest = table(("margin", "smallest", "in motion"), [_smallest(name, motions) for name in named])
         every = folded(
             f"Margins of all {len(motions)} motions",
             table(
                 ("motion", "safe", *(_MARGINS[name] for name in named)),
-                [(m["motion"], m["safe"], *(m["margins"].get(name) for name in named)) for m in motions],
+                [(m["motion"], m["safe"], *(m["margins"][name] for name in named)) for m in motions],
             ),
         )
         return section(self.identifier, self.title, lead, smallest, every, _violations(motions))
 
 
-def _applies(name: str, motion: dict[str, Any]) -> bool:
-    return name in motion["margins"] and name not in motion.get("not_applicable", ())
-
-
 def _smallest(name: str, motions: list[dict[str, Any]]) -> tuple[Cell, ...]:
-    computed = [m for m in motions if m["margins"].get(name) is not None]
+    computed = [m for m in motions if m["margins"][name] is not None]
     if not computed:
         return (_MARGINS[name], None, "not computed")
     worst = min(computed, key=lambda m: m["margins"][name])

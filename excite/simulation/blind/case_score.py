@@ -60,7 +60,7 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
     """Compare one diagnosis (``excite.diagnosis/1``) with its answer."""
     verdict, effects = document["verdict"], list(document["effects"])
     if not effects and document["effect"] is not None:
-        effects = [document["candidates"][0]]
+        effects = list(document["candidates"][:1])
     names = [_canonical(item.effect) for item in answer.effects]
     said = [_canonical(item["effect"]) for item in effects]
     options = set(said[:1])
@@ -110,8 +110,9 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         answer.faults,
         all(item.detectability is None or item.detectability >= DETECTABLE for item in answer.effects),
         first.get("probability"),
-        float(document["gap"]["share_closed"]),
-        None if interval is None else (float(interval[0]), float(interval[1])),
+        # Of a gap whose closing is not known, nothing is.
+        float(document["gap"]["share_closed"] or 0.0),
+        None if interval is None or None in interval else (float(interval[0]), float(interval[1])),
         tuple(_parameter_errors(answer, effects)),
     )
 

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from joblib import Parallel, delayed
 
+from excite.documents.blind import BlindAnswers
+from excite.documents.document import read_document
 from excite.errors import InputError
 from excite.json_document import write_json
 from excite.logs.files import save_log
 from excite.logs.log import Log, Role, Trial, TrialHeader
+from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.reading.number import check_count, check_seed
 from excite.robot.loading import load_robot
 from excite.robot.robot import Array
 from excite.simulation.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
@@ -36,6 +39,8 @@ from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header
 from excite.simulation.virtual_robot import VirtualRobot
 
+# They take a day, and 10 GB.
+_MOST_CASES = 10_000
 _NOISE_Q = 2e-5
 _NOISE_TAU = 0.01
 
@@ -53,7 +58,7 @@ def make_cases(
     base: Literal["fixed", "floating", "both"] = "fixed",
     robots: tuple[str, ...] = (),
     torque: Literal["motor_side", "none"] = "motor_side",
-    jobs: int = 1,
+    jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Path:
     """Write cases ``case_000`` … into a folder and what is hidden in them into a file beside it.
@@ -66,7 +71,7 @@ def make_cases(
         robots: to choose from, whatever ``base``; none: those of the base.
         torque: what the logs of arms have; without torque, commands and position servos of several forms, whose gains
             are stated in about half of the cases.
-        jobs: number of processes; the cases do not depend on it.
+        jobs: number of processes, or an executor, whose machines see the folder; the cases do not depend on it.
         progress: told after each case.
 
     Returns:
@@ -77,17 +82,22 @@ def make_cases(
         UnknownNameError: no such robot.
     """
     folder = Path(folder)
-    if cases < 1:
-        raise InputError(f"{cases} cases cannot be made", remedy="ask for at least one")
+    check_count(cases, "cases", 1, _MOST_CASES)
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder} is not empty", remedy="name another folder")
-    children = np.random.SeedSequence(seed).spawn(cases)
+    children = check_seed(seed).spawn(cases)
     families = _families(base, robots)
-    tasks = (delayed(_case)(folder, k, child, families, torque) for k, child in enumerate(children))
-    answers: dict[str, dict] = {}
-    for k, answer in enumerate(Parallel(n_jobs=jobs, return_as="generator")(tasks)):
-        answers[f"case_{k:03d}"] = answer.to_json()
-        progress("blind cases", k + 1, cases)
+    setting = _Setting(folder.absolute(), families, torque)
+    made = in_order(
+        _case,
+        enumerate(children),
+        jobs=jobs,
+        shared=setting,
+        total=cases,
+        stage="blind cases",
+        progress=progress,
+    )
+    answers = {f"case_{k:03d}": answer.to_json() for k, answer in enumerate(list(made))}
     target = answers_file(folder)
     write_json({"schema": "excite.blind/1", "seed": seed, "cases": answers}, target)
     return target
@@ -97,12 +107,10 @@ def load_answers(folder: str | Path) -> dict[str, Answer]:
     """What is hidden in the cases of a folder.
 
     Raises:
-        InputError: there is no such file.
+        InputError: there is no such file, or a field in it is missing or wrong.
     """
     path = answers_file(Path(folder))
-    if not path.is_file():
-        raise InputError(f"{path} is missing", remedy="make the cases with `excite blind make`")
-    document = json.loads(path.read_text(encoding="utf-8"))
+    document = read_document(path, BlindAnswers, remedy="make the cases with `excite blind make`").content()
     return {name: Answer.from_json(item) for name, item in document["cases"].items()}
 
 
@@ -116,13 +124,18 @@ def _families(base: str, robots: tuple[str, ...]) -> tuple[tuple[bool, tuple[str
     return tuple((kind, STANDING_ROBOTS if kind else ROBOTS) for kind in wanted)
 
 
-def _case(
-    folder: Path,
-    number: int,
-    child: np.random.SeedSequence,
-    families: tuple[tuple[bool, tuple[str, ...]], ...],
-    torque: str,
-) -> Answer:
+@dataclass(frozen=True)
+class _Setting:
+    """What all cases of a folder have in common."""
+
+    folder: Path
+    families: tuple[tuple[bool, tuple[str, ...]], ...]
+    torque: str
+
+
+def _case(setting: _Setting, task: tuple[int, np.random.SeedSequence]) -> Answer:
+    number, child = task
+    folder, families = setting.folder, setting.families
     rng = np.random.default_rng(child)
     standing, robots = families[number % len(families)]
     turn = number // len(families)
@@ -131,7 +144,7 @@ def _case(
         save_log(case.log, folder / f"case_{number:03d}")
         return case.answer
     plan = draft(turn, rng, robots)
-    servo = drawn_servo(rng) if torque == "none" else None
+    servo = drawn_servo(rng) if setting.torque == "none" else None
     log, answer = build_case(plan, rng, servo)
     if servo is not None:
         log, answer = servo.logged(log, answer)

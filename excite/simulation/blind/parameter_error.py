@@ -41,10 +41,11 @@ def parameter_error(hidden: HiddenEffect, said: Mapping[str, Any]) -> float | No
         The error relative to the hidden value; None where the hidden size is no single number, or the form of the
         effect has parameters that the textbook's has not.
     """
-    values = {name: item["value"] for name, item in said.get("parameters", {}).items()}
+    parameters = said.get("parameters", {}).items()
+    values = {name: item["value"] for name, item in parameters if item["value"] is not None}
     compared = _COMPARED.get(hidden.effect)
     pair = None if compared is None else compared(hidden, values)
-    if pair is None or pair[1] is None or not hidden.value:
+    if pair is None or pair[1] is None or not pair[0]:
         return None
     return abs(pair[1] - pair[0]) / abs(pair[0])
 
@@ -61,7 +62,7 @@ def _plain(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
 
 def _drift(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
     """What has changed at the session's end; heat that the joint makes itself is not known from the answer."""
-    if hidden.form != "plain":
+    if hidden.form != "plain" or not hidden.details.get("time_constant"):
         return None
     grown = -math.expm1(-_SESSION_S / hidden.details["time_constant"])
     return hidden.value * grown, values.get("relative_change")
@@ -73,15 +74,14 @@ def _lag(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair:
 
 
 def _ripple(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
-    if hidden.form != "plain" or "cosine" not in values:
+    if hidden.form != "plain" or not {"cosine", "sine"} <= set(values):
         return None
     return hidden.value, math.hypot(values["cosine"], values["sine"])
 
 
 def _length(hidden: HiddenEffect, values: Mapping[str, float]) -> _Pair | None:
-    if "shift_x" not in values:
-        return None
-    return hidden.value, math.hypot(*(values[f"shift_{axis}"] for axis in "xyz"))
+    shift = [values[name] for name in ("shift_x", "shift_y", "shift_z") if name in values]
+    return (hidden.value, math.hypot(*shift)) if len(shift) == 3 else None
 
 
 _COMPARED: dict[str, Callable[[HiddenEffect, Mapping[str, float]], _Pair | None]] = {

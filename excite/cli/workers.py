@@ -1,0 +1,25 @@
+"""Who does a command's work: ``--jobs`` or ``--cluster``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+
+from excite.parallel.jobs import Jobs
+
+
+@contextmanager
+def workers(jobs: int | None, cluster: str | None) -> Iterator[Jobs]:
+    """What the options of a command ask for; one process a core, if neither is given."""
+    if cluster is None:
+        yield jobs or os.cpu_count() or 1
+        return
+    if jobs is not None:
+        raise typer.BadParameter("give this or --jobs, not both", param_hint="'--cluster'")
+    from excite.parallel.cluster import executor
+
+    with executor(cluster) as found:
+        yield found

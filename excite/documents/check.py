@@ -1,0 +1,59 @@
+"""``excite.check/1``: the independent verdict on motions."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from excite.documents.document import MOST_ENTRIES, Block, Document, FilePath, Maybe, Name, Text
+
+# A motion has a few kinds of violations at each joint, foot and pair of links.
+_MOST_VIOLATIONS = 5 * MOST_ENTRIES
+
+
+class Margins(Block):
+    """Smallest margins over a motion; null or left out where one could not be computed or does not apply."""
+
+    joint_position_rad: Maybe = Field(default=None, description="to the end of the range [rad or m]")
+    joint_velocity_rad_s: Maybe = Field(default=None, description="to the velocity limit [rad/s or m/s]")
+    joint_acceleration_rad_s2: Maybe = Field(
+        default=None, description="to the acceleration limit [rad/s² or m/s²]"
+    )
+    joint_torque_nm: Maybe = Field(default=None, description="to the torque limit [N·m or N]")
+    self_collision_m: Maybe = Field(default=None, description="smallest distance between two bodies [m]")
+    zmp_m: Maybe = Field(default=None, description="zero-moment point to the edge of the support polygon [m]")
+
+
+class Violation(Block):
+    """One thing that a motion must not do, at the first time at which it does it."""
+
+    kind: Name = Field(description="what is violated")
+    time_s: Maybe = Field(description="first time of it [s]; null where it has none")
+    where: Text = Field(description="joint, foot, pair of links or coordinate")
+    value: Maybe = Field(description="the offending value [SI]; null where it is no finite number")
+    limit: Maybe = Field(description="what it must not pass [SI]; null where there is no number")
+
+
+class CheckedMotion(Block):
+    """The verdict on one motion."""
+
+    motion: FilePath = Field(description="name of the motion, or the file that it was read from")
+    safe: bool = Field(description="whether nothing is violated and every margin could be computed")
+    margins: Margins = Field(description="smallest margins over the motion")
+    not_applicable: Annotated[list[Name], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="margins that mean nothing for this robot"
+    )
+    violations: Annotated[list[Violation], Field(max_length=_MOST_VIOLATIONS)] = Field(
+        description="in the order of time"
+    )
+
+
+class Check(Document):
+    """The verdicts on several motions."""
+
+    schema_: Literal["excite.check/1"] = Field(alias="schema", description="version of this document")
+    safe: bool = Field(description="whether every motion is safe and there is at least one")
+    motions: Annotated[list[CheckedMotion], Field(max_length=MOST_ENTRIES)] = Field(
+        description="one entry a motion"
+    )

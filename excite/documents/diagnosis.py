@@ -1,0 +1,156 @@
+"""``excite.diagnosis/1``: where the gap lies, which effect causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from excite.documents.document import (
+    MOST_CHANNELS,
+    MOST_ENTRIES,
+    Block,
+    Count,
+    Document,
+    FilePath,
+    Interval,
+    Maybe,
+    MaybePositive,
+    Name,
+    Names,
+    Seconds,
+    Text,
+    Texts,
+)
+
+
+class Estimate(Block):
+    """A fitted parameter of an effect."""
+
+    value: Maybe = Field(description="in its unit")
+    std: MaybePositive = Field(description="standard deviation in its unit; null where it is not known")
+    unit: Name = Field(description="SI unit; 1 where it has none")
+
+
+class Candidate(Block):
+    """An effect at a place, and how well it explains the gap."""
+
+    effect: Name = Field(description="name of the effect")
+    location: Name | None = Field(description="joint, link, sensor, base or group of channels")
+    parameters: Annotated[dict[Name, Estimate], Field(max_length=MOST_ENTRIES)] = Field(
+        description="fitted parameters by name"
+    )
+    evidence: Maybe = Field(description="log-likelihood ratio less the price of its parameters [nats]")
+    gap_after: MaybePositive = Field(description="gap with it, as share of the signal [no unit]")
+    share_closed: Maybe = Field(description="share of the gap above the noise that it closes")
+    tied_locations: Names = Field(default=[], description="places that the data cannot tell from its own")
+    probability: MaybePositive = Field(
+        default=None, description="that this is the effect and the place; null where it was not computed"
+    )
+    share_closed_90: Interval | None = Field(
+        default=None, description="90 % interval of the share closed; null where it was not computed"
+    )
+
+
+class ChannelGap(Block):
+    """Gap of one channel."""
+
+    before: MaybePositive = Field(description="of the baseline [unit]")
+    after: MaybePositive = Field(description="with the accepted effects [unit]")
+    noise_floor: MaybePositive = Field(description="what no model can go below [unit]")
+    unit: Name = Field(default="", description="unit of the three")
+
+
+Channels = Annotated[dict[Name, ChannelGap], Field(max_length=MOST_CHANNELS)]
+Errors = Annotated[dict[Name, MaybePositive], Field(max_length=MOST_CHANNELS)]
+
+
+class Gap(Block):
+    """The gap over all channels, as share of the signal."""
+
+    before: MaybePositive = Field(description="of the baseline [no unit]")
+    after: MaybePositive = Field(description="with the accepted effects [no unit]")
+    noise_floor: MaybePositive = Field(description="what no model can go below [no unit]")
+    share_closed: Maybe = Field(description="1 − (after² − floor²)/(before² − floor²)")
+    share_closed_90: Interval | None = Field(
+        default=None, description="90 % interval of the share closed; null where it was not computed"
+    )
+    per_channel: Channels = Field(description="by channel")
+
+
+class Simulation(Block):
+    """Short roll-outs of the nominal and the augmented simulator against the record."""
+
+    before: Errors = Field(description="RMS error of the nominal simulator by channel [rad or m]")
+    after: Errors = Field(description="RMS error of the augmented simulator by channel [rad or m]")
+    floor: Errors = Field(default={}, description="what noise alone makes by channel [rad or m]")
+    horizon_s: Seconds = Field(description="length of a roll-out [s]")
+    model: FilePath | None = Field(description="file of the augmented simulator; null where none was written")
+    driven_by: Text = Field(default="the record", description="what drives the roll-outs")
+    warnings: Texts = Field(default=[], description="what the simulator cannot express")
+
+    @model_validator(mode="after")
+    def _same_channels(self) -> Simulation:
+        for name in self.before:
+            if name not in self.after:
+                raise ValueError(f"after should have the channel {name[:60]!r} of before")
+        return self
+
+
+class Where(Block):
+    """One line of the map of the gap."""
+
+    channel: Name = Field(description="joint or component of a wrench")
+    share: Maybe = Field(description="its share of the gap's power above the noise floor")
+    depends_on: Name | None = Field(description="what its gap follows most")
+    band_hz: Interval = Field(description="frequencies that hold the middle 80 % of its power [Hz]")
+    dependence: Annotated[dict[Name, Maybe], Field(max_length=MOST_CHANNELS)] = Field(
+        default={}, description="share of its power that each thing explains"
+    )
+
+
+class NextExperiment(Block):
+    """What to measure next."""
+
+    why: Text = Field(description="one sentence")
+    separates: Texts = Field(description="effects that it tells apart")
+    motion: FilePath | None = Field(description="motion file; null where none helps or none was planned")
+
+
+class LogFault(Block):
+    """Something that was wrong with the record."""
+
+    kind: Name = Field(description="a word that programs can test for")
+    where: Text = Field(description="trial, channel or both")
+    what: Text = Field(description="one sentence with the number")
+    cause: Text = Field(description="the likely cause")
+    repaired: bool = Field(description="whether it was repaired for the diagnosis")
+
+
+class Diagnosis(Document):
+    """Where the gap lies, which effect causes it, how far it shrinks."""
+
+    schema_: Literal["excite.diagnosis/1"] = Field(alias="schema", description="version of this document")
+    robot: Name | None = Field(default=None, description="name of the robot")
+    verdict: Literal["effect", "none", "ambiguous", "unknown"] = Field(description="what was found")
+    effect: Name | None = Field(description="the accepted effect, or the likeliest of those that tie")
+    location: Name | None = Field(description="its likeliest place, or the place of an unknown gap")
+    tied_locations: Names = Field(description="places that the data cannot tell from it, itself among them")
+    candidates: Annotated[list[Candidate], Field(max_length=MOST_ENTRIES)] = Field(
+        description="likeliest first"
+    )
+    n_tied: Count = Field(default=0, description="leading candidates that the data cannot tell apart")
+    effects: Annotated[list[Candidate], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="accepted effects in the order in which they were added"
+    )
+    gap: Gap = Field(description="the gap before and after")
+    simulation: Simulation | None = Field(description="roll-outs; null where there were none")
+    where: Annotated[list[Where], Field(max_length=MOST_CHANNELS)] = Field(
+        description="map of the gap, largest share first"
+    )
+    next_experiment: NextExperiment | None = Field(description="what would settle what is open")
+    sentence: Text = Field(default="", description="what was found, in one sentence")
+    log: Annotated[list[LogFault], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what was wrong with the record"
+    )
+    warnings: Texts = Field(default=[], description="limits of what was said, one sentence each")

@@ -1,0 +1,167 @@
+"""``excite.identification/1``: identified parameters, their quality, how well they predict."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from excite.documents.document import (
+    MOST_CHANNELS,
+    MOST_ENTRIES,
+    Block,
+    Count,
+    Document,
+    FilePath,
+    Maybe,
+    MaybePositive,
+    Name,
+    Names,
+    Text,
+    Texts,
+    Vector3,
+    Vector6,
+)
+
+
+class Inertial(Block):
+    """Ten inertial parameters, or something said of each of them, about the joint frame's origin."""
+
+    mass: Maybe = Field(default=None, description="[kg]")
+    first_moment: Vector3 | None = Field(default=None, description="mass times centre of mass [kg·m]")
+    inertia: Vector6 | None = Field(default=None, description="Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg·m²]")
+
+
+class SegmentParameters(Inertial):
+    """Identified parameters of a segment, and what belongs to them."""
+
+    mass: Maybe = Field(description="[kg]")
+    first_moment: Vector3 = Field(description="mass times centre of mass [kg·m]")
+    inertia: Vector6 = Field(description="Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg·m²]")
+    name: Name | None = Field(default=None, description="readable name of the segment")
+    nominal_mass: Maybe = Field(default=None, description="mass in the model [kg]")
+    nominal: Inertial | None = Field(default=None, description="parameters of the model")
+    std: Inertial | None = Field(default=None, description="standard deviations, same units")
+    determined: Inertial | None = Field(
+        default=None, description="share of the model's uncertainty that the data took away, 0 to 1"
+    )
+
+
+class BaseParameter(Block):
+    """A base parameter and how well it is known."""
+
+    name: Text | None = Field(default=None, description="the parameter that stands for it")
+    expression: Text = Field(description="the whole combination")
+    link: Name | None = Field(default=None, description="link of that parameter; null for a drive's")
+    value: Maybe = Field(description="[SI]")
+    std: MaybePositive = Field(description="standard deviation [SI]")
+    rsd_percent: MaybePositive = Field(description="100·std/|value| [percent]; null where the value is zero")
+    half_width_95: MaybePositive = Field(
+        default=None, description="half the width of the 95 % interval [SI]; null where it was not asked for"
+    )
+
+
+class Consistency(Block):
+    """Whether the parameters are those of bodies that can exist; null where it was not judged."""
+
+    mass_positive: bool | None = Field(default=None, description="every mass is positive")
+    inertia_positive_definite: bool | None = Field(
+        default=None, description="every inertia is positive definite"
+    )
+    triangle_inequality: bool | None = Field(
+        default=None, description="principal inertias obey the triangle inequality"
+    )
+    pseudo_inertia_min_eigenvalue: Maybe = Field(
+        default=None, description="least eigenvalue of all pseudo-inertias [units mixed]"
+    )
+    inconsistent: Names = Field(default=[], description="segments whose pseudo-inertia is not positive")
+
+
+class ChannelFit(Block):
+    """How well one channel is predicted, against the nominal model."""
+
+    unit: Name | None = Field(default=None, description="unit of the errors")
+    rmse: MaybePositive = Field(description="root mean square error of the identified model [unit]")
+    cc: Maybe = Field(description="correlation of measured and predicted; null where one is constant")
+    reference_rmse: MaybePositive = Field(
+        default=None, description="root mean square error of the nominal model [unit]"
+    )
+    reference_cc: Maybe = Field(default=None, description="correlation of the nominal model")
+    std: MaybePositive = Field(default=None, description="standard deviation of the channel [unit]")
+
+
+class ChangedSegment(Block):
+    """A segment that is not what the model says."""
+
+    segment: Name = Field(description="readable name")
+    link: Name = Field(description="its link")
+    mass_change_kg: Maybe = Field(description="identified minus nominal mass [kg]")
+    std_kg: MaybePositive = Field(description="its standard deviation [kg]")
+    evidence: Maybe = Field(description="natural logarithm of how much likelier the change makes the data")
+    tied_with: Names = Field(description="links that would explain the data as well")
+
+
+class TotalMass(Block):
+    """The total mass from several sides [kg]; null where a side says nothing."""
+
+    identified: Maybe = Field(description="sum of the identified masses [kg]")
+    nominal: Maybe = Field(description="sum of the model's masses [kg]")
+    measured: Maybe = Field(description="what the measured forces say [kg]")
+    measured_std: MaybePositive = Field(description="its standard deviation [kg]")
+    weighed: Maybe = Field(description="what the scale said [kg]")
+
+
+class Finding(Block):
+    """What a careful reader should know."""
+
+    kind: Name = Field(description="a word that programs can test for")
+    text: Text = Field(description="what was found, the likely cause, what to do")
+    figures: Annotated[dict[Name, Any], Field(max_length=MOST_ENTRIES)] = Field(
+        default={}, description="the numbers behind it by name [SI]"
+    )
+    places: Texts = Field(default=[], description="joints, links, channels or parameters concerned")
+
+
+Fits = Annotated[dict[Name, ChannelFit], Field(max_length=MOST_CHANNELS)]
+BaseParameters = Annotated[list[BaseParameter], Field(max_length=MOST_ENTRIES)]
+
+
+class Identification(Document):
+    """Identified parameters, their quality, how well they predict."""
+
+    schema_: Literal["excite.identification/1"] = Field(
+        alias="schema", description="version of this document"
+    )
+    robot: Name = Field(description="name of the robot")
+    robot_file: FilePath | None = Field(
+        default=None, description="robot.yaml of a robot of one's own, relative to this document's folder"
+    )
+    method: Name = Field(description="estimator")
+    status: Text | None = Field(default=None, description="advice on how the solve ended")
+    solved: bool = Field(default=True, description="whether the estimator's answer passed its recomputation")
+    n_samples: Count = Field(description="number of instants that were used")
+    standard_parameters: Annotated[dict[Name, SegmentParameters], Field(max_length=MOST_CHANNELS)] = Field(
+        description="by link"
+    )
+    drive_parameters: Annotated[dict[Name, Maybe], Field(max_length=MOST_ENTRIES)] = Field(
+        default={}, description="parameters of the drives by name [SI]"
+    )
+    base_parameters: BaseParameters = Field(description="base parameters")
+    n_structural_base_parameters: Count | None = Field(
+        default=None, description="number that free motion would determine; null where it is not known"
+    )
+    essential: Annotated[list[BaseParameter | Text], Field(max_length=MOST_ENTRIES)] = Field(
+        description="base parameters left after the negligible ones were removed, or their names"
+    )
+    consistency: Consistency | None = Field(description="physical consistency of the parameters")
+    fit: Fits = Field(description="by channel, on the trials that were identified from")
+    validation: Fits = Field(description="by channel, on the trials that were not")
+    changed_segments: Annotated[list[ChangedSegment], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="segments that are not what the model says"
+    )
+    total_mass: TotalMass | None = Field(default=None, description="the total mass from all sides")
+    unmeasured: Names = Field(default=[], description="links that the sensors do not see")
+    warnings: Texts = Field(description="what a careful reader should know, one sentence each")
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="the warnings with their figures"
+    )

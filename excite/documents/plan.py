@@ -1,0 +1,111 @@
+"""``excite.plan/1``: motions that were chosen, and what they excite."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from excite.documents.document import (
+    MOST_CHANNELS,
+    MOST_ENTRIES,
+    Block,
+    Count,
+    Document,
+    FilePath,
+    InnerPath,
+    Maybe,
+    MaybePositive,
+    Name,
+    Names,
+    Seconds,
+    Text,
+)
+
+
+class Candidates(Block):
+    """How many motions were generated, and what became of them."""
+
+    generated: Count = Field(description="number of candidate motions")
+    accepted: Count = Field(description="number of candidates that passed every check")
+    rejected: Annotated[dict[Name, Count], Field(max_length=MOST_ENTRIES)] = Field(
+        description="number of refused candidates by reason"
+    )
+
+
+class SelectedMotion(Block):
+    """A chosen motion."""
+
+    motion: InnerPath = Field(description="motion file, relative to this document's folder")
+    segments: Names = Field(description="segments that it was chosen for")
+    duration_s: Seconds = Field(description="duration [s]")
+
+
+class SegmentCondition(Block):
+    """How evenly a segment is excited."""
+
+    segment: Name = Field(description="readable name of the segment")
+    condition: MaybePositive = Field(
+        description="condition number of the segment's columns [no unit]; null where it is infinite"
+    )
+
+
+class Conditioning(Block):
+    """How well motions excite the base parameters."""
+
+    full: MaybePositive = Field(
+        description="condition number of the base columns [no unit]; null where it is infinite"
+    )
+    log_det: Maybe = Field(
+        description="log-determinant of the information matrix [no unit]; null where it is singular"
+    )
+    n_base_parameters: Count = Field(description="number of base parameters")
+    rank: Count | None = Field(default=None, description="number of base parameters that are excited")
+    segments: Annotated[list[SegmentCondition], Field(max_length=MOST_CHANNELS)] = Field(
+        description="by segment that the sensors see"
+    )
+
+
+class Stage(Block):
+    """A stage of the planning."""
+
+    stage: Name = Field(description="name of the stage")
+    seconds: Seconds = Field(description="how long it took [s]")
+
+
+class PlannedParameter(Block):
+    """What the motions promise for one base parameter."""
+
+    name: Text = Field(description="the parameter that stands for it")
+    expression: Text = Field(description="the whole combination")
+    excitable: bool = Field(description="whether any motion can show it")
+    excited: bool = Field(description="whether the chosen motions do")
+    value: Maybe = Field(description="value in the model [SI]")
+    predicted_rsd_percent: MaybePositive = Field(
+        description="predicted relative standard deviation [percent]; null where it is not excited"
+    )
+    essential: bool = Field(description="whether identification is expected to keep it")
+
+
+class Plan(Document):
+    """Motions that were found safe and chosen because they excite the parameters."""
+
+    schema_: Literal["excite.plan/1"] = Field(alias="schema", description="version of this document")
+    robot: Name = Field(description="name of the robot")
+    robot_file: FilePath | None = Field(
+        default=None, description="robot.yaml of a robot of one's own, relative to this document's folder"
+    )
+    candidates: Candidates = Field(description="what was generated and refused")
+    selected: Annotated[list[SelectedMotion], Field(max_length=MOST_ENTRIES)] = Field(
+        description="chosen motions, the first served first"
+    )
+    validation: Annotated[list[InnerPath], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="motion files that judge the result, relative to this document's folder"
+    )
+    conditioning: Conditioning = Field(description="of the chosen motions together")
+    base_parameters: Annotated[list[PlannedParameter], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what the motions promise; empty where the sensors' noise is not stated"
+    )
+    stages: Annotated[list[Stage], Field(max_length=MOST_ENTRIES)] = Field(
+        description="time taken, in the order in which the stages ran"
+    )

@@ -1,0 +1,40 @@
+"""What ``robot.yaml`` says about collision geometry."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from excite.robot.per_joint import Block, Source
+from excite.robot.quantities import Coordinate, Length, Margin, Rotation3, Vector3
+
+# A hull's planes and corners are compared pairwise: 2000 take seconds and 100 MB.
+MAX_HULL_CORNERS = 2000
+
+
+class CollisionShape(Block):
+    """An authored collision primitive on a link; ``size`` is metres: radius | radius, length | x, y, z."""
+
+    link: str
+    kind: Literal["sphere", "capsule", "box"]
+    size: tuple[Length, ...]
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Rotation3 = (0.0, 0.0, 0.0)
+
+
+class CollisionBlock(Block):
+    """Collision geometry: convex hulls of the URDF's meshes, or authored primitives.
+
+    ``hull_corners`` is how many corners a hull may have; more of them hug the mesh closer, which parts need that
+    pass each other within millimetres. ``ignored_pairs`` are pairs of links that may touch or that cannot reach
+    each other.
+    """
+
+    geometry: Literal["collision", "visual", "authored"]
+    hull_corners: Annotated[int, Field(ge=32, le=MAX_HULL_CORNERS)] = 96
+    shapes: tuple[CollisionShape, ...] = ()
+    ignored_pairs: tuple[tuple[str, str], ...] = ()
+    margin: Margin
+    table_height: Coordinate | None = None
+    source: Source

@@ -1,0 +1,315 @@
+"""The hierarchy with equalities, rows that are too many to list, and the last level; and its estimators' answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from excite.errors import NoSolutionError
+from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.estimators import robust
+from excite.identification.estimators.active_set import ActiveSetProjector
+from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.cls1 import bound_rows, parameter_bounds
+from excite.identification.estimators.hierarchy import solve_hierarchy
+from excite.identification.estimators.hierarchy_state import HierarchyAnswer, HierarchyState, Level
+from excite.identification.estimators.hqp import HierarchicalProgram, _recomputed_status, paper_levels
+from excite.identification.estimators.robust import Huber
+from excite.identification.estimators.scaled import scaled_parameters
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import arm_problem
+
+N = 6
+
+
+def unit_rows(rng: np.random.Generator, count: int, shift: float, n_equal: int = 0) -> LinearConstraints:
+    matrix = rng.normal(size=(count, N))
+    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
+    return LinearConstraints(matrix, shift + 0.3 * rng.normal(size=count), ("row:x",) * count, n_equal)
+
+
+class Listed:
+    """Rows handed out a few at a time, as a family does."""
+
+    def __init__(self, rows: LinearConstraints, count: int = 2):
+        self.rows, self.count, self.asked = rows, count, 0
+
+    def violated(self, x: np.ndarray) -> LinearConstraints:
+        self.asked += 1
+        worst = np.argsort(self.rows.matrix @ x - self.rows.bound)[: self.count]
+        worst = worst[self.rows.violations(x)[worst] > 1e-9]
+        labels = tuple(self.rows.labels[k] for k in worst)
+        return LinearConstraints(self.rows.matrix[worst], self.rows.bound[worst], labels)
+
+
+def lexicographic(levels: list[LinearConstraints], matrix: np.ndarray, measured: np.ndarray):
+    """Slack norms, residual norm and length at the optimum, each level by sequential quadratic programming."""
+    held: list = []
+    slacks, x = [], np.zeros(N)
+
+    def solve(objective, start, constraints):
+        options = {"maxiter": 1000, "ftol": 1e-15}
+        return minimize(objective, start, constraints=constraints, method="SLSQP", options=options).x
+
+    for rows in levels:
+        e = rows.n_equal
+
+        def own(v, rows=rows):
+            return rows.matrix @ v[:N] + v[N:] - rows.bound
+
+        start = np.concatenate([x, np.zeros(len(rows.bound))])
+        start[N:] = np.where(np.arange(len(rows.bound)) < e, rows.bound - rows.matrix @ x, rows.violations(x))
+        constraints = [
+            {"type": "eq", "fun": lambda v, own=own, e=e: own(v)[:e]},
+            {"type": "ineq", "fun": lambda v, own=own, e=e: own(v)[e:]},
+            *({"type": kind, "fun": lambda v, part=part: part(v[:N])} for kind, part in held),
+        ]
+        v = solve(lambda v: 0.5 * v[N:] @ v[N:], start, [c for c in constraints if len(c["fun"](start))])
+        x, w = v[:N], v[N:]
+        slacks.append(float(np.linalg.norm(w)))
+        held.append(("eq", lambda y, rows=rows, w=w, e=e: (rows.matrix @ y + w - rows.bound)[:e]))
+        held.append(("ineq", lambda y, rows=rows, w=w, e=e: (rows.matrix @ y + w - rows.bound)[e:] + 1e-9))
+    usable = [{"type": kind, "fun": part} for kind, part in held if len(part(x))]
+    x = solve(lambda y: 0.5 * np.sum((matrix @ y - measured) ** 2), x, usable)
+    residual = float(np.linalg.norm(matrix @ x - measured))
+    reached = matrix @ x
+    usable.append({"type": "eq", "fun": lambda y: matrix @ y - reached})
+    x = solve(lambda y: 0.5 * y @ y, x, usable)
+    return slacks, residual, float(np.linalg.norm(x))
+
+
+@pytest.mark.parametrize("n_equal", [0, 1])
+@pytest.mark.parametrize("shift", [-0.4, 0.3])
+def test_every_level_is_the_best_that_those_above_allow(n_equal, shift):
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        levels = [unit_rows(rng, 4, shift, n_equal), unit_rows(rng, 5, shift, n_equal)]
+        matrix, measured = rng.normal(size=(2, N)), rng.normal(size=2)
+        found = solve_hierarchy(
+            tuple(Level(str(k), rows) for k, rows in enumerate(levels)),
+            matrix,
+            measured,
+            ActiveSetProjector(),
+        )
+        slacks, residual, length = lexicographic(levels, matrix, measured)
+        assert found.status is SolveStatus.SOLVED
+        assert found.slacks == pytest.approx(slacks, abs=1e-4)
+        for rows, reached in zip(levels, found.slacks, strict=True):
+            assert np.linalg.norm(rows.violations(found.x)) == pytest.approx(reached, abs=1e-7)
+        assert np.linalg.norm(matrix @ found.x - measured) == pytest.approx(residual, abs=1e-3)
+        assert np.linalg.norm(found.x) <= length + 1e-3
+        assert found.fit_distance < 1e-4 and found.distance < 1e-4
+
+
+def test_rows_of_a_family_count_as_if_they_were_listed():
+    """Where they can be met, as those of a sphere can."""
+    compared = 0
+    for seed, shift in ((seed, shift) for seed in range(4) for shift in (-0.4, 0.5)):
+        rng = np.random.default_rng(seed)
+        first, second = unit_rows(rng, 3, shift), unit_rows(rng, 3, shift)
+        many = unit_rows(rng, 40, shift - 1.0)
+        matrix, measured = rng.normal(size=(3, N)), 2.0 * rng.normal(size=3)
+        for place in (0, 1):
+            levels = [Level("1", first), Level("2", second)]
+            family = Listed(many)
+            whole = list(levels)
+            whole[place] = Level("both", stack([levels[place].constraints, many], N))
+            other = solve_hierarchy(tuple(whole), matrix, measured, ActiveSetProjector())
+            if other.slacks[place]:
+                continue
+            compared += 1
+            levels[place] = replace(levels[place], family=family)
+            one = solve_hierarchy(tuple(levels), matrix, measured, ActiveSetProjector())
+            assert one.status is SolveStatus.SOLVED
+            assert family.asked > 1
+            assert one.slacks == pytest.approx(other.slacks, abs=1e-6)
+            assert np.allclose(matrix @ one.x, matrix @ other.x, atol=1e-5)
+            assert np.allclose(one.x, other.x, atol=1e-4)
+            assert many.violations(one.x).max() < 1e-7
+    assert compared >= 8
+
+
+def test_a_start_does_not_change_the_optimum():
+    rng = np.random.default_rng(0)
+    levels = (Level("1", unit_rows(rng, 5, 0.1)),)
+    matrix, measured = rng.normal(size=(2, N)), rng.normal(size=2)
+    plain = solve_hierarchy(levels, matrix, measured, ActiveSetProjector())
+    start = rng.normal(size=N)
+    before = start.copy()
+    moved = solve_hierarchy(levels, matrix, measured, ActiveSetProjector(), start)
+    assert np.allclose(plain.x, moved.x, atol=1e-6)
+    assert np.array_equal(start, before), "the start is left alone"
+
+
+def test_what_is_pinned_stays_and_what_is_added_gives_way_to_the_point():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=N)
+    state = HierarchyState(x, np.eye(N), stack([], N))
+    rows = unit_rows(rng, 3, 0.0)
+    state.pin(rows)
+    assert state.basis.shape == (N, N - 3)
+    assert np.allclose(rows.matrix @ state.basis, 0.0, atol=1e-12)
+    assert np.allclose(state.basis.T @ state.basis, np.eye(N - 3))
+    state.add(LinearConstraints(rows.matrix[:2], rows.matrix[:2] @ x + np.array([1e-9, -1.0]), ("a", "b")))
+    assert np.allclose(state.hard.bound, rows.matrix[:2] @ x + np.array([0.0, -1.0]))
+    state.families = [Listed(unit_rows(rng, 10, 3.0)), Listed(unit_rows(rng, 10, 3.0))]
+    assert len(state.violated(x).bound) == 4
+
+
+# --- The hierarchical program
+
+
+@pytest.fixture(scope="module")
+def arm() -> IdentificationProblem:
+    return arm_problem(load_robot("panda"), seed=0, duration=2.0)
+
+
+def answer(x: np.ndarray, *slacks: float) -> HierarchyAnswer:
+    return HierarchyAnswer(x, SolveStatus.SOLVED, slacks, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("slacks", "at", "status"),
+    [
+        ((0.0, 0.0), 1.0, SolveStatus.SOLVED),
+        ((0.9e-6, 0.0), 1.0, SolveStatus.SOLVED),
+        ((1.1e-6, 0.0), 1.0, SolveStatus.INFEASIBLE),
+        ((0.0, 0.0), 1.0 - 0.9e-6, SolveStatus.SOLVED),
+        ((0.0, 0.0), 1.0 - 1.1e-6, SolveStatus.VIOLATED),
+        ((0.0, 2.0), 1.0, SolveStatus.SOLVED),
+    ],
+)
+def test_the_first_level_holds_or_there_is_no_result(slacks, at, status):
+    row = LinearConstraints(np.eye(N)[:1], np.array([1.0]), ("row:x",))
+    free = LinearConstraints(np.eye(N)[1:2], np.array([-1.0]), ("row:y",))
+    levels = (Level("1", row), Level("2", free))
+    assert _recomputed_status(levels, answer(at * np.eye(N)[0], *slacks), {}) is status
+    missed = (replace(levels[0], family=Listed(unit_rows(np.random.default_rng(0), 9, 3.0))), levels[1])
+    if status is SolveStatus.SOLVED:
+        assert _recomputed_status(missed, answer(at * np.eye(N)[0], *slacks), {}) is SolveStatus.VIOLATED
+    assert _recomputed_status((), answer(np.zeros(N)), {}) is SolveStatus.SOLVED
+
+
+def test_without_levels_it_is_weighted_least_squares_nearest_to_nominal(arm):
+    settings = EstimatorSettings()
+    found = HierarchicalProgram(levels=lambda *_: ()).estimate(arm, settings)
+    rows = iterate_weights(regression(arm))
+    scaled = scaled_parameters(rows, settings)
+    weighted = arm.Y / rows.std[arm.channel, None]
+    expected = np.linalg.lstsq(
+        weighted * scaled.scales, arm.residual(arm.prior) / rows.std[arm.channel], rcond=1e-9
+    )[0]
+    moved = (found.parameters - arm.prior) / scaled.scales
+    assert np.allclose(weighted @ (scaled.scales * (moved - expected)), 0.0, atol=1e-5)
+    assert np.linalg.norm(moved) == pytest.approx(np.linalg.norm(expected), rel=1e-4)
+    assert (found.violations, found.active) == ({}, ())
+
+
+def test_levels_are_those_of_the_paper(arm):
+    settings = EstimatorSettings(sphere_epsilon=1e-3, mirror=None)
+    rows = iterate_weights(regression(arm))
+    scaled = scaled_parameters(rows, settings)
+    first, second = paper_levels(rows, settings, scaled)
+    assert {label.split(":")[0] for label in first.constraints.labels} == {"non_negative", "com_box"}
+    assert {label.split(":")[0] for label in second.constraints.labels} == {"mass_range"}
+    start = first.family.start()
+    assert not len(first.family.violated(start).bound)
+    lowered = scaled.coordinates(np.where(np.arange(arm.n_params) % 10 > 3, 0.0, arm.prior))
+    assert len(first.family.violated(lowered).bound) > 0
+
+
+def test_violations_active_rows_and_residual_are_those_of_the_parameters(arm):
+    settings = EstimatorSettings(sphere_epsilon=1e-3, mass_range=0.02)
+    found = HierarchicalProgram().estimate(arm, settings)
+    rows = found.regression
+    scaled = scaled_parameters(rows, settings)
+    x = scaled.coordinates(found.parameters)
+    worst: dict[str, float] = {}
+    active = []
+    for level in paper_levels(rows, settings, scaled):
+        slack = level.constraints.matrix @ x - level.constraints.bound
+        for label, value, left in zip(
+            level.constraints.labels, level.constraints.violations(x), slack, strict=True
+        ):
+            kind = label.split(":")[0]
+            worst[kind] = max(worst.get(kind, 0.0), float(value))
+            active += [label] * bool(left < 1e-6)
+    assert found.violations == pytest.approx(worst, abs=1e-9)
+    assert found.active == tuple(dict.fromkeys(active)) and found.active
+    weighted = arm.residual(found.parameters) / rows.std[arm.channel]
+    assert found.residual == pytest.approx(np.sqrt(np.mean(weighted**2)))
+
+
+# --- Bounds of cls1
+
+
+def test_bounds_are_spreads_about_nominal_or_those_given(arm):
+    settings = EstimatorSettings(bound_width=2.0, prior_spread=0.3)
+    rows = iterate_weights(regression(arm))
+    lower, upper = parameter_bounds(rows, settings)
+    spread = prior_std(arm, settings.spreads(arm.robot))
+    masses = np.arange(arm.n_params) % 10 == 0
+    assert np.allclose(upper, arm.prior + 2.0 * spread)
+    assert np.allclose(lower[~masses], (arm.prior - 2.0 * spread)[~masses])
+    assert (lower[masses] >= -1e-12).all()
+    given = np.array([arm.prior - 1.0, arm.prior + 2.0])
+    assert np.array_equal(parameter_bounds(rows, replace(settings, parameter_bounds=given)), given)
+    listed = bound_rows(rows, replace(settings, parameter_bounds=given))
+    inside = arm.prior + 0.5
+    assert listed.violations(inside).max() == 0.0
+    for index in (0, 13, arm.n_params - 1):
+        outside = arm.prior.copy()
+        outside[index] += 2.5
+        assert listed.violations(outside).max() > 0.0
+    some = bound_rows(rows, settings, (0, 1))
+    assert len(some.bound) < len(bound_rows(rows, settings).bound)
+
+
+# --- Huber
+
+
+def test_one_row_has_bounded_influence(arm):
+    """A row that is a thousand or a million deviations off moves the estimate alike."""
+    found = []
+    for size in (1e3, 1e6):
+        y = arm.y.copy()
+        y[77] += size / arm.weights[77]
+        found.append(Huber().estimate(replace(arm, y=y), EstimatorSettings()).parameters)
+    clean = Huber().estimate(arm, EstimatorSettings()).parameters
+    moved = [np.linalg.norm((arm.Y @ (one - clean)) * arm.weights) for one in found]
+    assert moved[0] == pytest.approx(moved[1], rel=1e-3)
+    assert 0.0 < moved[0] < 5.0
+
+
+def test_deviations_are_robust_and_the_residual_is_weighted_by_them(arm):
+    estimate = Huber().estimate(arm, EstimatorSettings())
+    residual = arm.residual(estimate.parameters)
+    for c in range(len(arm.channel_names)):
+        deviation = np.median(np.abs(residual[arm.channel == c])) / 0.6744897501960817
+        assert estimate.regression.std[c] == pytest.approx(deviation, rel=1e-3)
+    weighted = residual / estimate.regression.std[arm.channel]
+    assert estimate.residual == pytest.approx(np.sqrt(np.mean(weighted**2)))
+    assert estimate.distance < 1e-8 and estimate.regression.noise is not None
+
+
+def test_many_rows_are_taken_in_blocks_and_where_all_count_as_squares_it_is_least_squares():
+    problem = arm_problem(load_robot("panda"), seed=3, duration=7.0)
+    assert problem.n_rows > 4096
+    estimate = Huber().estimate(problem, EstimatorSettings(huber=100.0))
+    std = estimate.regression.std[problem.channel]
+    expected = np.linalg.lstsq(problem.Y / std[:, None], problem.y / std, rcond=1e-9)[0]
+    assert np.allclose(problem.Y @ estimate.parameters / std, problem.Y @ expected / std, atol=1e-5)
+
+
+def test_reweighting_that_does_not_settle_is_no_solution(arm, monkeypatch):
+    monkeypatch.setattr(robust, "_ROUNDS", 1)
+    with pytest.raises(NoSolutionError, match="not optimal") as caught:
+        Huber().estimate(arm, EstimatorSettings(huber=0.1))
+    assert caught.value.best.status is SolveStatus.NOT_OPTIMAL
+    assert caught.value.best.distance > 1e-5

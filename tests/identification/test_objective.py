@@ -1,0 +1,448 @@
+"""The objective as a distance, scales, projections and what is recomputed of an answer, on a small arm."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, UnknownNameError
+from excite.identification.constraints.body import pseudo_inertia_cones
+from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.estimators.base import Estimate, SolveStatus
+from excite.identification.estimators.checked import checked_estimate, finite_or_raised, no_solution
+from excite.identification.estimators.fallback import best_feasible, best_known, estimate_at, plain_models
+from excite.identification.estimators.geometric import entropic_divergence, pullback_metric, relative_map
+from excite.identification.estimators.lmi import PhysicallyConsistent
+from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum, project
+from excite.identification.estimators.ridge import Ridge, ridge
+from excite.identification.estimators.scaled import scaled_parameters
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import Regression, iterate_weights, prior_std, regression
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import arm_problem
+
+
+@pytest.fixture(scope="module")
+def problem() -> IdentificationProblem:
+    whole = arm_problem(load_robot("panda"), seed=5, duration=1.0, noise=0.3)
+    rows = whole.Y.copy()
+    rows[:, whole.robot.parameter_columns(2)] = 0.0
+    return replace(whole, Y=rows, unmeasured=(2,))
+
+
+@pytest.fixture(scope="module")
+def rows(problem) -> Regression:
+    return iterate_weights(regression(problem))
+
+
+SETTINGS = EstimatorSettings(alpha=2.5, prior_spread=0.3)
+
+
+@pytest.fixture(scope="module")
+def objective(rows) -> Ridge:
+    return ridge(rows, SETTINGS)
+
+
+def some_parameters(problem: IdentificationProblem, seed: int) -> np.ndarray:
+    """Near nominal, but for the segment that is not measured."""
+    rng = np.random.default_rng(seed)
+    theta = problem.prior * (1.0 + 0.2 * rng.normal(size=problem.n_params))
+    columns = problem.robot.parameter_columns(2)
+    theta[columns] = problem.prior[columns]
+    return theta
+
+
+def random_constraints(problem: IdentificationProblem, seed: int, n_equal: int = 1) -> LinearConstraints:
+    rng = np.random.default_rng(seed)
+    matrix = rng.normal(size=(5, problem.n_params))
+    matrix[3] = 0.0
+    matrix[3, problem.robot.parameter_columns(2)] = 1.0
+    return LinearConstraints(
+        matrix, rng.normal(size=5), ("tie:a", "row:b", "row:c", "lost:d", "row:e"), n_equal
+    )
+
+
+# --- Scales
+
+
+def test_scaled_parameters_count_spreads_from_nominal(problem, rows):
+    scaled = scaled_parameters(rows, SETTINGS)
+    assert set(range(problem.n_params)) - set(scaled.free) == set(range(20, 30))
+    assert np.allclose(scaled.scales, prior_std(problem, 0.3))
+    theta = some_parameters(problem, 0)
+    x = scaled.coordinates(theta)
+    assert np.allclose(x, ((theta - problem.prior) / prior_std(problem, 0.3))[scaled.free])
+    assert np.allclose(scaled.parameters(x), theta)
+    assert np.array_equal(scaled.parameters(np.zeros(len(x))), problem.prior)
+    assert np.allclose(scaled.columns(rows.factor[:, :-1]) @ x, rows.factor[:, :-1] @ (theta - problem.prior))
+
+
+def test_constraints_mean_the_same_on_scaled_parameters(problem, rows):
+    scaled = scaled_parameters(rows, SETTINGS)
+    for n_equal in (0, 1, 4):
+        constraints = random_constraints(problem, 1, n_equal)
+        listed = scaled.constraints(constraints)
+        assert listed.n_equal == min(n_equal, 3)
+        for seed in (0, 1):
+            theta = some_parameters(problem, seed)
+            slack = (constraints.matrix @ theta - constraints.bound)[[0, 1, 2, 4]]
+            sizes = np.linalg.norm(scaled.columns(constraints.matrix), axis=1)[[0, 1, 2, 4]]
+            assert np.allclose(listed.matrix @ scaled.coordinates(theta) - listed.bound, slack / sizes)
+            assert listed.labels == ("tie:a", "row:b", "row:c", "row:e")
+
+
+# --- The objective
+
+
+def cost(problem: IdentificationProblem, rows: Regression, theta: np.ndarray) -> float:
+    """Eq. (4) of Jovic et al. 2015 with rows divided by noise and autocorrelation, parameters by spreads."""
+    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[problem.channel]
+    pull = (theta - problem.prior) / prior_std(problem, SETTINGS.prior_spread)
+    return float(np.sum((problem.residual(theta) * weights) ** 2) + SETTINGS.alpha * pull @ pull)
+
+
+def test_the_objective_is_a_squared_distance(problem, rows, objective):
+    base = cost(problem, rows, objective.parameters(objective.target))
+    for seed in range(4):
+        theta = some_parameters(problem, seed)
+        z = objective.coordinates(theta)
+        assert np.allclose(objective.parameters(z), theta)
+        expected = float(np.sum((z - objective.target) ** 2))
+        assert cost(problem, rows, theta) - base == pytest.approx(expected, rel=1e-6)
+    assert np.array_equal(objective.parameters(np.zeros(len(objective.target))), problem.prior)
+
+
+def test_a_metric_takes_the_place_of_the_spreads(problem, rows):
+    spreads = SETTINGS.spreads(problem.robot)
+    scales = prior_std(problem, spreads)
+    metric = pullback_metric(problem, spreads, scales)
+    plain, bent = ridge(rows, SETTINGS), ridge(rows, SETTINGS, metric)
+    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[problem.channel]
+
+    def whole(theta: np.ndarray) -> float:
+        pull = metric @ ((theta - problem.prior) / scales)
+        return float(np.sum((problem.residual(theta) * weights) ** 2) + SETTINGS.alpha * pull @ pull)
+
+    base = whole(bent.parameters(bent.target))
+    for seed in range(3):
+        theta = some_parameters(problem, seed)
+        away = float(np.sum((bent.coordinates(theta) - bent.target) ** 2))
+        assert whole(theta) - base == pytest.approx(away, rel=1e-6)
+    assert not np.allclose(plain.target, bent.target)
+
+
+def test_the_entropic_estimate_minimises_data_and_divergence():
+    """``‖W(Yθ − y)‖² + α Σ d(P‖P₀)/(2σ²)`` is stationary where no constraint binds; σ by segment."""
+    arm = arm_problem(load_robot("panda"), seed=2, duration=2.0, noise=0.05, error=0.02)
+    links = [segment.link for segment in arm.robot.segments]
+    settings = EstimatorSettings(
+        alpha=20.0, prior_spread=0.2, segment_spread={links[1]: 0.6, links[4]: 0.1}, regulariser="entropic"
+    )
+    found = PhysicallyConsistent().estimate(arm, settings)
+    assert found.active == ()
+    rows = found.regression
+    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[arm.channel]
+    sigma = settings.spreads(arm.robot)
+
+    def whole(theta: np.ndarray) -> float:
+        away = entropic_divergence(theta, arm.prior) / (2.0 * sigma**2)
+        return float(np.sum((arm.residual(theta) * weights) ** 2) + settings.alpha * away.sum())
+
+    base, scales = whole(found.parameters), prior_std(arm, sigma)
+    rng, h, maps = np.random.default_rng(0), 1e-4, relative_map(arm)
+    for k in range(len(links)):
+        # A body that differs from nominal by a little in every direction, however flat it is.
+        step = np.zeros(arm.n_params)
+        step[10 * k : 10 * k + 10] = np.linalg.solve(maps[k], h * rng.normal(size=10))
+        up, down = whole(found.parameters + step), whole(found.parameters - step)
+        assert up > base and down > base
+        assert abs(up - down) < 1e-2 * (up + down - 2.0 * base)
+    assert np.abs((found.parameters - arm.prior) / scales).max() > 1e-3
+
+
+def test_constraints_and_cones_mean_the_same_in_its_coordinates(problem, objective):
+    for n_equal in (0, 1, 4):
+        constraints = random_constraints(problem, 2, n_equal)
+        listed = objective.constraints(constraints)
+        assert listed.n_equal == min(n_equal, 3)
+        assert listed.labels == ("tie:a", "row:b", "row:c", "row:e")
+        sizes = np.linalg.norm(objective.rotate(constraints.matrix), axis=1)[[0, 1, 2, 4]]
+        assert np.allclose(np.linalg.norm(listed.matrix, axis=1), 1.0)
+        for seed in (0, 1):
+            theta = some_parameters(problem, seed)
+            slack = (constraints.matrix @ theta - constraints.bound)[[0, 1, 2, 4]]
+            assert np.allclose(listed.matrix @ objective.coordinates(theta) - listed.bound, slack / sizes)
+    cones = pseudo_inertia_cones(problem, 0.01)
+    turned = objective.cones(cones)
+    assert (turned.order, turned.labels) == (cones.order, cones.labels)
+    theta = some_parameters(problem, 3)
+    flat = cones.matrix @ theta + cones.bound
+    values = turned.values(objective.coordinates(theta))
+    ratio = values / np.where(np.abs(flat) > 1e-12, flat, 1.0)
+    for block, value in zip(ratio, flat, strict=True):
+        seen = block[np.abs(value) > 1e-12]
+        assert (seen > 0.0).all() and np.allclose(seen, seen[0])
+    assert np.allclose(np.linalg.norm(turned.matrix, axis=(1, 2)), 1.0)
+
+
+# --- Projections
+
+
+def boxed(n: int = 6) -> tuple[np.ndarray, LinearConstraints]:
+    rng = np.random.default_rng(3)
+    matrix = rng.normal(size=(7, n))
+    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
+    return rng.normal(size=n), LinearConstraints(matrix, 0.3 + 0.1 * rng.normal(size=7), ("row:x",) * 7, 2)
+
+
+def test_a_projection_and_its_multipliers_are_stationary():
+    target, constraints = boxed()
+    answer = project(target, constraints)
+    assert answer is not None
+    slack = constraints.matrix @ answer.z - constraints.bound
+    assert np.allclose(slack[:2], 0.0, atol=1e-12) and (slack >= -1e-12).all()
+    assert np.allclose(answer.z - target, constraints.matrix.T @ answer.multipliers, atol=1e-12)
+    assert (answer.multipliers[2:] >= 0.0).all() and (answer.multipliers[:2] < 0.0).any()
+    assert np.allclose(answer.multipliers * slack, 0.0, atol=1e-12)
+    assert distance_to_optimum(target, constraints, answer) < 1e-7
+    free = project(target, stack([], len(target)))
+    assert free is not None and np.array_equal(free.z, target) and len(free.multipliers) == 0
+
+
+def test_the_distance_is_the_root_of_twice_the_gap():
+    target, constraints = boxed()
+    answer = project(target, constraints)
+    rng = np.random.default_rng(0)
+    for size in (1e-3, 0.1, 2.0):
+        moved = ProjectionAnswer(
+            answer.z + size * rng.normal(size=6), answer.multipliers + size * rng.normal(size=7)
+        )
+        usable = np.r_[moved.multipliers[:2], np.maximum(moved.multipliers[2:], 0.0)]
+        left = moved.z - target - constraints.matrix.T @ usable
+        gap = 0.5 * left @ left + abs(usable @ (constraints.matrix @ moved.z - constraints.bound))
+        assert distance_to_optimum(target, constraints, moved) == pytest.approx(np.sqrt(2.0 * gap))
+    inside = ProjectionAnswer(answer.z + 0.3 * constraints.matrix[2:].sum(axis=0), answer.multipliers)
+    feasible = constraints.violations(inside.z)[2:].max() == 0.0
+    if feasible:
+        assert distance_to_optimum(target, constraints, inside) >= np.linalg.norm(inside.z - answer.z)
+
+
+# --- What is recomputed of an answer
+
+
+def judge(
+    rows: Regression, objective: Ridge, offset: float, distance: float = 0.0, bound: float = 0.0
+) -> Estimate:
+    """An answer that lies ``offset`` from the target along a direction in which one row says at least ``bound``."""
+    n = len(objective.target)
+    direction = np.eye(n)[[0, 1]]
+    constraints = LinearConstraints(
+        direction, direction @ objective.target + np.array([bound, -5.0]), ("kind:first", "other:second")
+    )
+    z = objective.target + offset * direction[0]
+    return checked_estimate("qp", rows, objective, z, distance, constraints)
+
+
+@pytest.mark.parametrize(
+    ("offset", "distance", "bound", "status"),
+    [
+        (0.0, 0.0, 0.0, SolveStatus.SOLVED),
+        (0.0, 0.99e-3, 0.0, SolveStatus.SOLVED),
+        (0.0, 1.01e-3, 0.0, SolveStatus.NOT_OPTIMAL),
+        (0.5, 1.01e-3, 0.0, SolveStatus.NOT_OPTIMAL),
+        (50.0, 0.049, 0.0, SolveStatus.SOLVED),
+        (50.0, 0.051, 0.0, SolveStatus.NOT_OPTIMAL),
+        (0.0, 0.0, 0.99e-5, SolveStatus.SOLVED),
+        (0.0, 0.0, 1.01e-5, SolveStatus.VIOLATED),
+        (0.0, 1.0, 1.0, SolveStatus.VIOLATED),
+        (0.0, np.inf, 0.0, SolveStatus.NOT_FINITE),
+        (np.nan, 0.0, 0.0, SolveStatus.NOT_FINITE),
+    ],
+)
+def test_the_status_comes_from_the_answer(rows, objective, offset, distance, bound, status):
+    found = judge(rows, objective, offset, distance, bound)
+    assert found.status is status
+    if np.isfinite(offset):
+        assert found.violations == {"kind": pytest.approx(max(0.0, bound - offset)), "other": 0.0}
+        assert found.active == (("kind:first",) if bound - offset > -1e-5 else ())
+        assert found.distance == distance
+
+
+def test_the_largest_violation_of_a_kind_is_kept(rows, objective):
+    n = len(objective.target)
+    matrix = np.eye(n)[:3]
+    bound = matrix @ objective.target + [0.2, 0.5, -1.0]
+    constraints = LinearConstraints(matrix, bound, ("kind:a", "kind:b", "kind:c"))
+    found = checked_estimate("qp", rows, objective, objective.target, 0.0, constraints)
+    assert found.violations == {"kind": pytest.approx(0.5)}
+    assert found.active == ("kind:a", "kind:b")
+
+
+def test_the_residual_is_weighted_by_the_noise(problem, rows, objective):
+    found = judge(rows, objective, 3.0)
+    theta = objective.parameters(objective.target + 3.0 * np.eye(len(objective.target))[0])
+    weighted = problem.residual(theta) / rows.std[problem.channel]
+    expected = np.sqrt(np.mean(weighted**2))
+    assert found.residual == pytest.approx(expected)
+    assert estimate_at("qp", rows, theta, SolveStatus.NOT_OPTIMAL).residual == pytest.approx(expected)
+    assert estimate_at("qp", rows, theta, SolveStatus.NOT_OPTIMAL).distance == np.inf
+
+
+def test_errors_carry_the_best_estimate_and_advice(problem, rows, objective):
+    lost = judge(rows, objective, np.nan)
+    with pytest.raises(Exception, match="qp found no solution \\(not finite\\)") as caught:
+        finite_or_raised(lost)
+    assert np.array_equal(caught.value.best.parameters, problem.prior)
+    fine = judge(rows, objective, 0.0)
+    assert finite_or_raised(fine) is fine
+    error = no_solution(SolveStatus.CUT_LIMIT, fine)
+    assert error.best is fine and "cut limit" in str(error) and error.remedy == SolveStatus.CUT_LIMIT.value
+
+
+# --- The best that is known
+
+
+def test_the_best_point_is_the_last_that_does_not_violate():
+    def violation(z: np.ndarray) -> float:
+        return max(float(z[0]) - 1.0, 0.0)
+
+    def far(z: np.ndarray) -> float:
+        return float(np.linalg.norm(z - [3.0, 0.0]))
+
+    start, goal = np.array([0.0, 0.0]), np.array([3.0, 0.0])
+    found = best_feasible([start], [goal], violation, far)
+    assert found == pytest.approx([1.0, 0.0], abs=2e-8)
+    assert violation(found) <= 1e-8
+    assert np.array_equal(best_feasible([start], [goal], lambda z: 0.0, far), goal)
+    assert best_feasible([goal], [start], violation, far) is None, "no start is feasible"
+    lost = np.array([np.nan, 0.0])
+    assert np.array_equal(best_feasible([start], [lost], violation, far), start)
+    near = best_feasible([start, np.array([0.5, 4.0])], [goal], violation, far)
+    assert near == pytest.approx([1.0, 0.0], abs=2e-8), "of several the cheapest"
+
+
+def test_plain_models_meet_the_total_mass(problem):
+    masses = np.zeros(problem.n_params)
+    masses[: problem.n_inertial : 10] = 1.0
+    nominal = masses @ problem.prior
+    unmeasured = problem.prior[20]
+    for wanted in (0.7 * nominal, 1.4 * nominal):
+        linear = LinearConstraints(masses[None], np.array([wanted]), ("total_mass:all",), 1)
+        plain, scaled = plain_models(problem, linear)
+        assert np.array_equal(plain, problem.prior)
+        assert masses @ scaled == pytest.approx(wanted)
+        factor = (wanted - unmeasured) / (nominal - unmeasured)
+        moving = np.r_[0:20, 30 : problem.n_inertial]
+        assert np.allclose(scaled[moving], factor * problem.prior[moving])
+        assert np.array_equal(scaled[20:30], problem.prior[20:30])
+    other = LinearConstraints(masses[None], np.array([wanted]), ("mass:all",), 1)
+    assert len(plain_models(problem, other)) == 1
+    impossible = LinearConstraints(masses[None], np.array([0.5 * unmeasured]), ("total_mass:all",), 1)
+    assert len(plain_models(problem, impossible)) == 1
+
+
+def test_what_is_known_is_feasible_or_said_not_to_be(problem, rows, objective):
+    def within(z: np.ndarray) -> dict[str, float]:
+        return {"away": max(float(np.linalg.norm(z)) - 1e-3, 0.0)}
+
+    nothing = stack([], problem.n_params)
+    best = best_known("qp", rows, objective, nothing, [], within)
+    assert best.status is SolveStatus.NOT_OPTIMAL
+    assert np.linalg.norm(objective.coordinates(best.parameters)) == pytest.approx(1e-3, abs=1e-7)
+    assert best.violations["away"] <= 1e-8
+    none = best_known("qp", rows, objective, nothing, [], lambda z: {"never": 1.0})
+    assert none.status is SolveStatus.INFEASIBLE
+    assert np.allclose(none.parameters, objective.parameters(objective.target))
+    assert none.violations == {"never": 1.0}
+
+
+# --- Settings
+
+
+NUMBERS = [item for item in fields(EstimatorSettings) if "low" in item.metadata]
+
+
+@pytest.mark.parametrize("item", NUMBERS, ids=lambda item: item.name)
+def test_numbers_keep_to_their_bounds(item):
+    low, high, unit = (item.metadata[key] for key in ("low", "high", "unit"))
+    assert low < high and item.metadata["what"]
+    for value in (low, high):
+        assert getattr(EstimatorSettings(**{item.name: value}), item.name) == value
+    for value in (low - max(1e-9, 1e-6 * abs(low)), high * (1.0 + 1e-9), np.inf, np.nan, "1", True, [1.0]):
+        with pytest.raises(InputError) as caught:
+            EstimatorSettings(**{item.name: value})
+        assert caught.value.field == item.name
+        assert caught.value.remedy == f"choose {low:g} … {high:g}" + ("" if unit == "1" else f" {unit}")
+    if item.name in ("total_mass", "symmetry", "mirror"):
+        assert getattr(EstimatorSettings(**{item.name: None}), item.name) is None
+    else:
+        with pytest.raises(InputError, match=item.name):
+            EstimatorSettings(**{item.name: None})
+
+
+DEFAULTS = {
+    "alpha": 1.0,
+    "prior_spread": 0.5,
+    "total_mass": None,
+    "inertia_floor": 0.01,
+    "sphere_subdivisions": 5,
+    "symmetry": None,
+    "weight_iterations": 10,
+    "huber": 1.345,
+    "sphere_epsilon": 0.01,
+    "mirror": 0.1,
+    "mass_range": 0.35,
+    "bound_width": 3.0,
+}
+RANGES = {
+    "alpha": (1e-12, 1e12),
+    "prior_spread": (1e-6, 1e6),
+    "total_mass": (1e-3, 1e4),
+    "inertia_floor": (0.0, 0.9),
+    "sphere_subdivisions": (0, 6),
+    "symmetry": (0.0, 1.0),
+    "weight_iterations": (0, 100),
+    "huber": (0.1, 100.0),
+    "sphere_epsilon": (0.0, 1e3),
+    "mirror": (0.0, 1.0),
+    "mass_range": (0.0, 1e6),
+    "bound_width": (1e-3, 1e6),
+}
+
+
+def test_defaults_and_ranges_are_those_that_are_documented():
+    settings = EstimatorSettings()
+    assert {item.name: getattr(settings, item.name) for item in NUMBERS} == DEFAULTS
+    assert {item.name: (item.metadata["low"], item.metadata["high"]) for item in NUMBERS} == RANGES
+    assert (settings.ls_reference, settings.regulariser) == ("zero", "euclidean")
+
+
+@pytest.mark.parametrize("name", ["ls_reference", "regulariser"])
+def test_words_are_among_those_allowed(name):
+    with pytest.raises(InputError, match=name) as caught:
+        EstimatorSettings(**{name: "other"})
+    assert " or " in caught.value.remedy
+    with pytest.raises(InputError, match=name):
+        EstimatorSettings(**{name: None})
+
+
+def test_single_segments_have_their_own_spread_and_range(g1):
+    links = [segment.link for segment in g1.segments]
+    settings = EstimatorSettings(
+        prior_spread=0.2, segment_spread={links[3]: 0.7}, mass_range=0.1, segment_mass_range={links[5]: 0.4}
+    )
+    expected = np.full(len(links), 0.2)
+    expected[3] = 0.7
+    assert np.array_equal(settings.spreads(g1), expected)
+    expected = np.full(len(links), 0.1)
+    expected[5] = 0.4
+    assert np.array_equal(settings.mass_ranges(g1), expected)
+    assert replace(settings, asymmetric=(links[4], links[2])).free_of_symmetry(g1) == (4, 2)
+    for wrong in ({"segment_mass_range": {"nose": 0.1}}, {"asymmetric": ("nose",)}):
+        with pytest.raises(UnknownNameError, match="nose"):
+            odd = replace(settings, **wrong)
+            odd.mass_ranges(g1)
+            odd.free_of_symmetry(g1)

@@ -1,0 +1,512 @@
+"""The solvers behind the estimators, each against finite differences, general solvers or algebra."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from excite.identification.constraints.cones import Cones, triangle_of
+from excite.identification.constraints.linear import LinearConstraints, stack
+from excite.identification.estimators.active_set import ActiveSetProjector
+from excite.identification.estimators.conic import (
+    ConicAnswer,
+    ConicProblem,
+    conic_distance,
+    conic_violations,
+    interior_point,
+    refined,
+    stacked,
+)
+from excite.identification.estimators.conic_estimate import _is_ray
+from excite.identification.estimators.entropic import entropic_distance
+from excite.identification.estimators.entropic_newton import cholesky, newton
+from excite.identification.estimators.entropic_problem import EntropicAnswer, EntropicProblem
+from excite.identification.estimators.geometric import entropic_divergence, pullback_metric, relative_map
+from excite.identification.estimators.projection import project
+from excite.identification.estimators.semi_projection import (
+    SemiAnswer,
+    SemiProjection,
+    completed,
+    judged,
+    pursue,
+    semi_project,
+)
+from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.regression import prior_std
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import arm_problem
+
+# --- The entropic divergence
+
+
+def entropic_problem(seed: int, weight: float, n_equal: int = 1) -> EntropicProblem:
+    """Two bodies in twelve coordinates, the target outside of what can exist.
+
+    As in an estimate the squared distance holds the divergence's second order, so that their sum is convex.
+    """
+    rng = np.random.default_rng(seed)
+    maps = 0.4 * rng.normal(size=(2, 10, 12))
+    weights = weight * np.array([1.0, 1.7])
+    second = np.einsum("b,bij,bik->jk", weights, maps, maps)
+    maps *= min(1.0, 0.95 / np.sqrt(np.linalg.eigvalsh(second)[-1]))
+    matrix = rng.normal(size=(4, 12))
+    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
+    linear = LinearConstraints(
+        matrix, np.array([0.1, -0.4, 0.05, -0.2]), ("tie:a", "row:b", "row:c", "row:d"), n_equal
+    )
+    return EntropicProblem(4.0 * rng.normal(size=12), maps, weights, linear)
+
+
+def value(problem: EntropicProblem, z: np.ndarray) -> float:
+    """``½‖z − d‖² + Σ w (−log|X| + tr X − ½ tr (X − 1)²)``."""
+    x = problem.relative(z)
+    away = x - np.eye(4)
+    bodies = -np.linalg.slogdet(x)[1] + np.trace(x, axis1=1, axis2=2)
+    bodies -= 0.5 * np.trace(away @ away, axis1=1, axis2=2)
+    return float(0.5 * np.sum((z - problem.target) ** 2) + problem.weights @ bodies)
+
+
+def test_gradient_and_hessian_are_derivatives():
+    problem = entropic_problem(0, 0.8)
+    rng, h = np.random.default_rng(1), 1e-6
+    for _ in range(3):
+        z = 0.1 * rng.normal(size=12)
+        steps = h * np.eye(12)
+        finite = [(value(problem, z + d) - value(problem, z - d)) / (2 * h) for d in steps]
+        assert np.allclose(problem.gradient(z), finite, atol=1e-7)
+        finite = [(problem.gradient(z + d) - problem.gradient(z - d)) / (2 * h) for d in steps]
+        assert np.allclose(problem.hessian(z), finite, atol=1e-6)
+
+
+def test_violations_name_bodies_and_rows():
+    problem = entropic_problem(0, 0.8)
+    z = 3.0 * np.random.default_rng(2).normal(size=12)
+    worst = problem.violations(z)
+    least = np.linalg.eigvalsh(problem.relative(z))[:, 0].min()
+    assert least < 0.0 and worst["pseudo_inertia"] == pytest.approx(-least)
+    slack = problem.linear.matrix @ z - problem.linear.bound
+    assert worst["tie"] == pytest.approx(abs(slack[0]))
+    assert worst["row"] == pytest.approx(max(0.0, *(-slack[1:])))
+    assert problem.violations(np.zeros(12))["pseudo_inertia"] == 0.0
+
+
+@pytest.mark.parametrize("weight", [1e-4, 0.05, 1.0, 30.0])
+@pytest.mark.parametrize("n_equal", [0, 1])
+def test_newton_reaches_the_optimum(weight, n_equal):
+    """Stationary, feasible and complementary: with a convex objective that is the optimum."""
+    for seed in range(3):
+        problem = entropic_problem(seed, weight, n_equal)
+        found = newton(problem)
+        assert found is not None
+        e, linear = n_equal, problem.linear
+        slack = linear.matrix @ found.z - linear.bound
+        size = max(1.0, np.linalg.norm(problem.target))
+        assert np.abs(slack[:e]).max(initial=0.0) < 1e-10 * size
+        assert slack[e:].min() > -1e-10 * size
+        assert found.multipliers[e:].min() > -1e-12
+        assert np.abs(found.multipliers[e:] * slack[e:]).max() < 1e-10 * size
+        left = problem.gradient(found.z) - linear.matrix.T @ found.multipliers
+        assert np.abs(left).max() < 1e-9 * size
+        assert np.linalg.eigvalsh(problem.relative(found.z)).min() > 0.0
+        assert entropic_distance(problem, found) < 1e-5
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("weight", [1e-3, 1.0])
+def test_newton_says_when_no_body_meets_the_rows(weight):
+    for seed in range(4):
+        problem = entropic_problem(seed, weight)
+        row = problem.linear.matrix[1:2]
+        opposed = LinearConstraints(np.vstack([row, -row]), np.array([1.0, 1.0]), ("a", "b"))
+        assert newton(replace(problem, linear=opposed)) is None
+
+
+def test_newton_without_rows_is_smooth_minimisation():
+    problem = replace(entropic_problem(4, 0.7), linear=stack([], 12))
+    found = newton(problem)
+
+    def outside(z):
+        inside = np.linalg.eigvalsh(problem.relative(z)).min() > 0.0
+        return value(problem, z) if inside else np.inf
+
+    other = minimize(outside, np.zeros(12), method="Nelder-Mead", options={"maxiter": 200})
+    assert value(problem, found.z) <= other.fun + 1e-12
+    assert np.abs(problem.gradient(found.z)).max() < 1e-9
+
+
+def test_distance_from_the_entropic_optimum_is_that_of_the_local_metric():
+    problem = replace(entropic_problem(2, 0.5), linear=stack([], 12))
+    best = newton(problem)
+    rng = np.random.default_rng(0)
+    step = 1e-4 * rng.normal(size=12)
+    moved = EntropicAnswer(best.z + step, best.multipliers)
+    expected = np.sqrt(step @ problem.hessian(best.z) @ step)
+    assert entropic_distance(problem, moved) == pytest.approx(expected, rel=1e-2)
+    tied = entropic_problem(2, 0.5)
+    best = newton(tied)
+    slack = tied.linear.matrix @ best.z - tied.linear.bound
+    loose = int(np.argmax(slack[1:])) + 1
+    assert slack[loose] > 0.01
+    wrong = best.multipliers.copy()
+    wrong[loose] += 1.0
+    left = tied.gradient(best.z) - tied.linear.matrix.T @ wrong
+    gap = abs(wrong @ slack)
+    expected = np.sqrt(left @ np.linalg.solve(tied.hessian(best.z), left) + 2.0 * gap)
+    assert entropic_distance(tied, EntropicAnswer(best.z, wrong)) == pytest.approx(expected)
+    wrong[loose] = -1.0
+    assert entropic_distance(tied, EntropicAnswer(best.z, wrong)) < 1e-5, (
+        "what pushes outwards does not count"
+    )
+
+
+def test_cholesky_grows_a_hair_where_rounding_needs_it():
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(5, 5))
+    factor = cholesky(root @ root.T)
+    assert factor is not None and np.allclose(np.tril(factor[0]) @ np.tril(factor[0]).T, root @ root.T)
+    flat = np.outer(root[0], root[0]) + 1e-3 * np.outer(root[1], root[1])
+    assert cholesky(flat - 1e-15 * np.trace(flat) * np.eye(5)) is not None
+    assert cholesky(-np.eye(3)) is None
+
+
+# --- Distances between bodies
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return arm_problem(load_robot("panda"), seed=5, duration=1.0)
+
+
+def test_relative_bodies_are_one_where_they_are_nominal(problem):
+    maps, nominal = relative_map(problem), problem.prior[: problem.n_inertial].reshape(-1, 10)
+    shape = triangle_of(4)
+    rng = np.random.default_rng(0)
+    for k, ten in enumerate(nominal):
+        assert np.allclose(shape.matrices(maps[k] @ ten), np.eye(4), atol=1e-7)
+        # The eigenvalues of X are those of P₀⁻¹P, whatever root of P₀ is taken.
+        other = ten * (1.0 + 0.05 * rng.normal(size=10))
+        pseudo, base = (pseudo_inertia_matrices(body)[0] for body in (other, ten))
+        expected = np.sort(np.linalg.eigvals(np.linalg.solve(base, pseudo)).real)
+        assert np.allclose(
+            np.linalg.eigvalsh(shape.matrices(maps[k] @ other)), expected, rtol=1e-6, atol=1e-8
+        )
+
+
+def test_a_body_heavier_all_over_by_one_spread_costs_one(problem):
+    spreads = np.linspace(0.1, 0.7, len(problem.robot.segments))
+    scales = prior_std(problem, spreads)
+    metric = pullback_metric(problem, spreads, scales)
+    for k, spread in enumerate(spreads):
+        theta = problem.prior.copy()
+        theta[10 * k : 10 * k + 10] *= 1.0 + spread
+        away = metric @ ((theta - problem.prior) / scales)
+        assert away @ away == pytest.approx(1.0, rel=1e-6)
+    assert metric.shape == (problem.n_params, problem.n_params)
+    assert np.count_nonzero(metric[:10, 10:]) == 0
+
+
+def test_divergence_is_zero_at_nominal_and_pullback_near_it(problem):
+    nominal = problem.prior[: problem.n_inertial]
+    assert np.allclose(entropic_divergence(nominal, nominal), 0.0, atol=1e-9)
+    assert np.allclose(entropic_divergence(2.0 * nominal, nominal), 4.0 - 4.0 * np.log(2.0))
+    assert np.isinf(entropic_divergence(-nominal, nominal)).all()
+    flipped = nominal.copy()
+    flipped[4] *= -3.0
+    assert np.isinf(entropic_divergence(flipped, nominal)).tolist() == [True] + [False] * (
+        len(nominal) // 10 - 1
+    )
+    near = nominal * (1.0 + 1e-6 * np.random.default_rng(0).normal(size=len(nominal)))
+    base = pseudo_inertia_matrices(nominal)
+    away = np.linalg.solve(base, pseudo_inertia_matrices(near) - base)
+    assert np.allclose(
+        entropic_divergence(near, nominal),
+        0.5 * np.trace(away @ away, axis1=1, axis2=2),
+        rtol=0.05,
+        atol=1e-12,
+    )
+
+
+# --- Cone programs
+
+
+def conic_problem(seed: int, n_equal: int = 1) -> ConicProblem:
+    """Nine coordinates, two matrices, a second-order cone and four rows, with a point inside all."""
+    rng = np.random.default_rng(seed)
+    n, inside = 9, rng.normal(size=9)
+    shape = triangle_of(3)
+    matrices = 0.5 * rng.normal(size=(2, 6, n))
+    centre = shape.vectors(np.array([np.eye(3), 2.0 * np.eye(3)]))
+    blocks = Cones(3, matrices, centre - matrices @ inside, ("body:a", "body:b"))
+    arrows = 0.5 * rng.normal(size=(1, 4, n))
+    arrow = Cones(0, arrows, np.array([[1.0, 0.0, 0.0, 0.0]]) - arrows @ inside, ("com:a",))
+    rows = rng.normal(size=(4, n))
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    bound = rows @ inside - np.r_[np.zeros(n_equal), 0.3 * np.ones(4 - n_equal)]
+    labels = ("tie:x", "row:x", "row:y", "row:z")
+    target = inside + 4.0 * rng.normal(size=n)
+    return ConicProblem(target, LinearConstraints(rows, bound, labels, n_equal), (blocks, arrow))
+
+
+@pytest.mark.parametrize("n_equal", [0, 1, 2])
+def test_refined_answers_are_stationary_feasible_and_complementary(n_equal):
+    for seed in range(4):
+        problem = conic_problem(seed, n_equal)
+        answer = refined(problem, interior_point(problem, 1e-6))
+        matrix, offset = stacked(problem)
+        dual = answer.multipliers
+        assert np.allclose(answer.z - problem.target, matrix.T @ dual, atol=1e-11)
+        values = matrix @ answer.z + offset
+        assert np.abs(values[:n_equal]).max(initial=0.0) < 1e-9
+        assert max(conic_violations(problem, answer.z).values()) < 1e-9
+        assert abs(dual @ values) < 1e-9
+        place = len(problem.linear.bound)
+        assert dual[n_equal:place].min(initial=0.0) >= 0.0
+        for cones in problem.cones:
+            part = dual[place : place + cones.bound.size].reshape(cones.bound.shape)
+            assert cones.margin(part).min() > -1e-10
+            place += cones.bound.size
+        assert np.linalg.norm(dual) > 0.1, "the constraints bind"
+        assert conic_distance(problem, answer) < 1e-5
+
+
+def test_an_unconstrained_optimum_is_left_where_it_is():
+    problem = conic_problem(0, 0)
+    matrix, offset = stacked(problem)
+    inside = problem.target.copy()
+    for cones in problem.cones:
+        assert cones.margin(cones.values(inside)).shape == (len(cones.labels),)
+    free = replace(problem, linear=stack([], 9), cones=())
+    assert np.allclose(interior_point(free).z, problem.target)
+    assert conic_distance(free, ConicAnswer(problem.target + 0.5, np.zeros(0))) == pytest.approx(1.5)
+    assert matrix.shape == (4 + 12 + 4, 9) and offset.shape == (20,)
+
+
+def test_weights_count_in_the_objective():
+    """``min ½ Σ w (z − t)²`` on a plane has a closed form."""
+    rng = np.random.default_rng(0)
+    target, weights, row = rng.normal(size=5), rng.uniform(0.5, 4.0, size=5), rng.normal(size=5)
+    row /= np.linalg.norm(row)
+    plane = LinearConstraints(row[None], np.array([2.0]), ("tie:x",), 1)
+    found = interior_point(ConicProblem(target, plane, (), weights)).z
+    across = row / weights
+    assert np.allclose(found, target + across * (2.0 - row @ target) / (row @ across), atol=1e-7)
+
+
+def test_violations_are_named_by_kind():
+    problem = conic_problem(1)
+    z = problem.target + 3.0
+    worst = conic_violations(problem, z)
+    assert set(worst) == {"tie", "row", "body", "com"}
+    rows = problem.linear.matrix @ z - problem.linear.bound
+    assert worst["tie"] == pytest.approx(abs(rows[0]))
+    assert worst["row"] == pytest.approx(max(0.0, *(-rows[1:])))
+    bodies, com = problem.cones
+    assert worst["body"] == pytest.approx(max(0.0, *(-bodies.margin(bodies.values(z)))))
+    assert worst["com"] == pytest.approx(max(0.0, *(-com.margin(com.values(z)))))
+
+
+def test_the_distance_of_an_answer_is_never_too_small():
+    rng = np.random.default_rng(0)
+    for seed in range(3):
+        problem = conic_problem(seed)
+        best = refined(problem, interior_point(problem))
+        matrix, offset = stacked(problem)
+        assert conic_distance(problem, best) < 1e-5
+        for size in (1e-2, 0.3):
+            dual = best.multipliers * (1.0 + size * rng.uniform(-1.0, 1.0))
+            away = ConicAnswer(best.z + size * rng.normal(size=9), dual)
+            slack = abs(dual @ (matrix @ away.z + offset))
+            left = away.z - problem.target - matrix.T @ dual
+            assert conic_distance(problem, away) == pytest.approx(np.sqrt(left @ left + 2.0 * slack))
+
+
+def test_only_a_ray_proves_that_there_is_no_point():
+    """``x ≥ 1`` and ``−x ≥ 1``: the sum of both says 0 ≥ 2."""
+    matrix = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    rows = LinearConstraints(matrix, np.array([1.0, 1.0]), ("a:x", "b:x"))
+    problem = ConicProblem(np.zeros(2), rows, ())
+    answer = interior_point(problem)
+    assert answer.infeasible and _is_ray(problem, answer)
+
+    def ray(*multipliers: float) -> bool:
+        return _is_ray(problem, ConicAnswer(np.zeros(2), np.array(multipliers), infeasible=True))
+
+    assert ray(1.0, 1.0) and ray(5.0, 5.0 + 0.9e-5)
+    assert not ray(1.0, 1.0 + 1e-5)
+    assert not ray(-1.0, -1.0)
+    assert not ray(0.0, 0.0)
+    assert not ray(np.nan, 1.0)
+    fine = ConicProblem(np.zeros(2), LinearConstraints(matrix, np.array([-1.0, -1.0]), ("a:x", "b:x")), ())
+    assert not interior_point(fine).infeasible
+    assert not _is_ray(fine, ConicAnswer(np.zeros(2), np.array([1.0, 1.0]), infeasible=True))
+
+
+# --- Projections where some coordinates do not count
+
+
+def semi_problem(seed: int, n_equal: int = 1, rows: int = 9) -> SemiProjection:
+    rng = np.random.default_rng(seed)
+    return SemiProjection(
+        rng.normal(size=4),
+        rng.normal(size=(rows, 4)),
+        rng.normal(size=(rows, 3)),
+        0.5 + 0.2 * rng.normal(size=rows),
+        n_equal,
+    )
+
+
+def semi_optimum(problem: SemiProjection) -> np.ndarray:
+    """By sequential quadratic programming, which shares no code with what is tested."""
+    e, k = problem.n_equal, len(problem.target)
+
+    def slack(x: np.ndarray) -> np.ndarray:
+        return problem.counted @ x[:k] + problem.free @ x[k:] - problem.bound
+
+    done = minimize(
+        lambda x: 0.5 * np.sum((x[:k] - problem.target) ** 2),
+        np.zeros(k + problem.free.shape[1]),
+        constraints=[
+            {"type": "eq", "fun": lambda x: slack(x)[:e]},
+            {"type": "ineq", "fun": lambda x: slack(x)[e:]},
+        ],
+        method="SLSQP",
+        options={"maxiter": 500, "ftol": 1e-15},
+    )
+    assert done.success or slack(done.x)[e:].min() > -1e-6
+    return done.x[:k]
+
+
+@pytest.mark.parametrize("n_equal", [0, 1, 2])
+def test_free_coordinates_do_not_count(n_equal):
+    bound = 0
+    for seed in range(6):
+        problem = semi_problem(seed, n_equal)
+        rough = semi_project(problem, np.zeros(3), project)
+        assert rough is not None
+        exact = completed(problem, rough)
+        assert exact.gap <= rough.gap
+        assert exact.violation < 1e-9 and exact.distance < 1e-5
+        assert np.allclose(exact.p, semi_optimum(problem), atol=1e-4)
+        assert (exact.multipliers[n_equal:] > -1e-9).all()
+        bound += bool((exact.multipliers[n_equal:] > 1e-6).any())
+    assert bound > 2
+
+
+def test_what_an_answer_is_worth_is_recomputed():
+    problem = semi_problem(3, 2)
+    rng = np.random.default_rng(0)
+    p, n, multipliers = rng.normal(size=4), rng.normal(size=3), rng.normal(size=9)
+    found = judged(problem, p, n, multipliers)
+    slack = problem.counted @ p + problem.free @ n - problem.bound
+    missing = np.r_[np.abs(slack[:2]), np.maximum(-slack[2:], 0.0)]
+    sizes = np.sqrt((problem.counted**2).sum(axis=1) + (problem.free**2).sum(axis=1))
+    assert np.allclose(problem.sizes, sizes)
+    assert found.violation == pytest.approx((missing / sizes).max())
+    usable = np.r_[multipliers[:2], np.maximum(multipliers[2:], 0.0)]
+    left = p - problem.target - problem.counted.T @ usable
+    drift = np.linalg.norm(problem.free.T @ usable) * (1.0 + np.linalg.norm(n))
+    gap = 0.5 * left @ left + np.abs(usable * slack).sum() + drift
+    assert found.gap == pytest.approx(gap)
+    assert found.distance == pytest.approx(np.sqrt(2.0 * gap))
+    assert judged(problem, np.full(4, np.nan), n, multipliers).gap == np.inf
+    lost = SemiAnswer(p, n, multipliers, 0.0, np.inf)
+    assert completed(problem, lost) is lost
+
+
+def test_more_rows_go_below_the_others():
+    problem = semi_problem(0)
+    more = problem.extended(np.ones((2, 4)), 2.0 * np.ones((2, 3)), np.array([3.0, 4.0]))
+    assert np.array_equal(more.counted[:9], problem.counted) and (more.counted[9:] == 1.0).all()
+    assert (more.free[9:] == 2.0).all() and more.bound[9:].tolist() == [3.0, 4.0]
+    assert more.n_equal == problem.n_equal
+    blank = problem.extended(np.zeros((1, 4)), np.zeros((1, 3)), np.zeros(1))
+    assert blank.sizes[-1] == 1e-9
+
+
+def test_a_wrong_guess_of_active_rows_is_exchanged():
+    settled = 0
+    for seed in range(8):
+        problem = semi_problem(seed, 1)
+        for guess in (np.zeros(9, bool), np.arange(9) < 3):
+            found = pursue(problem, guess, np.zeros(3))
+            if found is not None:
+                settled += 1
+                assert found.violation < 1e-9
+                assert np.allclose(found.p, semi_optimum(problem), atol=1e-4)
+    assert settled >= 10
+
+
+def test_a_projector_that_finds_nothing_is_passed_on():
+    assert semi_project(semi_problem(0), np.zeros(3), lambda target, rows: None) is None
+
+
+# --- Active sets that grow
+
+
+def rows_of(rng: np.random.Generator, count: int, n_equal: int = 0) -> LinearConstraints:
+    matrix = rng.normal(size=(count, 5))
+    matrix /= np.linalg.norm(matrix, axis=1, keepdims=True)
+    return LinearConstraints(matrix, 0.2 + 0.2 * rng.normal(size=count), ("row:x",) * count, n_equal)
+
+
+def test_repeated_and_implied_rows_change_nothing():
+    rng = np.random.default_rng(0)
+    for seed in range(6):
+        rows = rows_of(np.random.default_rng(seed), 6, 2)
+        target = 2.0 * rng.normal(size=5)
+        plain = project(target, rows)
+        if plain is None:
+            continue
+        twice = stack([rows, LinearConstraints(rows.matrix[:1], rows.bound[:1], ("tie:x",), 1)], 5)
+        twice = stack([twice, LinearConstraints(rows.matrix[2:], rows.bound[2:], rows.labels[2:])], 5)
+        found = ActiveSetProjector()(target, twice)
+        assert found is not None
+        assert np.allclose(found.z, plain.z, atol=1e-9)
+        assert np.allclose(found.z - target, twice.matrix.T @ found.multipliers, atol=1e-9)
+        assert (found.multipliers[twice.n_equal :] >= -1e-12).all()
+
+
+def test_equalities_that_contradict_each_other_have_no_point():
+    row = np.eye(5)[:1]
+    apart = LinearConstraints(np.vstack([row, row]), np.array([1.0, 1.0 + 1e-6]), ("tie:a", "tie:b"), 2)
+    assert ActiveSetProjector()(np.zeros(5), apart) is None
+    same = LinearConstraints(np.vstack([row, row]), np.array([1.0, 1.0]), ("tie:a", "tie:b"), 2)
+    found = ActiveSetProjector()(np.zeros(5), same)
+    assert found is not None and found.z == pytest.approx([1.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def test_other_rows_or_another_target_start_anew():
+    """One projector through many problems gives what a new one gives for each."""
+    keeper, rng = ActiveSetProjector(), np.random.default_rng(7)
+    target = rng.normal(size=5)
+    rows = rows_of(rng, 8, 1)
+    cases = [
+        (target, rows),
+        (target, LinearConstraints(rows.matrix, rows.bound + 0.1, rows.labels, 1)),
+        (target, LinearConstraints(-rows.matrix, rows.bound, rows.labels, 1)),
+        (target, LinearConstraints(rows.matrix[:4], rows.bound[:4], rows.labels[:4], 1)),
+        (target, LinearConstraints(rows.matrix, rows.bound, rows.labels, 0)),
+        (target + 1.0, rows),
+        (target + 1.0, rows),
+        (target[:4], LinearConstraints(rows.matrix[:, :4], rows.bound, rows.labels, 1)),
+    ]
+    for goal, given in cases:
+        kept, fresh = keeper(goal, given), project(goal, given)
+        assert (kept is None) == (fresh is None)
+        if kept is not None and fresh is not None:
+            assert np.allclose(kept.z, fresh.z, atol=1e-9)
+            assert np.allclose(kept.multipliers, fresh.multipliers, atol=1e-7)
+
+
+def test_after_a_failure_it_starts_anew():
+    row = np.eye(5)[:1]
+    apart = LinearConstraints(np.vstack([row, -row]), np.array([1.0, 1.0]), ("a:x", "b:x"))
+    projector = ActiveSetProjector()
+    assert projector(np.zeros(5), apart) is None
+    one = LinearConstraints(row, np.array([1.0]), ("a:x",))
+    found = projector(np.zeros(5), one)
+    assert found is not None and found.z == pytest.approx([1.0, 0.0, 0.0, 0.0, 0.0])
+    assert projector(np.zeros(5), apart) is None
