@@ -6,7 +6,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio as pin
 
 from excite.errors import LogError
 from excite.logs.finding import Finding, listed
@@ -15,6 +14,7 @@ from excite.robot.description import RobotDescription
 from excite.robot.robot import Array, Robot
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_inertia import inertial_faults, resting_faults
+from excite.robot.urdf_model import urdf_model
 from excite.robot.urdf_tree import MOVING, check_tree
 
 _UNSTATED = "not stated in the log"
@@ -56,9 +56,9 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
         LogError: a joint of the header is not in the URDF.
         RobotError: the URDF is malformed.
     """
-    # What pinocchio would swallow is checked when the robot is built from this description.
     root = parse_urdf(file)
-    model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+    check_tree(root, file)
+    model = urdf_model(root, file)
     movable = tuple(model.names)[1:]
     for joint in header.joints:
         if joint not in movable:

@@ -18,6 +18,7 @@ from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
 from excite.robot.robot import Array, Foot, Robot
 from excite.robot.urdf import Stated, read_urdf
+from excite.robot.urdf_model import urdf_model
 from excite.robot.weights import check_weights
 
 
@@ -51,7 +52,8 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     """Build the robot of a validated description; ``path`` is the file that it was read from."""
     model_path = _model_path(description, path)
     urdf = read_urdf(model_path, _stated(description))
-    model = _build_model(urdf, description, model_path)
+    root = ElementTree.fromstring(urdf)
+    model = _build_model(root, description, model_path)
     joint_names = tuple(list(model.names)[2 if description.base == "floating" else 1 :])
     check_joints(description, joint_names, path)
     segments = read_segments(model, description, path)
@@ -61,7 +63,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
         description=description,
         source=path,
         urdf=urdf,
-        hash=_fingerprint(description, model_path, urdf),
+        hash=_fingerprint(description, model_path, root),
         model=model,
         joint_names=joint_names,
         limits=read_limits(model, description, joint_names, path),
@@ -72,7 +74,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     )
 
 
-def _fingerprint(description: RobotDescription, model_path: Path, urdf: str) -> str:
+def _fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
     What the description leaves at its default is left out, so that a field that is added later changes no robot.
@@ -81,7 +83,7 @@ def _fingerprint(description: RobotDescription, model_path: Path, urdf: str) -> 
     # The file as it is, not the text as loaded: that one holds paths of this machine.
     content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
     digest = hashlib.sha256(stated.encode() + b"\0" + content)
-    for link in ElementTree.fromstring(urdf).findall("link"):
+    for link in root.findall("link"):
         for mesh in link.iterfind(f"{description.collision.geometry}/geometry/mesh"):
             file = Path(mesh.get("filename", ""))
             # A mesh that is not there, or is no mesh, is refused where the geometry is built.
@@ -125,15 +127,8 @@ def _stated(description: RobotDescription) -> Stated:
     )
 
 
-def _build_model(urdf: str, description: RobotDescription, model_path: Path) -> pin.Model:
-    try:
-        if description.base == "floating":
-            model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
-        else:
-            model = pin.buildModelFromXML(urdf)
-    except (RuntimeError, ValueError) as error:
-        what = f"pinocchio refuses it ({' '.join(str(error).split())})"
-        raise RobotError(what, source=model_path, remedy="check the file with check_urdf") from error
+def _build_model(root: ElementTree.Element, description: RobotDescription, model_path: Path) -> pin.Model:
+    model = urdf_model(root, model_path, floating=description.base == "floating")
     if model.njoints == 1:
         raise RobotError("has no joint that moves", source=model_path, remedy="describe at least one")
     model.gravity.linear = np.array(description.gravity)

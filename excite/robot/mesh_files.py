@@ -18,8 +18,11 @@ Array = NDArray[np.float64]
 MAX_MESH_BYTES = 256 * 1024 * 1024
 # A part of 1 km in micrometres.
 MAX_COORDINATE = 1e9
-# That trunk takes 6 s; of 200 damaged Collada files two kept the loader busy without end.
-LOADING_SECONDS = 40.0
+# That trunk takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so that the search for the
+# one among many shall not take a minute.
+BATCH_SECONDS = 20.0
+MESH_SECONDS = 12.0
+SECONDS_A_MEGABYTE = 0.7
 LOADING_MEMORY_GB = 8.0
 
 _BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -69,12 +72,26 @@ def _loaded(paths: list[Path]) -> dict[Path, Array]:
     """All in one process, since starting it takes longer than most meshes."""
     if not paths:
         return {}
+    try:
+        return _in_child(paths, BATCH_SECONDS)
+    except RobotError:
+        if len(paths) == 1:
+            raise
+    # A child that hangs or crashes does not say at which of them.
+    found: dict[Path, Array] = {}
+    for path in paths:
+        found |= _in_child([path], MESH_SECONDS)
+    return found
+
+
+def _in_child(paths: list[Path], seconds: float) -> dict[Path, Array]:
+    megabytes = sum(path.stat().st_size for path in paths) / 1e6
     points = in_child(
         "excite.robot.mesh_files:load_points",
         tuple(paths),
-        source=paths[0] if len(paths) == 1 else Path(f"one of {len(paths)} meshes, {paths[0].name} …"),
+        source=paths[0],
         error=RobotError,
-        seconds=LOADING_SECONDS,
+        seconds=seconds + SECONDS_A_MEGABYTE * megabytes,
         memory_gb=LOADING_MEMORY_GB,
     )
     return dict(zip(paths, points, strict=True))

@@ -102,7 +102,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         spec = mujoco.MjSpec.from_file(str(path))
         _strip_missing_meshes(spec, path, notes)
         model = spec.compile()
-    except (ValueError, FileNotFoundError) as error:
+    except (ValueError, OSError, RuntimeError) as error:
         line = " ".join(str(error).split())
         raise RobotError(f"MuJoCo cannot compile it ({line})", source=path, remedy="mend it there") from error
     _refuse(model, path)

@@ -15,12 +15,13 @@ from excite.robot.quantities import (
     MAX_MASS,
     MAX_ORIENTATION,
     MAX_STAND_IN,
+    MAX_TRAVEL,
     MAX_VELOCITY,
 )
 
 # Largest magnitude by attribute, and the likely cause of a larger one; elsewhere what stands in for "no limit".
 _LARGEST: dict[str, tuple[float, str]] = {
-    "xyz": (MAX_LENGTH, "write metres"),
+    "xyz": (MAX_TRAVEL, "looks like millimetres: write metres"),
     "rpy": (MAX_ORIENTATION, "looks like degrees: write radians"),
     "value": (MAX_MASS, "write kilograms"),
     "effort": (MAX_FORCE, "write N·m or N"),

@@ -573,6 +573,48 @@ _ARGUMENTS: dict[str, tuple[str, str]] = {
 }
 
 
+_SILENT: dict[str, tuple[str, str, str]] = {
+    # What the parser behind pinocchio prints line by line must not reach the screen beside ours.
+    "damping is no number": (
+        ELBOW_LIMIT,
+        ELBOW_LIMIT + '<dynamics damping="nan"/>',
+        r"joint 'elbow'/dynamics@damping: is 'nan'; give one number",
+    ),
+    "friction with a comma": (
+        ELBOW_LIMIT,
+        ELBOW_LIMIT + '<dynamics friction="1,5"/>',
+        r"joint 'elbow'/dynamics@friction: is '1,5'",
+    ),
+    "dynamics twice": (
+        ELBOW_LIMIT,
+        ELBOW_LIMIT + '<dynamics damping="1"/><dynamics damping="2"/>',
+        r"joint 'elbow'/dynamics: occurs twice; keep one",
+    ),
+    "axis twice": (
+        ELBOW_AXIS,
+        ELBOW_AXIS + '<axis xyz="1 0 0"/>',
+        r"joint 'elbow'/axis: occurs twice; keep one",
+    ),
+}
+_MIXED_UNITS: dict[str, tuple[str, str, str]] = {
+    "moments in kg·mm²": (
+        'ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.002"',
+        'ixx="10000" ixy="0" ixz="0" iyy="10000" iyz="0" izz="2000"',
+        r"link 'lower'/inertial/inertia: spreads 1 kg over a radius of 100 m; write moments in kg·m²",
+    ),
+    "offset in millimetres": (
+        'xyz="0 0 0.4"',
+        'xyz="0 0 400"',
+        r"joint 'elbow'/origin@xyz: is '0 0 400', more than any.*like millimetres: write metres",
+    ),
+    "few degrees": (
+        ELBOW_LIMIT,
+        ELBOW_LIMIT.replace("2.0", "20"),
+        r"joint 'elbow'/limit: is -20 rad.*looks like degrees",
+    ),
+}
+
+
 def _cases() -> Iterator[Case]:
     for name, (robot, line) in _ARGUMENTS.items():
         yield Case("name of a robot", name, lambda folder, robot=robot: ["check", robot, "motion.csv"], line)  # type: ignore[misc]
@@ -593,6 +635,8 @@ def _cases() -> Iterator[Case]:
         ("robot.yaml names", _YAML_NAMES, _spoilt_yaml),
         ("URDF numbers", _URDF_NUMBERS, _spoilt_urdf),
         ("URDF structure", _URDF_STRUCTURE, _spoilt_urdf),
+        ("URDF that parsers comment", _SILENT, _spoilt_urdf),
+        ("units", _MIXED_UNITS, _spoilt_urdf),
         ("MJCF numbers", _MJCF_NUMBERS, _spoilt_mjcf),
         ("MJCF size", _MJCF_SIZE, _spoilt_mjcf),
     ):

@@ -52,7 +52,7 @@ def compile_text(content: bytes, folder: Path | None, source: object = "written 
             mujoco.set_mju_user_warning(lambda _: None)
             _drop_missing_files(spec, folder)
         return spec.compile()
-    except ValueError as error:
+    except (ValueError, OSError, RuntimeError) as error:
         raise InputError(
             f"MuJoCo refuses it ({' '.join(str(error).split())})",
             source=source,
