@@ -22,8 +22,8 @@ MAX_ANGLE = 1e3
 # Orientations are written within a turn or two; 90, 120, 180 are degrees.
 MAX_ORIENTATION = 8.0 * math.pi
 # Arms turn twice about themselves at most; of 1181 published models none goes beyond 10 rad but those that write 1e16
-# for no limit. Beyond two turns from zero, only whole half turns are taken for angles in rad.
-MAX_TURNS = 4.0 * math.pi
+# for no limit. Beyond four turns from zero, only whole half turns are taken for angles in rad.
+MAX_TURNS = 8.0 * math.pi
 # Ten times the weight of the largest excavators' booms.
 MAX_MASS = 1e6
 # A body of that mass and 30 m.

@@ -113,7 +113,7 @@ def _check_name(name: str, where: str, path: Path) -> None:
 def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
     for tag in _ONCE.get(element.tag, ()):
         found = element.findall(tag)
-        if len(found) > 1 and any(_said(one) != _said(found[0]) for one in found):
+        if len(found) > 1:
             raise RobotError("occurs twice", source=path, field=f"{where}/{tag}", remedy="keep one")
     for child in element:
         if child.tag in _ONCE:
@@ -125,11 +125,6 @@ def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
                 field=f"{where}/geometry",
                 remedy=f"give each a <{element.tag}> of its own",
             )
-
-
-def _said(element: ElementTree.Element) -> str:
-    """An element as text; two that say the same are one to every reader."""
-    return ElementTree.tostring(element, encoding="unicode").strip()
 
 
 def _check_flat(element: ElementTree.Element, where: str, path: Path) -> None:
@@ -179,8 +174,9 @@ def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
             what = f"is {axis.get('xyz')!r}, which is no direction"
             raise RobotError(what, source=path, field=f"{where}/axis", remedy="give a vector of length 1")
     dynamics = joint.find("dynamics")
-    for attribute in ("damping", "friction") if dynamics is not None else ():
-        numbers(dynamics, attribute, 1, path, f"{where}/dynamics", default="0")
+    if dynamics is not None:
+        for attribute in ("damping", "friction"):
+            numbers(dynamics, attribute, 1, path, f"{where}/dynamics", default="0")
     limit = joint.find("limit")
     if limit is not None:
         _check_limit(joint, limit, f"{where}/limit", path)

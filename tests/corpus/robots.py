@@ -607,11 +607,6 @@ _MIXED_UNITS: dict[str, tuple[str, str, str]] = {
         'xyz="0 0 400"',
         r"joint 'elbow'/origin@xyz: is '0 0 400', more than any.*like millimetres: write metres",
     ),
-    "few degrees": (
-        ELBOW_LIMIT,
-        ELBOW_LIMIT.replace("2.0", "20"),
-        r"joint 'elbow'/limit: is -20 rad.*looks like degrees",
-    ),
 }
 
 

@@ -181,7 +181,8 @@ def test_a_mesh_that_keeps_the_loader_busy_is_one_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh = next(example_robot_data().rglob("*.dae"))
-    monkeypatch.setattr(excite.robot.mesh_files, "LOADING_SECONDS", 0.01)
+    monkeypatch.setattr(excite.robot.mesh_files, "BATCH_SECONDS", 0.01)
+    monkeypatch.setattr(excite.robot.mesh_files, "SECONDS_A_MEGABYTE", 0.0)
     with pytest.raises(RobotError, match=r"takes its reader more than 0\.01 s; check"):
         mesh_points(mesh)
 
