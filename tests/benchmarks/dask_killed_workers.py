@@ -21,7 +21,7 @@ from excite.safety.filter import filter_candidates
 from tests.benchmarks.table import Row
 
 RUNS = 20
-_ROBOT, _COUNT, _SEED = "ur10", 12, 7
+_ROBOT, _COUNT, _SEED = "ur10", 6, 7
 
 
 def rows() -> list[Row]:
