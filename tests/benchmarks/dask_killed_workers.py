@@ -8,7 +8,6 @@ import signal
 import sys
 import threading
 import time
-from typing import Any
 
 import numpy as np
 
@@ -36,35 +35,33 @@ def rows() -> list[Row]:
 
 def measure(runs: int, seed: int) -> tuple[int, int]:
     """Complete screenings, and those equal to one that nobody disturbed."""
-    from distributed import LocalCluster
 
     rng, robot = np.random.default_rng(seed), load_robot(_ROBOT)
     expected = _screened(robot, 1)
+    _, seconds = _disturbed(robot, None)
     complete = equal = 0
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        with executor(cluster.scheduler_address) as crew:
-            started = time.perf_counter()
-            _screened(robot, crew)
-            seconds = time.perf_counter() - started
-        for _ in range(runs):
-            killer = threading.Timer(
-                float(rng.uniform(0.0, seconds)), _kill, (cluster, int(rng.integers(1 << 30)))
-            )
-            with executor(cluster.scheduler_address) as crew:
-                killer.start()
-                found = _screened(robot, crew)
-            killer.join()
-            complete += 1
-            equal += found == expected
+    for _ in range(runs):
+        found, _ = _disturbed(robot, (float(rng.uniform(0.0, seconds)), int(rng.integers(2))))
+        complete += 1
+        equal += found == expected
     return complete, equal
 
 
-def _kill(cluster: Any, number: int) -> None:
-    """Kill one of the worker processes; the cluster starts another one in its place."""
-    workers = [nanny.process.pid for nanny in cluster.workers.values() if nanny.process is not None]
-    workers = [pid for pid in workers if pid is not None]
-    if workers:
-        os.kill(workers[number % len(workers)], signal.SIGKILL)
+def _disturbed(robot: Robot, kill: tuple[float, int] | None) -> tuple[str, float]:
+    """What a cluster of its own finds, and its seconds; after some of them one of its workers is killed."""
+    from distributed import LocalCluster
+
+    # One cluster a run: a worker that is killed while it starts is not started again.
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        executor(cluster.scheduler_address) as crew,
+    ):
+        started = time.perf_counter()
+        if kill is not None:
+            after, number = kill
+            pid = list(cluster.workers.values())[number].process.pid
+            threading.Timer(after, os.kill, (pid, signal.SIGKILL)).start()
+        return _screened(robot, crew), time.perf_counter() - started
 
 
 def _screened(robot: Robot, jobs: Jobs) -> str:
