@@ -102,6 +102,7 @@ def _excite(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_a_command_plans_on_a_cluster_to_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
     arguments = ("plan", "ur10", "--candidates", "8", "--seed", "1")
     there = _excite(*arguments, "--cluster", cluster.scheduler_address, "--out", "there", cwd=tmp_path)
@@ -132,10 +133,11 @@ def test_options_that_nobody_can_mean_are_refused_in_one_line(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_an_interrupted_command_leaves_no_worker_and_no_file(tmp_path: Path) -> None:
     (tmp_path / "tmp").mkdir()
     run = subprocess.Popen(
-        [sys.executable, "-m", "excite", "plan", "g1", "--candidates", "400", "--jobs", "2"],
+        [sys.executable, "-m", "excite", "plan", "ur10", "--candidates", "400", "--jobs", "2"],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,
