@@ -89,12 +89,17 @@ class UnsafeMotionError(ExciteError):
 
 
 class NoSolutionError(ExciteError):
-    """A search or a solver ended without a solution; ``best`` is the best found, if there is one."""
+    """A search or a solver ended without a solution.
+
+    Attributes:
+        best: the best found, None if there is none.
+        shown: whether the command line has printed the best, and with it this error, already.
+    """
 
     exit_code = 3
 
     def __init__(self, what: str, *, best: object = None, remedy: str | None = None):
-        self.what, self.best, self.remedy = what, best, remedy
+        self.what, self.best, self.remedy, self.shown = what, best, remedy, False
         super().__init__(f"{what}; {remedy}" if remedy else what)
 
 

@@ -115,7 +115,7 @@ def command(
         if not isinstance(error.best, excite.Identification):
             raise
         _show_best(error, error.best, out, as_json=as_json)
-        raise typer.Exit(error.exit_code) from error
+        raise
     document, summary = result.to_json(), result.summary()
     if lag is not None:
         document["torque_delay"] = {"value_s": lag.lag_s, "std_s": lag.std_s}
@@ -164,9 +164,8 @@ def _show_best(
     error: excite.NoSolutionError, best: excite.Identification, out: Path | None, *, as_json: bool
 ) -> None:
     """Show and write the best that is known, and say what it is; no model is made of it."""
-    failure = of_error(error)
-    document = {**best.to_json(), "error": failure.to_json()}
+    document = {**best.to_json(), "error": of_error(error).to_json()}
     if out is not None:
         write_json(document, out / "identification.json")
     emit(best.summary(), document, as_json=as_json)
-    failure.show(as_json=False)
+    error.shown = True

@@ -149,6 +149,8 @@ def _run(arguments: list[str]) -> int:
         raise
     except ExciteError as error:
         failure = of_error(error)
+        # One document on stdout, not two.
+        as_json = as_json and not getattr(error, "shown", False)
     except _UsageError as error:
         if type(error).__name__ == "NoArgsIsHelpError":
             error.show()
