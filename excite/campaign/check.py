@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from excite.errors import InputError, OtherRobotError
-from excite.motion.collection import motion_paths
-from excite.motion.files import load_motion
+from excite.errors import InputError
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
-from excite.safety.verdict import Margins, Verdict, Violation, check_document
+from excite.safety.verdict import Verdict, check_document
 
 
 @dataclass(frozen=True)
@@ -70,35 +67,6 @@ def check(
             )
         )
     )
-
-
-def check_files(
-    robot: Robot, paths: Iterable[str | Path], *, jobs: Jobs = 1, progress: Progress = silent
-) -> CheckReport:
-    """Read motions and judge them; one that is another robot's is unsafe, whatever its joints.
-
-    Args:
-        robot: the robot that shall run them.
-        paths: files of motions, or folders of them.
-        jobs: number of processes, or an executor.
-        progress: told after each motion.
-
-    Raises:
-        MotionError: a file cannot be read.
-    """
-    read = [_read(robot, path) for path in motion_paths(paths)]
-    motions = [item for item in read if isinstance(item, Motion)]
-    judged = iter(check(robot, motions, jobs=jobs, progress=progress).verdicts if motions else ())
-    return CheckReport(tuple(next(judged) if isinstance(item, Motion) else item for item in read))
-
-
-def _read(robot: Robot, path: Path) -> Motion | Verdict:
-    """A motion to judge; of one whose joints are another robot's, the verdict."""
-    try:
-        return load_motion(path, robot)
-    except OtherRobotError as error:
-        found = Violation("other_robot", None, error.robot, None, None)
-        return Verdict(path.stem, Margins(), (found,), readable=False)
 
 
 def _checked(robot: Robot, task: tuple[Motion, dict[str, Motion]]) -> Verdict:

@@ -38,11 +38,9 @@ def command(
     robot, motions = (files[0], files[1:]) if whose is None else (whose, files)
     if not motions:
         raise typer.BadParameter("name at least one", param_hint="'MOTION…'")
-    from excite.campaign.check import check_files
-
     loaded = excite.load_robot(robot)
     with workers(jobs, cluster) as crew, progress_bars() as progress:
-        result = check_files(loaded, motions, jobs=crew, progress=progress)
+        result = excite.check(loaded, excite.load_motions(motions, loaded), jobs=crew, progress=progress)
     if out is not None:
         write_json(result.to_json(), out / "check.json")
     emit(result.summary(), result.to_json(), as_json=as_json)

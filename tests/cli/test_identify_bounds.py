@@ -116,7 +116,7 @@ def test_an_untouched_template_changes_nothing(excite, tmp_path):
         ("links: {forearm_link: {mass: [1, 2]}}", "links.forearm_link.mass", "m, cx, cy"),
         ("links: {forearm_link: {m: [3, 2]}}", "links.forearm_link.m", "lower one below the upper"),
         ("links: {forearm_link: {m: [.nan, 2]}}", "links.forearm_link.m", "give a number"),
-        ("links: {forearm_link: {m: [1, .inf]}}", "links.forearm_link.m", "finite"),
+        ("links: {forearm_link: {m: [1, .inf]}}", "links.forearm_link.m", "write numbers up to"),
         ("links: {forearm_link: {m: 2}}", "links.forearm_link.m", "[lower, upper]"),
         ("links: {forearm_link: {m: [1, 2, 3]}}", "links.forearm_link.m", "[lower, upper]"),
         ("links: {forearm_link: {m: [true, 2]}}", "links.forearm_link.m", "[lower, upper]"),

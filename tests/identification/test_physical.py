@@ -272,7 +272,7 @@ class TestFaults:
             load_physical_bounds(path, iiwa.bounds().links)
 
     def test_missing_file(self, tmp_path):
-        with pytest.raises(InputError, match="cannot be read"):
+        with pytest.raises(InputError, match="no such file"):
             load_physical_bounds(tmp_path / "none.yaml", iiwa.bounds().links)
 
     @pytest.mark.parametrize(("name", "value"), [("starts", -1), ("gap", float("nan")), ("nodes", 0)])

@@ -137,6 +137,7 @@ def _every_error() -> list[ExciteError]:
         "InputError": errors.InputError("is 1", source="a.yaml", field="mass", remedy="give 2"),
         "RobotError": errors.RobotError("is 1", source=Path("a.yaml"), field="mass", remedy="give 2"),
         "MotionError": errors.MotionError("is 1", field="q"),
+        "OtherRobotError": errors.OtherRobotError("g1", "ur10", "a.parquet"),
         "LogError": errors.LogError("is 1", source="log"),
         "UnknownNameError": errors.UnknownNameError("joint", "elbow", ["knee", "hip"]),
         "UnsafeMotionError": errors.UnsafeMotionError("falls", verdicts=["bad"], remedy="no"),
