@@ -113,7 +113,7 @@ def _check_name(name: str, where: str, path: Path) -> None:
 def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
     for tag in _ONCE.get(element.tag, ()):
         found = element.findall(tag)
-        # Recordings of real arms come with a mount that has two: where a fixed joint puts the base changes nothing there.
+        # Published models of real arms have a mount with two: where that stands changes no torque.
         mount = tag == "origin" and element.tag == "joint" and element.get("type") == "fixed"
         if len(found) > 1 and not mount:
             raise RobotError("occurs twice", source=path, field=f"{where}/{tag}", remedy="keep one")
