@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
@@ -12,7 +11,15 @@ import pyarrow.parquet
 
 from excite.arrow_columns import numpy_columns, read_parquet
 from excite.errors import MotionError
-from excite.motion.readers.reader import MAX_FILE_BYTES, MAX_VALUES, MotionReader, RawMotion, unreadable
+from excite.motion.readers.reader import (
+    DAMAGED,
+    MAX_FILE_BYTES,
+    MAX_VALUES,
+    MotionReader,
+    RawMotion,
+    check_once,
+    unreadable,
+)
 from excite.reading.file import check_file
 from excite.reading.json_document import parse_json
 
@@ -41,17 +48,7 @@ class ParquetReader(MotionReader):
             table = read_parquet(path)
             metadata = parse_json(((table.schema.metadata or {}).get(b"excite", b"{}")).decode())
             columns = numpy_columns(table)
-        except (
-            OSError,
-            ValueError,
-            RecursionError,
-            MemoryError,
-            json.JSONDecodeError,
-            pa.ArrowException,
-        ) as error:
+        except DAMAGED as error:
             raise unreadable(path, error) from error
-        if len(set(table.column_names)) < len(table.column_names):
-            names = table.column_names
-            twice = next(name for name in names if names.count(name) > 1)
-            raise MotionError("stands twice", source=path, field=twice[:60], remedy="keep one of them")
+        check_once(table.column_names, path)
         return RawMotion(columns, metadata)

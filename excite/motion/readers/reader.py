@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from excite.errors import MotionError
@@ -15,6 +16,8 @@ from excite.errors import MotionError
 # An hour of a humanoid at 1 kHz has 3.6e6 samples of 117 columns, 3.4 GB; motions here last minutes.
 MAX_FILE_BYTES = 1024 * 1024 * 1024
 MAX_VALUES = 200_000_000
+# What Arrow, and JSON in metadata, raise of files that are damaged; JSON's own error is a ValueError.
+DAMAGED = (OSError, ValueError, RecursionError, MemoryError, pa.ArrowException)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +59,15 @@ class MotionReader(ABC):
         Raises:
             MotionError: it cannot be read, is damaged, or is larger than any motion.
         """
+
+
+def check_once(names: Sequence[str], path: Path) -> None:
+    """Refuse columns of the same name; raises MotionError that names the first."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise MotionError("stands twice", source=path, field=name[:60], remedy="keep one of the columns")
+        seen.add(name)
 
 
 def unreadable(path: Path, reason: Exception | str) -> MotionError:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,7 +14,14 @@ from numpy.typing import NDArray
 
 from excite.arrow_columns import numpy_columns
 from excite.errors import MotionError
-from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion, unreadable
+from excite.motion.readers.reader import (
+    DAMAGED,
+    MAX_FILE_BYTES,
+    MotionReader,
+    RawMotion,
+    check_once,
+    unreadable,
+)
 from excite.reading.file import check_file
 from excite.reading.json_document import parse_json
 
@@ -77,14 +83,7 @@ class TableReader(MotionReader):
                     pa.csv.ParseOptions(delimiter=separator),
                 )
             columns = numpy_columns(table.rename_columns(names))
-        except (
-            OSError,
-            ValueError,
-            RecursionError,
-            MemoryError,
-            json.JSONDecodeError,
-            pa.ArrowException,
-        ) as error:
+        except DAMAGED as error:
             raise unreadable(path, error) from error
         return RawMotion(columns if metadata else _renamed(columns, joints), metadata)
 
@@ -94,9 +93,7 @@ def _names(line: bytes, path: Path) -> tuple[list[str], str]:
     text = line.decode("utf-8-sig")
     separator = max(",;\t", key=text.count)
     names = [name.strip() for name in next(csv.reader([text.strip("\r\n")], delimiter=separator), [])]
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            raise MotionError("stands twice", source=path, field=name[:60], remedy="keep one of the columns")
+    check_once(names, path)
     return names, separator
 
 
