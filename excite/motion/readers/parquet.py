@@ -46,9 +46,9 @@ class ParquetReader(MotionReader):
                     remedy="check that it is a motion",
                 )
             table = read_parquet(path)
+            check_once(table.column_names, path)
             metadata = parse_json(((table.schema.metadata or {}).get(b"excite", b"{}")).decode())
             columns = numpy_columns(table)
         except DAMAGED as error:
             raise unreadable(path, error) from error
-        check_once(table.column_names, path)
         return RawMotion(columns, metadata)
