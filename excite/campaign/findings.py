@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
@@ -26,7 +27,7 @@ from excite.report.data import (
     save_report_data,
 )
 from excite.robot.catalogue import data_folder
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 def robot_file(robot: Robot, folder: Path) -> dict[str, str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.campaign.on_disk import OnDisk, write_value
 from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.ranking import Ranking, ranking
@@ -16,7 +17,7 @@ from excite.excitation.sub_regressors import SegmentCondition, segment_columns, 
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import measured_columns
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.temporary_folder import TemporaryFolder
 from excite.threads import one_blas_thread
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from excite.arrays import Array
 from excite.identification.equation_noise import EquationNoise, equation_noise
 from excite.identification.essential import EssentialParameters, essential_parameters
 from excite.identification.noise import triangle
@@ -19,7 +20,7 @@ from excite.identification.trial_grid import trial_grids
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.motion.motion import Motion, interpolate
 from excite.regressor.base_parameters import BaseParameters, base_parameters
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.drives import nominal_drives
 from excite.simulation.sensing import log_header
 from excite.threads import one_blas_thread

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.augmented_effects import Found
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.gear import contact_stiffness, gear_damping
 from excite.diagnosis.effects.gear_effect import GearEffect
-from excite.robot.robot import Array
 
 _SMOOTH = 201
 

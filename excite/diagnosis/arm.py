@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.accepted_values import found_effects
 from excite.diagnosis.arm_curves import trial_curves
 from excite.diagnosis.attribute import Attributor
@@ -33,7 +34,7 @@ from excite.diagnosis.units import at_joint
 from excite.diagnosis.unnamed import in_words
 from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
 from excite.logs.log import Log
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _LISTED = 8
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.curves import Curves
 from excite.diagnosis.samples import ArmSamples
 from excite.diagnosis.units import force_unit
-from excite.robot.robot import Array
 
 
 def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.accepted_together import searched_together
 from excite.diagnosis.attribution import Attribution, Scored, Stage
 from excite.diagnosis.baseline import Baseline
@@ -21,7 +22,6 @@ from excite.diagnosis.side_by_side import side_by_side
 from excite.diagnosis.sign_changes import signs_again
 from excite.diagnosis.structured import structured_joints
 from excite.diagnosis.unnamed import unnamed
-from excite.robot.robot import Array
 
 _REFINED = 5
 _STRONG = 3

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.hypotheses import Hypothesis
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

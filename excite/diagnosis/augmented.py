@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.augmented_contacts import SoftPlay, add_soft_play
 from excite.diagnosis.augmented_effects import DEFLECTION, FORMS, Draft, Found, presliding, tilted
 from excite.diagnosis.augmented_plant import Plant, fitted_plant, physical_plant
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.model_text import AugmentedModel
 from excite.diagnosis.physical_bodies import unphysical
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.drives import Drives
 from excite.simulation.mjcf import World, build_spec
 

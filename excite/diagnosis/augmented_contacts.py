@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 if TYPE_CHECKING:
     import mujoco

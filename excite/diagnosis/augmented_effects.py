@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.augmented_plant import Plant
 from excite.diagnosis.horizontal import level_axes
 from excite.diagnosis.model_text import NOTE
 from excite.robot.links import carried_link
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
     import mujoco

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.physical_bodies import PhysicalBodies, nearest_bodies
 from excite.diagnosis.sign_change import sign_of_motion
 from excite.regressor.kernels import joint_torque_regressor
-from excite.robot.robot import Array
 
 _ROWS = 500
 

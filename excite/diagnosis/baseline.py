@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.drive_terms import own_names, own_signals
 from excite.diagnosis.equations import Fit, Solver
 from excite.diagnosis.samples import ArmSamples
 from excite.diagnosis.sign_change import SignChange
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import own_names, own_signals
 from excite.diagnosis.equations import Equations, Solver
@@ -13,7 +14,6 @@ from excite.diagnosis.sign_changes import first_signs
 from excite.diagnosis.standing_joints import standing_share
 from excite.identification.inertia import central_inertia_matrices
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
-from excite.robot.robot import Array
 
 _RELATIVE = 0.5
 

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.result import LogFault
 from excite.diagnosis.samples import arm_samples
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _FAR, _LIKE, _UNLIKE = 8.0, 0.9, 0.3
 _SCALE = 3.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

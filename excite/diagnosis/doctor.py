@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.channels import examine_channels
 from excite.diagnosis.result import LogFault
 from excite.logs.log import Log, Trial
 from excite.logs.missing import missing_rows
 from excite.logs.signals.clock import misfit
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Stamps that jitter by less than this share of a step are good enough.
 _STEADY = 0.02

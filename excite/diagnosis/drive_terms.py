@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.samples import ArmSamples
 from excite.diagnosis.sign_change import SignChange, damping_of_bristles, sign_of_motion
-from excite.robot.robot import Array
 
 # Bristles are believed where they lower the loss to this share, and so is their damping.
 _BETTER = 0.95

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Columns smaller than this share of the largest one of their hypothesis are rounding errors.
 _NOTHING = 1e-7

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 _LAGS = 200
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Cosine beyond which the base's x axis is upright rather than level.
 _UPRIGHT = 0.9

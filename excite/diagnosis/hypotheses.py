@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
 from excite.diagnosis.equations import Fit, Solver
 from excite.diagnosis.simplex import nelder_mead
-from excite.robot.robot import Array
 
 # Standard deviations, by which trials disagree, that an effect's columns together have to be.
 _SIGNIFICANT = 6.0

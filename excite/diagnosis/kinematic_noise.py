@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import own_names
 from excite.diagnosis.samples import ArmSamples
@@ -15,7 +16,6 @@ from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
 from excite.logs.signals.spectrum import welch
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array
 
 # Noise is seen between this multiple of the kinematics' band and this share of the rate.
 _ABOVE, _BELOW = 1.3, 0.45

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.gap import Where
 from excite.logs.signals.spectrum import welch
-from excite.robot.robot import Array
 
 _LEAST = 0.02
 

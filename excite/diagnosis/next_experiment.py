@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.next_experiment_candidates import Offer, beyond, joined_motions, near
@@ -15,7 +16,6 @@ from excite.diagnosis.next_experiment_evidence import Expectation, Information
 from excite.diagnosis.samples import ArmSamples
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
-from excite.robot.robot import Array
 
 FILE = "next_experiment.parquet"
 # Expected log-likelihood ratio, in units of what ties a pair: safely told apart; worth an experiment.

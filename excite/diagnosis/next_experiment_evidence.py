@@ -9,6 +9,7 @@ from itertools import permutations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline
@@ -21,7 +22,6 @@ from excite.diagnosis.verdict import tie
 from excite.logs.signals.butterworth import settling_samples
 from excite.motion.motion import Motion
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
-from excite.robot.robot import Array
 
 # Rate at which a motion is judged [Hz]; twice what its 10 Hz rows need, and a fraction of most records'.
 _RATE_HZ = 100.0

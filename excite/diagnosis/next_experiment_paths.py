@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.motion.motion import Motion, MotionMetadata
-from excite.robot.robot import Array
 
 GENERATOR = "retraced"
 _LONGEST_S = 30.0

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.repeats import on_the_clock_of_the_first
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.logs.signals.spectrum import welch
-from excite.robot.robot import Array
 
 _ABOVE = (1.5, 3.0)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.robot.robot import Array
 
 _PRIOR = 1e-3
 _ITERATIONS = 1500

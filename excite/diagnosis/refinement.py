@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import WIDTH_BOUNDS
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.equations import Solver
 from excite.diagnosis.hypotheses import Hypothesis, Search
 from excite.diagnosis.sign_change import WIDTHS, SignChange
-from excite.robot.robot import Array
 
 # A richer form of an effect has to lower the loss by so much.
 _RICHER = 0.01

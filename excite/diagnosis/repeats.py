@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.arm_trial import ArmTrial
-from excite.robot.robot import Array
 
 # A lag of less than this share of a sample is none.
 _NONE = 0.1

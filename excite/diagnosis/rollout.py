@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.augmented_effects import DEFLECTION
 from excite.diagnosis.model_text import load_model, model_notes
 from excite.diagnosis.rollout_deflection import resting_deflection
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, PositionServo, Window
 from excite.diagnosis.rollout_friction import DryFriction
 from excite.divergence import diverged, without_log_file
-from excite.robot.robot import Array
 
 if TYPE_CHECKING:
     import mujoco

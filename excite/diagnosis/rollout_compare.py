@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.accepted_values import drift_growth, found_effects, gear_deflections
 from excite.diagnosis.attribution import Attribution
@@ -21,7 +22,6 @@ from excite.diagnosis.rollout_floor import replicated
 from excite.diagnosis.rollout_windows import HORIZON_S, Plan, pieces, torque_plan
 from excite.diagnosis.samples import ArmSamples
 from excite.errors import InputError
-from excite.robot.robot import Array
 
 # Simulated time on identification trials, where it is decided whether the effects help at all [s].
 _CHECKED_S = 8.0

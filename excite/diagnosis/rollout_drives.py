@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.rollout_drives import LoggedTorque
 from excite.diagnosis.rollout_windows import Plan
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.spectrum import welch
-from excite.robot.robot import Array
 
 # Noise of filtered positions is seen between these shares of the filter's cut-off, above the motion.
 _BETWEEN = (0.5, 0.75)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.presliding import RATIO, bend, bend_further
 from excite.diagnosis.rollout_drives import Window
-from excite.robot.robot import Array
 
 # An effect, the joint that it is at, its values.
 Note = tuple[str, str, Mapping[str, float]]

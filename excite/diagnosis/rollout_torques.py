@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.baseline_fit import model_phi
 from excite.diagnosis.samples import ArmSamples
@@ -18,7 +19,6 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.spectrum import welch
 from excite.regressor.kernels import joint_torque_regressor
-from excite.robot.robot import Array
 
 # Noise of a torque channel is seen between these shares of the rate; nothing else of a motion is there.
 _NOISE, _END = (0.25, 0.45), (0.075, 0.125)

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.arm_trial import ArmTrial
 from excite.diagnosis.rollout_drives import Drive, LoggedTorque, Past, Window
 from excite.diagnosis.rollout_torques import DrivingTorques, driving_torques
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
-from excite.robot.robot import Array
 
 HORIZON_S = 0.5
 _TOTAL_S = 16.0

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.arm_trial import ArmTrial, Bands
 from excite.diagnosis.repeats import Repeat, repeats_of
 from excite.diagnosis.standstill import span_of_motion, standstill_speed
@@ -20,7 +21,7 @@ from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.resample import is_uniform, resample_noisy, resample_smooth, uniform_grid
 from excite.logs.signals.sections import both_ways, butterworth_sections
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _ORDER = 4
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.equations import Fit
@@ -14,7 +15,6 @@ from excite.diagnosis.evidence import Judge, effective_counts
 from excite.diagnosis.hypotheses import Hypothesis
 from excite.diagnosis.noise_floor import other_postures, repeat_floor
 from excite.diagnosis.refinement import price
-from excite.robot.robot import Array
 
 # Hypotheses that remove this share of the power that another removes are compared by their likelihood.
 _ALIKE = 0.7

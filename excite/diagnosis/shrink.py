@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit
 
+from excite.arrays import Array
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.samples import ArmSamples
 from excite.diagnosis.units import force_unit
 from excite.logs.signals.butterworth import noise_bandwidth
-from excite.robot.robot import Array
 
 # Degrees of freedom that blocks must leave to tell a spread, and seconds of those within a trial.
 _FREEDOM, _BLOCK_S = 2, 1.0

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.presliding import bend
 from excite.diagnosis.samples import ArmSamples
-from excite.robot.robot import Array
 
 # Widths of the sign change of Coulomb friction that are tried [rad/s].
 WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)

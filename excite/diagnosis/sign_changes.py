@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import (
     BREAKAWAY_BOUNDS,
@@ -16,7 +17,6 @@ from excite.diagnosis.drive_terms import (
     refined,
 )
 from excite.diagnosis.sign_change import SIGNS, SignChange
-from excite.robot.robot import Array
 
 # A stop in passing is over after that, and what the filter makes of it [s].
 _LONGEST = 0.02

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 class _Spent(Exception):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.samples import ArmSamples
-from excite.robot.robot import Array
 
 # Share of standstill from which a row is a standing joint's.
 HELD = 0.3

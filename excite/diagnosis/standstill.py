@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Speed below which a joint stands before and after a motion, and by which it surely moves within one [rad/s].
 _STILL, _STANDS = 0.01, 0.012

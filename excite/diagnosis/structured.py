@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.evidence import effective_counts
-from excite.robot.robot import Array
 
 # Power over the floor's, and nats, from which a rest is structured.
 _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0

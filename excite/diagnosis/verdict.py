@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.attribution import Attribution, Scored
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.gates import Gates
 from excite.diagnosis.result import Verdict
 from excite.diagnosis.structured import structured_joints
-from excite.robot.robot import Array
 
 # Rivals within so many nats, or so small a share of the evidence, are not told apart.
 _TIE_NATS, _TIE_SHARE = 10.0, 0.015

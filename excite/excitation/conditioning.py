@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, MotionError
 from excite.excitation.sub_regressors import (
     RANK_TOLERANCE,
@@ -23,7 +24,7 @@ from excite.motion.motion import Motion
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
 from excite.regressor.factor import r_factor
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Factors that are stacked before they are made one.
 _STACKED = 40

@@ -6,11 +6,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.base_parameters import BaseParameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
 from excite.regressor.factor import r_factor
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 
 # Directions with a singular value below this share of the largest say nothing, columns of unit length.
 _SILENT = 1e-8

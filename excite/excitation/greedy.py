@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.excitation.conditioning import MotionFactor, stack_factors
 from excite.excitation.sub_regressors import RANK_TOLERANCE
 from excite.regressor.base_parameters import BaseParameters
-from excite.robot.robot import Array
 from excite.threads import one_blas_thread
 
 # Information that a choice starts with, as share of all candidates': keeps criteria finite before rank is full.

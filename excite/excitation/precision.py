@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.excitation.conditioning import MotionFactor
 from excite.excitation.sub_regressors import RANK_TOLERANCE
@@ -11,7 +12,7 @@ from excite.regressor.base_parameters import BaseParameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns
 from excite.regressor.kernels import forward_kinematics
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 def row_noise(robot: Robot) -> Array:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.conditioning import MotionFactor
 from excite.excitation.sub_regressors import SegmentCondition, segment_columns, segment_conditions
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)

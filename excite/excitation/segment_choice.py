@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.excitation.conditioning import MotionFactor
-from excite.robot.robot import Array
 from excite.threads import one_blas_thread
 
 # A row below its limit by this factor is no longer worth seconds; what rows gain there counts this much.

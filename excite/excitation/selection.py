@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.conditioning import MotionFactor
 from excite.excitation.greedy import (
@@ -22,7 +23,7 @@ from excite.excitation.ranking import Ranking
 from excite.excitation.segment_choice import choose_by_segments, segment_information
 from excite.excitation.sub_regressors import segment_columns
 from excite.regressor.base_parameters import BaseParameters
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # A base parameter smaller than this counts as negligible (Xu et al. 2020) [SI]: its RSD is not to decide.
 NEGLIGIBLE = 0.01

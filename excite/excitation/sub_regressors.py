@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import Columns
 from excite.regressor.factor import r_factor
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Singular values below this share of the largest are rounding: the regressor lacks rank there.
 RANK_TOLERANCE = 1e-10

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.excitation.conditioning import (
     Conditioning,
     MotionFactor,
@@ -15,7 +16,6 @@ from excite.excitation.conditioning import (
 )
 from excite.excitation.sub_regressors import RANK_TOLERANCE
 from excite.regressor.base_parameters import BaseParameters, combination
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

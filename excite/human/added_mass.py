@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.segments import NAMES
 from excite.human.weight_candidate import AddedMass, best_fit, candidate
@@ -23,7 +24,7 @@ from excite.identification.rows import filtered_rows
 from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.threads import one_blas_thread
 
 _PRIOR_SPREAD = 0.3

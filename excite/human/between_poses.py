@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from excite.arrays import Array
 from excite.human.skeleton import N_SEGMENTS, Pose
-from excite.robot.robot import Array
 
 
 def interpolated(at: Array, pose: Pose, wanted: Array) -> Pose:

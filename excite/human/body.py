@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.human.dimensions import Dimensions, joint_offsets, stature_dimensions
 from excite.human.inertials import Anthropometry, BodyInertia, body_inertias
 from excite.human.segments import NAMES, SEGMENTS
 from excite.human.subject import Subject
-from excite.robot.robot import Array
 
 # Density of the whole body [kg/m³] (Winter 2009, section 4.1.2), for the shapes that are drawn.
 _DENSITY = 1050.0

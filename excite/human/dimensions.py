@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.human.segments import NAMES, SIDES
 from excite.human.subject import Subject
 from excite.human.tables import dumas
-from excite.robot.robot import Array
 
 DIMENSIONS: tuple[str, ...] = (
     "hip_half_width",

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.human.between_poses import interpolated
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution
 from excite.human.recording import Recording
 from excite.logs.finding import Finding, listed
-from excite.robot.robot import Array
 
 FAR = 0.05
 """A pair of labels is exchanged only where both lie this far from where they belong [m]."""

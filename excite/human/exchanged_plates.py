@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.human.pressure import typical_miss
 from excite.human.recording import PlateRecording
 from excite.logs.finding import Finding
-from excite.robot.robot import Array
 
 NEAR, FAR = 0.15, 0.25
 """A foot that stands on a plate has the centre of pressure below it; both are good to a few centimetres [m]."""

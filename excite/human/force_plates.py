@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.body import Body
 from excite.human.exchanged_plates import FAR, NEAR, unswapped_plates
@@ -17,7 +18,6 @@ from excite.human.segments import SIDES
 from excite.human.skeleton import Placement
 from excite.logs.finding import Finding
 from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.robot.robot import Array
 
 GRAVITY = 9.81
 _UNLOADED_N = 20.0

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.kinematics import forces_on_grid, trial_kinematics
 from excite.identification.settings import ProblemSettings
@@ -17,7 +18,7 @@ from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.regressor.kernels import base_link_regressor
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")

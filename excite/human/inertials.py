@@ -7,12 +7,12 @@ from typing import Literal
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.human.dimensions import Dimensions
 from excite.human.segments import NAMES, SEGMENTS
 from excite.human.subject import Subject
 from excite.human.tables import de_leva, dumas
-from excite.robot.robot import Array
 
 Anthropometry = Literal["de_leva", "dumas"]
 ANTHROPOMETRY: tuple[str, ...] = ("de_leva", "dumas")

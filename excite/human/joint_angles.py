@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from excite.arrays import Array
 from excite.human.segments import JOINT_NAMES, SEGMENTS
 from excite.human.skeleton import N_SEGMENTS, Pose, exponential
 from excite.logs.finding import Finding, listed
-from excite.robot.robot import Array
 
 # The turn of an upper arm about its own axis ranges from some 60° outwards to 120° inwards; counted from the
 # middle, it keeps clear of the 90° at which the angles are singular.

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.markers.marker_set import MarkerSet, bare_label
 from excite.human.recording import Recording
 from excite.human.subject import Subject
 from excite.logs.finding import Finding, listed
-from excite.robot.robot import Array
 
 _UP = {
     "z": np.eye(3),

@@ -7,12 +7,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.human.body import Body
 from excite.human.joint_angles import frame_turn
 from excite.human.markers.inverse_kinematics import MarkerModel
 from excite.human.segments import NAMES, PARENTS, SEGMENTS, Segment
-from excite.robot.robot import Array
 
 _VERSION = "40000"
 # From x forward, y left, z up to x forward, y up, z right.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.human.body import Body
 from excite.human.recording import PlateRecording
 from excite.human.segments import NAMES
 from excite.human.skeleton import Placement
-from excite.robot.robot import Array
 
 LOADED_N = 50.0
 """Vertical force above which a centre of pressure means something [N]."""

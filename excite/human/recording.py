@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from excite.arrays import Array
 from excite.logs.finding import Finding
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.human.body import Body
 from excite.human.inertials import ANTHROPOMETRY, BodyInertia
@@ -14,7 +15,6 @@ from excite.human.joint_angles import frame_turn
 from excite.human.segments import NAMES
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.result import Identification
-from excite.robot.robot import Array
 
 STATED = "stated"
 """Column of nominal masses that are no table's."""

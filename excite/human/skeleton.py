@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from excite.arrays import Array
 from excite.human.segments import NAMES, PARENTS, SEGMENTS, ancestors
-from excite.robot.robot import Array
 
 N_SEGMENTS = len(NAMES)
 

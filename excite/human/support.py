@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.body import Body
 from excite.human.force_plates import GRAVITY, PlateReading
@@ -16,7 +17,6 @@ from excite.human.skeleton import Placement
 from excite.logs.finding import Finding
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
-from excite.robot.robot import Array
 
 _MISSING = 0.35
 _SHORTEST_S = 0.1

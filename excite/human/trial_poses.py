@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.between_poses import interpolated
 from excite.human.exchanged_labels import FAR, label_findings, unswapped
@@ -21,7 +22,6 @@ from excite.human.segments import NAMES
 from excite.human.skeleton import DESCENDANTS, N_SEGMENTS, Pose
 from excite.logs.finding import Finding
 from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.robot.robot import Array
 
 _LONGEST_FILL_S = 0.2
 _STRIDE = 4

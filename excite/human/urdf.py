@@ -8,11 +8,11 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
+from excite.arrays import Array
 from excite.human.body import Body, segment_box
 from excite.human.inertials import BodyInertia
 from excite.human.joint_angles import frame_turn
 from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS
-from excite.robot.robot import Array
 
 URDF_FILE, ROBOT_FILE = "human.urdf", "robot.yaml"
 _SPEED, _TORQUE = 40.0, 400.0

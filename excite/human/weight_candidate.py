@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 BELT_RADIUS = 0.06
 """A belt is worn around a segment: its mass lies at this radius of gyration about its own centre [m]."""

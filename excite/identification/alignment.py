@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import qr
 
+from excite.arrays import Array
 from excite.identification.base_rows import BaseRows
 from excite.identification.joint_rows import JointRows, drive_terms
 from excite.identification.kinematics import trial_kinematics
@@ -17,7 +18,7 @@ from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.align import Lag, peak
 from excite.regressor.base_parameters import base_parameters
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _STEPS = 20
 

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.identification.rows import TrialRows, filtered_rows
@@ -14,7 +15,7 @@ from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
 from excite.regressor.kernels import base_link_regressor, forward_kinematics
 from excite.regressor.wrench import base_wrench
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 

@@ -14,9 +14,9 @@ from math import lgamma
 import numpy as np
 from scipy.linalg import qr
 
+from excite.arrays import Array
 from excite.identification.noise import NoiseModel, whitened_factor
 from excite.identification.regression import RANK_TOLERANCE, Regression, prior_std
-from excite.robot.robot import Array
 
 # Twice the natural logarithm of 20: sets whose criteria lie closer are not told apart.
 _TIE = 6.0

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.settings import Filters
-from excite.robot.robot import Array
 
 # Below this share of its greatest power the filter leaves too little to learn the noise from.
 _AUDIBLE = 0.05

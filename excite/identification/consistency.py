@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.inertia import central_inertia_matrices, inertia_matrices, pseudo_inertia_matrices
-from excite.robot.robot import Array
 
 _ROUNDING = 1e-9
 

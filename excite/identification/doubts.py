@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh
 
+from excite.arrays import Array
 from excite.identification.estimators.base import Estimate
 from excite.identification.regression import prior_std
 from excite.identification.statistics import BaseStatistics
 from excite.logs.finding import Finding, listed
-from excite.robot.robot import Array
 
 _CONFLICT = 5.0
 _MOST_NAMED = 4

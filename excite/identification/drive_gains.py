@@ -16,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from excite.arrays import Array
 from excite.errors import InputError, LogError
 from excite.identification.load_pair import Condensed, LoadPair, load_pair, together
 from excite.identification.regression import minimum_norm
 from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.threads import one_blas_thread
 
 _ROUNDS = 3

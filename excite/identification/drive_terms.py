@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _STEP = 1e-5
 # What turns speeds of sliding joints into those of turning ones [m].

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.noise import fft_length
 from excite.identification.problem import IdentificationProblem
@@ -21,7 +22,7 @@ from excite.identification.trial_grid import TrialGrid
 from excite.motion.motion import Motion, interpolate
 from excite.regressor.wrench import base_wrench
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _FREQUENCIES = 4096
 # Parts of a spectrum with less than this share of its greatest amplitude are left out.

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from excite.arrays import Array
 from excite.identification.statistics import relative_percent
-from excite.robot.robot import Array
 
 VALUE_BELOW = 0.01
 RSD_ABOVE = 40.0

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.alignment import estimate_torque_delay
 from excite.identification.joint_rows import STANDS_FOR_S, JointRows, drive_terms
@@ -21,7 +22,7 @@ from excite.logs.signals.decimate import decimation_step, kept_samples
 from excite.logs.signals.outliers import replace_outliers
 from excite.logs.signals.trace import SignalStep, SignalTrace
 from excite.logs.signals.trim import long_standstill
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _SHOWN_S = 4.0
 _TIME = "time [s]"

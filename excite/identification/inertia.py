@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Places of Ixx, Ixy, Iyy, Ixz, Iyz, Izz (pinocchio's order) in the symmetric 3×3 matrix.
 _ROWS = np.array([0, 0, 1, 0, 1, 2])

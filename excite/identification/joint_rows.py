@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.drive_terms import DRIVE_TERMS, JointSamples, slides
 from excite.identification.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
@@ -18,7 +19,7 @@ from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.trim import long_standstill
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 SHARED_GEAR_TERMS = ("joint_viscous", "joint_coulomb", "joint_armature")
 """Drive terms of a gear that two motors drive."""

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import LogHeader, Trial
 from excite.logs.robot import base_offset
@@ -22,7 +23,7 @@ from excite.logs.signals.resample import (
     uniform_grid,
 )
 from excite.logs.signals.trim import moving_span
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, square_factor
 from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
 from excite.regressor.base_parameters import base_parameters
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _BLOCKS = 8
 

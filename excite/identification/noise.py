@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.problem import IdentificationProblem
 from excite.identification.trial_grid import TrialGrid
-from excite.robot.robot import Array
 
 # Lags, in independent samples of the filter, over which filtered noise is still correlated.
 _FILTER_MEMORY = 8.0

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.colour import frequency_bins
 from excite.identification.noise import NoiseModel, fft_length
 from excite.identification.noise_spectra import (
@@ -24,7 +25,6 @@ from excite.identification.noise_spectra import (
 )
 from excite.identification.problem import IdentificationProblem
 from excite.identification.trial_grid import TrialGrid
-from excite.robot.robot import Array
 
 _ROUNDS = 3
 # A power that moves by less, as share of itself, moves no interval that anyone reads.

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.colour import Bins, alike_bands, frequency_bins
 from excite.identification.noise import fft_length
 from excite.identification.problem import IdentificationProblem
 from excite.identification.settings import Filters
 from excite.identification.trial_grid import TrialGrid
-from excite.robot.robot import Array
 
 # Cells that bands are made of, and how much is held twice at a time.
 _CELLS = 256

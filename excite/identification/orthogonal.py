@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
+from excite.arrays import Array
 from excite.identification.regression import RANK_TOLERANCE
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

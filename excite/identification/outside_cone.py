@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
-from excite.robot.robot import Array
 
 _ROUNDING = 1e-9
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
+from excite.arrays import Array
 from excite.errors import InputError
-from excite.robot.robot import Array
 
 _ROUNDS = 200
 _TOLERANCE = 1e-10

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.base_rows import BaseRows
 from excite.identification.joint_rows import JointRows, drive_terms
@@ -17,7 +18,7 @@ from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.threads import one_blas_thread
 
 _BLOCK = 4096

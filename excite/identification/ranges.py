@@ -12,6 +12,7 @@ import yaml
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import norm
 
+from excite.arrays import Array
 from excite.atomic import write_text
 from excite.identification.inertia import FILE_ORDER
 from excite.identification.pooling import Pooled
@@ -19,7 +20,6 @@ from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.json_document import to_json
 from excite.regressor.base_parameters import BaseParameters
-from excite.robot.robot import Array
 
 SCHEMA = "excite.ranges/1"
 _QUANTITIES = (

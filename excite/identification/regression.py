@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lstsq
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.noise import NoiseModel, estimate_noise, triangle
 from excite.identification.problem import IdentificationProblem
 from excite.identification.trial_grid import TrialGrid, trial_grids
-from excite.robot.robot import Array
 from excite.threads import one_blas_thread
 
 _BLOCK = 4096

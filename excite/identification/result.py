@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.changes import Changes
 from excite.identification.consistency import Consistency
 from excite.identification.inertia import FILE_ORDER
@@ -16,7 +17,6 @@ from excite.identification.result_text import fit_table, mass_change
 from excite.identification.uncertainty import ParameterUncertainty
 from excite.identification.validation import ChannelFit
 from excite.logs.finding import Finding
-from excite.robot.robot import Array
 
 SCHEMA = "excite.identification/1"
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 
+from excite.arrays import Array
 from excite.identification.kinematics import TrialKinematics
 from excite.identification.settings import Filters
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.decimate import decimation_step, kept_samples
-from excite.robot.robot import Array
 
 _BLOCK_BYTES = 64e6
 

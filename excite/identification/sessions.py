@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.pooling import Pooled, pool
@@ -19,7 +20,7 @@ from excite.identification.settings import ProblemSettings
 from excite.identification.statistics import base_statistics, parameter_labels
 from excite.logs.log import Log
 from excite.regressor.base_parameters import BaseParameters, base_parameters
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.threads import one_blas_thread
 
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import t as student
 
+from excite.arrays import Array
 from excite.identification.noise import NoiseModel, triangle
 from excite.identification.noise_bands import noise_bands
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import RANK_TOLERANCE, Regression
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.regressor.columns import PARAMETERS
-from excite.robot.robot import Array
 from excite.threads import one_blas_thread
 
 _BLOCK = 4096

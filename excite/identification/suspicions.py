@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from excite.arrays import Array
 from excite.identification.settings import ProblemSettings
 from excite.identification.torque_samples import (
     FLOOR,
@@ -30,7 +31,7 @@ from excite.identification.weak_torques import weak_torques
 from excite.identification.zero_positions import best_zeros
 from excite.logs.finding import Finding, listed
 from excite.logs.log import Log
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Mean over the joints of half the logarithm of the residual's power, in nats, that undoing has to bring.
 _LEAST_GAIN = 0.3

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.drive_terms import smooth_sign
 from excite.identification.joint_rows import JointRows
@@ -16,7 +17,7 @@ from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _SAMPLES = 1500
 # Nominal masses are believed within these factors.

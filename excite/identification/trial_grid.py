@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

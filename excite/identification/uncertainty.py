@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from excite.arrays import Array
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.identification.statistics import BaseStatistics
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from itertools import product
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.drive_terms import slides
 from excite.identification.torque_samples import TorqueSamples, mean_left
-from excite.robot.robot import Array
 
 # Controllers and models place their zeros along different links: quarter turns apart, and never just a little.
 _QUARTERS = (1, -1, 2)

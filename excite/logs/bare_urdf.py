@@ -7,11 +7,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.finding import Finding, listed
 from excite.logs.log import LogHeader
 from excite.robot.description import RobotDescription
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_inertia import inertial_faults, resting_faults
 from excite.robot.urdf_model import urdf_model

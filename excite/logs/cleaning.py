@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.clipping import clipped_samples
 from excite.logs.log import Cleaning
 from excite.logs.missing import missing_rows
 from excite.logs.resolution import channel_noise, coarse_step
 from excite.logs.sampling import FEWEST_ROWS, SAME_S, check_span, check_stamps
-from excite.robot.robot import Array
 
 _MAX_REORDERED = 0.01
 # A quantised position that moves changes within so many rows.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 _LEAST, _SHARE = 8, 0.002
 # How much more often a clipped channel is at its extreme than at any value near it. A parabola's top level is met

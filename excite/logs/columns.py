@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.cleaning import clean_columns
 from excite.logs.log import LogHeader, Trial, TrialHeader
-from excite.robot.robot import Array
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from excite.arrays import Array
 from excite.logs.header_values import (
     MAX_NAMES,
     MAX_TRIALS,
@@ -26,7 +27,6 @@ from excite.logs.header_values import (
     Stamp,
     Text,
 )
-from excite.robot.robot import Array
 
 Role = Literal["identification", "validation"]
 

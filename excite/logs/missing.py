@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Rows on either side over which stamps are averaged: jitter of single stamps averages out, a hiccup of one does too.
 _WINDOWS = (1, 2, 4, 8)

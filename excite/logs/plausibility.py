@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from excite.arrays import Array
 from excite.logs.finding import Finding, listed
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _DEGREE = 180.0 / np.pi
 # Positions may pass a limit by this share of the range (bent limits, calibration) before anything is said.

@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.columns import check_measured, numeric, read_columns
 from excite.logs.header import check_header
@@ -17,7 +18,6 @@ from excite.logs.log import Log, LogHeader, Role
 from excite.logs.readers.registry import read_trial
 from excite.logs.sampling import check_log_clock, check_stamps
 from excite.reading.yaml_document import read_yaml
-from excite.robot.robot import Array
 
 _Model = TypeVar("_Model", bound=BaseModel)
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]

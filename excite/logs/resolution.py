@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.logs.signals.clock import misfit
-from excite.robot.robot import Array
 
 _FEW_ROWS, _FEW_LEVELS = 200, 200
 # Steps below this share of the noise add less than one per cent to its variance (a twelfth of the squared step).

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.log import LogHeader, Trial
-from excite.robot.robot import Array
 
 FEWEST_ROWS = 16
 # Stamps closer than this are the same [s]: it is the tick of the finest clocks.

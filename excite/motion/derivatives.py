@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import MotionError
-from excite.robot.robot import Array
 
 # What a spline needs for its end conditions.
 _LEAST_SAMPLES = 4

@@ -12,6 +12,7 @@ import pyarrow.csv
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from excite.arrays import Array
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.errors import MotionError, OtherRobotError
@@ -29,7 +30,7 @@ from excite.motion.parquet import narrowed, write_parquet
 from excite.motion.readers.npz import METADATA
 from excite.motion.readers.registry import read_motion
 from excite.reading.json_document import checked
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 SCHEMA = "excite.motion/1"
 _Name = Annotated[str, Field(max_length=1000)]

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.columns import measured_columns, regressor_rows
 from excite.regressor.factor import r_factor
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Coefficients this close to 0, 1 or -1 are these; what rounding leaves is far smaller.
 _CLEAN = 1e-9

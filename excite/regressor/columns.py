@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 DRIVE_TERMS = ("viscous", "coulomb", "offset", "armature")

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor import loops, motion_loops
 from excite.regressor.tree import KinematicTree, read_tree
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

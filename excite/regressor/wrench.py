@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.regressor.kernels import forward_kinematics
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 def base_wrench(robot: Robot, q: Array, wrenches: Mapping[str, Array]) -> Array:

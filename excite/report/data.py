@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.documents.document import LARGEST, MOST_CHANNELS
 from excite.errors import InputError
 from excite.reading.npz_arrays import read_npz
-from excite.robot.robot import Array
 
 Names = tuple[str, ...]
 

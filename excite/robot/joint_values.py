@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import RobotError
 from excite.robot.description import RobotDescription
 from excite.robot.per_joint import PerJoint
 from excite.robot.quantities import MAX_TRAVEL, in_radians, looks_like_degrees
-from excite.robot.robot import Array, Limits
+from excite.robot.robot import Limits
 
 
 def check_joints(description: RobotDescription, names: tuple[str, ...], path: Path) -> None:

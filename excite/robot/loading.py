@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import RobotError
 from excite.reading.file import read_bytes
 from excite.reading.xml_document import MAX_XML_BYTES
@@ -16,7 +17,7 @@ from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 from excite.robot.urdf import Stated, read_urdf
 from excite.robot.urdf_model import urdf_model
 from excite.robot.weights import check_weights

@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.robot.description import RobotDescription
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

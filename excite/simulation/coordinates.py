@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 def position_to_mujoco(q: Array, *, floating: bool) -> Array:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _BEARING_SHARE = 0.25
 

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.divergence import diverged, without_log_file
 from excite.errors import MotionError
 from excite.motion.motion import Motion, interpolate
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
 from excite.simulation.mjcf import build_spec
 from excite.simulation.plant import Plant

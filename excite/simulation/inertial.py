@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import InputError
-from excite.robot.robot import Array
 
 # Share of the largest principal moment by which rounding may break the triangle inequality.
 _TRIANGLE_TOLERANCE = 1e-9

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import InputError
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 from excite.simulation.drives import Drives
 from excite.simulation.inertial import principal_inertia
 from excite.simulation.mjcf_shapes import GROUND, add_shapes, wxyz

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.robot.collision import Shape, collision_model, collision_shapes
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
     import mujoco

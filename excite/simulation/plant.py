@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array, Robot
+from excite.arrays import Array
+from excite.robot.robot import Robot
 from excite.simulation.drives import Drives
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.motion.motion import Motion, interpolate
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.execution import execute
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot

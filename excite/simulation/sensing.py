@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.logs.log import LogHeader, SensorHeader, Trial, TrialHeader
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.drives import nominal_drives
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import InputError
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.inertial import box_parameters, deformed
 
 # A hand or head is the first segment, from the tip inwards, that carries at least this much [kg].

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.robot.robot import Array, Robot
+from excite.arrays import Array
+from excite.robot.robot import Robot
 from excite.simulation.drives import scattered_drives
 from excite.simulation.recording import Recording
 from excite.simulation.true_parameters import (

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 
-from excite.robot.robot import Array, Robot
+from excite.arrays import Array
+from excite.robot.robot import Robot
 
 
 def sensor_wrenches(

@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.excitation.sub_regressors import segment_columns, segment_conditions
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import BaseParameters
 from excite.regressor.columns import measured_columns, regressor_rows
 from excite.regressor.factor import r_factor
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 
 _STATES = 1500
 STEPS = ("no constraint", "a foot on the ground", "… in postures of the motions")

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.result import Diagnosis
 from excite.errors import ExciteError
@@ -23,7 +24,7 @@ from excite.logs.robot import nominal_robot
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.blind.make import load_answers, make_cases
 from excite.simulation.blind.score import BlindScore, score
 from tests.benchmarks.diagnosis_arms import PAIR, folder, same

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.accepted_values import fitted_sizes
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Attribution
@@ -24,7 +25,7 @@ from excite.diagnosis.verdict import judge
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
 from excite.simulation.blind.draw import ROBOTS, draft
 from excite.simulation.blind.make import _NOISE_TAU, _prepare, _session, recordings_of

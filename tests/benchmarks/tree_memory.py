@@ -39,6 +39,12 @@ class TreeMemory:
             time.sleep(_EVERY_S)
 
 
+def tree_memory(root: int) -> tuple[float, float]:
+    """Proportional set size of a process, and of all its descendants together [MB]."""
+    parent, *workers = (_memory(pid)[0] / 2**10 for pid in _tree(root))
+    return parent, sum(workers)
+
+
 def _tree(root: int) -> list[int]:
     """A process and its descendants."""
     children: dict[int, list[int]] = {}

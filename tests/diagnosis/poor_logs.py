@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.blind.arm import Arm, arm_of
 from excite.simulation.blind.forms import OWN_TERMS, hide
 from excite.simulation.blind.hidden import HiddenEffect

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.arrays import Array
 from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.command_only.cycle import Cycle, acting, later, servo_cycle
 from excite.diagnosis.command_only.gains import known_servo
@@ -29,7 +30,7 @@ from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 def servo_of(log: Log, robot: Robot) -> tuple[Array, Array, float]:

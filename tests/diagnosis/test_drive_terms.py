@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from excite.arrays import Array
 from excite.diagnosis.drive_terms import BREAKAWAY_BOUNDS, WIDTH_BOUNDS, refined
-from excite.robot.robot import Array
 
 
 def _dahl(deflection: Array, breakaway: float) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.arrays import Array
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.attribution import Scored
 from excite.diagnosis.baseline import Baseline
@@ -28,7 +29,7 @@ from excite.logs.log import Log, LogHeader, Trial
 from excite.motion.files import load_motion
 from excite.robot.collision import _SHAPES
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from tests.benchmarks.next_experiment import outcome
 from tests.diagnosis.poor_logs import RECIPES

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.conditioning import motion_factor
 from excite.excitation.optimisation.amplitudes import AmplitudeSums
@@ -23,7 +24,7 @@ from excite.excitation.optimisation.torques import TorqueLimits
 from excite.regressor.adjoint import regressor_gradient, torque_gradient
 from excite.regressor.kernels import base_link_regressor, inverse_dynamics, joint_torque_regressor
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 
 _STEP = 1e-6

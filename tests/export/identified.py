@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.changes import Changes
 from excite.identification.consistency import check_consistency
 from excite.identification.result import Identification, TotalMassReport
 from excite.identification.uncertainty import ParameterUncertainty
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 def identification_of(

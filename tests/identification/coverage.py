@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
 from excite.identification.settings import Filters
@@ -17,7 +18,6 @@ from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array
 from tests.identification.synthetic import NAMES, smooth
 
 Peer = Callable[["Experiment", int, np.ndarray], np.ndarray]

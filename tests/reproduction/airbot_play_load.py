@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from excite.arrays import Array
 from excite.identification.drive_gains import identify_drive_gains, identify_load
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
@@ -13,7 +14,6 @@ from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
-from excite.robot.robot import Array
 from tests.reproduction.recordings import percent_left
 
 FOLDER = "airbot_play_load_pair"

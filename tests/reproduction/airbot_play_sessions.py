@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import norm
 
+from excite.arrays import Array
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
@@ -16,7 +17,6 @@ from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
-from excite.robot.robot import Array
 from tests.reproduction.recordings import percent_left
 
 FOLDER = "airbot_play_multi_traj"

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.campaign.experiment import Experiment
 from excite.excitation.conditioning import MotionFactor, motion_factor, stack_factors
 from excite.identification.consistency import check_consistency
@@ -22,7 +23,7 @@ from excite.logs.log import Log
 from excite.motion.motion import Motion
 from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.simulate import run_experiment
 from excite.simulation.twins import virtual_twin
 from excite.simulation.virtual_robot import VirtualRobot

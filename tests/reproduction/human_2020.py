@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.logs.robot import robot_for_log
 from excite.regressor.columns import PARAMETERS
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 FOLDER = "human_lee_wensing_park2020"
 N_BODIES, N_CHANNELS = 16, 3

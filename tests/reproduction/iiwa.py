@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.bounds_file import load_physical_bounds, load_physical_values
 from excite.identification.physical.coordinates import NAMES, physical_parameters, standard_parameters
@@ -23,7 +24,7 @@ from excite.regressor.columns import PARAMETERS, measured_columns, regressor_row
 from excite.regressor.factor import r_factor
 from excite.robot.catalogue import data_folder
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 HERE = Path(__file__).parent
 N_JOINTS, N_INERTIAL, N_COLUMNS = 7, 70, 84

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.momentum_observer import observe
 from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.objective import TorqueObjective, base_objective, essential_objective
@@ -14,7 +15,6 @@ from excite.identification.physical.relaxation import Relaxation
 from excite.identification.physical.retrieval import RetrievalSettings, retrieve
 from excite.identification.physical.search import descend
 from excite.regressor.factor import r_factor
-from excite.robot.robot import Array
 from tests.reproduction.iiwa import (
     N_COLUMNS,
     N_INERTIAL,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Table 1: offsets along the joints' axes [m], d1 … d7.
 D = dict(zip(range(1, 8), (0.2755, 0.0, -0.41, -0.0098, -0.3111, 0.0, 0.2638), strict=True))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.bounds import default_bounds
 from excite.identification.constraints.ellipsoid import com_ellipsoids
 from excite.identification.estimators.registry import find_estimator
@@ -17,7 +18,7 @@ from excite.identification.settings import ProblemSettings
 from excite.motion.generators.registry import plan_candidates
 from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidates
 from excite.simulation.simulate import simulate
 from excite.simulation.twins import virtual_twin

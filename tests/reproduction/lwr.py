@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.identification.settings import ProblemSettings
@@ -19,7 +20,6 @@ from excite.logs.finding import Finding
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
-from excite.robot.robot import Array
 
 LWR_JOINTS = tuple(f"lwr_{i}_joint" for i in range(7))
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.problem import IdentificationProblem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.robot.catalogue import example_robot_data
-from excite.robot.robot import Array
 
 UR10E_JOINTS = (
     "shoulder_pan_joint",

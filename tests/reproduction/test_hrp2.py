@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from excite.arrays import Array
 from excite.motion.generators.registry import plan_candidates
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array
 from excite.safety.filter import filter_candidates
 from tests.reproduction.hrp2 import CONDITION_NUMBERS, MASS_PERCENT, MODIFIED, PARTS
 from tests.reproduction.hrp2_experiment import Humanoid, run

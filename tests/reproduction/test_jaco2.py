@@ -6,9 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.arrays import Array
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from tests.reproduction.jaco2 import (
     TABLE_4,
     TABLE_5_CONSISTENCY,

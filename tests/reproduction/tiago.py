@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.alignment import estimate_torque_delay
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
@@ -18,7 +19,6 @@ from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.robot.catalogue import example_robot_data
-from excite.robot.robot import Array
 from tests.reproduction.recordings import percent_left
 
 FOLDER = "tiago_arm_figaroh"

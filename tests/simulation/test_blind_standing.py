@@ -8,10 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.arrays import Array
 from excite.logs.log import LogHeader, TrialHeader
 from excite.logs.robot import robot_in_log
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.blind.floating.draw import floating_draft
 from excite.simulation.blind.floating.magnitudes import FORMS, MAKERS
 from excite.simulation.blind.floating.record import trial_of

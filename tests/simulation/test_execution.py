@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.arrays import Array
 from excite.errors import MotionError
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.execution import execute
 from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording

@@ -7,9 +7,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
 from excite.simulation.drives import nominal_drives
 from excite.simulation.inertial import UnphysicalParametersError, box_parameters, principal_inertia

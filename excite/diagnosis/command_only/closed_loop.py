@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.attribution import Attribution
 from excite.diagnosis.baseline import Baseline
@@ -24,7 +25,6 @@ from excite.diagnosis.rollout_drives import Drive
 from excite.diagnosis.rollout_windows import Plan
 from excite.diagnosis.structured import structured_joints
 from excite.errors import InputError
-from excite.robot.robot import Array
 
 _HORIZON_S = 2.0
 # What each further effect has to take of some joint's squared error.

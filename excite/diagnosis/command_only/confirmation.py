@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Candidate
 from excite.diagnosis.command_only.witness import Witness
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.result import Diagnosis, NextExperiment, Rollout
-from excite.robot.robot import Array
 
 # Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
 _CONFIRMS = 0.95

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.command_only.servo import Servo, Signals
 from excite.diagnosis.drive_terms import own_names
@@ -14,7 +15,6 @@ from excite.diagnosis.effects.effect import Context, Shape
 from excite.diagnosis.hypotheses import at_rows
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import ArmSamples
-from excite.robot.robot import Array
 
 # Samples from a position's reading to the torque that answers it: computed in one cycle, held for the next.
 LONGEST_SAMPLES = 2.0

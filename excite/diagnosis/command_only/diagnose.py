@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.arm import diagnose_arm, diagnose_torques
 from excite.diagnosis.command_only.closed_loop import ClosedLoop
 from excite.diagnosis.command_only.confirmation import confirmed, position_gap, with_twin
@@ -23,7 +24,7 @@ from excite.diagnosis.samples import ArmSamples, arm_samples
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Effects of the torque channel alone: a log without that channel has none of them.
 _CHANNEL = ("time_delay",)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.command_only.servo import Servo
 from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
@@ -14,7 +15,6 @@ from excite.diagnosis.effects.encoder_offset import EncoderOffset
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations import Fit
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array
 
 _SMALL = 2e-3
 

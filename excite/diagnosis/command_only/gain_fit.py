@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.command_only.servo import Servo, Signals
 from excite.logs.log import Log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import joint_torque_regressor
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _ROWS_HZ = 25.0
 _WIDTH = 6e-3

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.command_only.gain_fit import Tried, fitted_servo, gain_rows
 from excite.diagnosis.command_only.levels import error_integral
 from excite.diagnosis.command_only.servo import Servo, Signals
 from excite.diagnosis.command_only.stated import stated_servo
 from excite.errors import LogError
 from excite.logs.log import Log
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _FIT_HZ = 10.0
 # Without a feedforward of the motion the errors are as slow as the motion, and the noise of their rates is not.

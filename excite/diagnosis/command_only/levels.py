@@ -8,11 +8,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
+from excite.arrays import Array
 from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.command_only.servo import Signals
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import ArmSamples
-from excite.robot.robot import Array
 
 
 def error_integral(signals: Signals) -> Array:

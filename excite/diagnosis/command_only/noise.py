@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.command_only.servo import BAND_HZ, Servo
 from excite.diagnosis.noise_floor import spectral_floor
 from excite.diagnosis.samples import ArmSamples
-from excite.robot.robot import Array
 
 # Where the spectral floor is measured, in multiples of the rows' band.
 _ABOVE = (1.5, 3.0)

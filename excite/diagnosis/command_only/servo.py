@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.kinematics import trial_rate
 from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import Derivatives, central_differences
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 BAND_HZ = 30.0
 FEEDFORWARDS = ("none", "gravity", "inverse_dynamics")

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.command_only.servo import FEEDFORWARDS
 from excite.errors import LogError
-from excite.robot.robot import Array
 
 _REMEDY = "log tau.* or tau_cmd.* with such a controller"
 # Words of ``feedforward`` and the three forms that they mean.

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.command_only.servo import Servo, Signals
 from excite.diagnosis.drive_terms import coulomb_level
-from excite.robot.robot import Array
 
 # Less than this is not worth a sentence [rad]: a step of a 12-bit encoder.
 _LEAST = 1.5e-3

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # A change of less than this share of the roll-outs' amplitude of error is lost in it; one so much larger than what it
 # is to explain is a simulation that gets nowhere.

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
-from excite.robot.robot import Array
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4

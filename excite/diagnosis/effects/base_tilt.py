@@ -6,12 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.horizontal import level_axes
 from excite.diagnosis.units import slides
-from excite.robot.robot import Array
 
 _G = 9.81
 # Distance of link 1's centre of mass from its axis that nobody knew of, with the whole robot's mass in it [m].

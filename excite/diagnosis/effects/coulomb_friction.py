@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.presliding import hysteretic_sign
 from excite.diagnosis.sign_change import WIDTHS
-from excite.robot.robot import Array
 
 # A sign that changes over more than this share of a joint's speed (root mean square) is a slope: viscous friction.
 _SIGN = 0.25

@@ -9,12 +9,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.baseline import Baseline
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.sign_change import sign_of_motion
 from excite.regressor.kernels import inverse_dynamics
-from excite.robot.robot import Array
 
 # Steps of first and second differences [rad], [rad/s].
 _STEP, _FAR = 1e-5, 1e-3

@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
-from excite.robot.robot import Array
 
 # Shares of a joint's travel that may lie beyond the edge.
 _SHARES = (0.05, 0.12, 0.22, 0.35, 0.5)

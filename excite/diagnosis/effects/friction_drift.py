@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
 from excite.lazy_kernel import LazyKernel
-from excite.robot.robot import Array
 
 
 @LazyKernel

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context
-from excite.robot.robot import Array
 
 
 class Gear(NamedTuple):

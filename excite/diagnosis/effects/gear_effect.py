@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from copy import copy
 
+from excite.arrays import Array
 from excite.diagnosis.effects.deflection import deflect
 from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
 from excite.diagnosis.effects.gear import Behind, Gear
 from excite.diagnosis.effects.gear_start import first_states
-from excite.robot.robot import Array
 
 
 class GearEffect(Effect, ABC):

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.effects.deflection import deflect
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.gear import Behind, Gear
 from excite.diagnosis.samples import ArmSamples
 from excite.logs.signals.butterworth import settling_samples
-from excite.robot.robot import Array
 
 # So few samples, or such a share of those before the rows, do not tell how a gear swings.
 _LEAST, _LEAST_SHARE = 20, 0.4

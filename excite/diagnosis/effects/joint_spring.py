@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.presliding import hysteretic_sign
-from excite.robot.robot import Array
 
 # A spring whose torque hardly changes over the joint's motion is a constant.
 _CHANGES = 0.05

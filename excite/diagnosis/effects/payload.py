@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations import Fit
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.links import carried_link
-from excite.robot.robot import Array
 
 # Standard deviations, told for white residuals, by which a mass is below zero that cannot be.
 _SURELY = 6.0

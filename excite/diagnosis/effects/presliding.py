@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.presliding import RATIO, bend_further
 from excite.diagnosis.sign_change import SignChange, bent, damped_rate, sign_of_motion
-from excite.robot.robot import Array
 
 # No bristle is damped for longer [s]: where there is hardly any Coulomb friction, its damping tells nothing.
 _LONGEST = 0.1

@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.drive_terms import coulomb_level
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.presliding import bent_excess
 from excite.diagnosis.equations import Fit
 from excite.diagnosis.sign_change import SignChange, damping_of_bristles, sign_of_motion
-from excite.robot.robot import Array
 
 # A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
 _APART = 2.5

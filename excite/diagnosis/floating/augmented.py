@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.diagnosis.floating.noted import note_data, note_name
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, apply_all
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.model_text import AugmentedModel, refused
 from excite.diagnosis.physical_bodies import PhysicalBodies, nearest_bodies, unphysical
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
 from excite.simulation.mjcf_shapes import wxyz

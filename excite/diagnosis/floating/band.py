@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal.windows import tukey
 
+from excite.arrays import Array
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.spectrum import BAND_HZ
-from excite.robot.robot import Array
 
 
 def in_band(record: FloatingRecord, values: Array, below_hz: float = BAND_HZ) -> Array:

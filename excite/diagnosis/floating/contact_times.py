@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import median_filter
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import (
@@ -17,7 +18,6 @@ from excite.diagnosis.floating.refinement import (
 )
 from excite.diagnosis.floating.screening import effect_columns
 from excite.logs.signals.butterworth import lowpass
-from excite.robot.robot import Array
 
 _SMOOTH_HZ = 3.0
 _SHORTEST_S = 0.25

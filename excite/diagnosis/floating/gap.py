@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.left import what_is_left
 from excite.diagnosis.floating.noise_level import noise_level
@@ -11,7 +12,6 @@ from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.gap import ChannelGap, Gap, share_closed
 from excite.logs.columns import WRENCH_AXES
-from excite.robot.robot import Array
 
 UNITS = ("N",) * 3 + ("N·m",) * 3
 

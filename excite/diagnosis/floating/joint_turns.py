@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.moved_branch import branch
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 # The residual is linear in accelerations and quadratic in velocities; positions turn sines and cosines.
 _STEP_Q, _STEP_V, _STEP_A = 1e-4, 1e-3, 1.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.noise_level import noise_level
 from excite.diagnosis.floating.parameter_errors import left_by_parameters
@@ -14,7 +15,6 @@ from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import Fitted, explained_state
 from excite.diagnosis.floating.spectrum import BAND_HZ
-from excite.robot.robot import Array
 
 # Blocks are longer than what is left of a motion below a hertz remembers.
 _BLOCK_S, _DRAWS, _ONE_SIDE = 2.0, 500, 0.05

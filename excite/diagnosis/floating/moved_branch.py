@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 
 def moved_branch(state: State, joint: int) -> Array:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.ranking import NOISE_SLACK
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.spectrum import BAND_HZ
-from excite.robot.robot import Array
 
 # Noise has few independent numbers in a band of a few hertz, and trials as short as these.
 _LEAST_SPREAD, _LARGEST_SPREAD = 0.12, 0.3

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.registry import EVERY_FORM
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import Placed
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.model_text import NOTE, model_notes
-from excite.robot.robot import Array
 
 if TYPE_CHECKING:
     import mujoco

@@ -6,10 +6,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, columns_of, explained_state
-from excite.robot.robot import Array
 
 
 def left_by_parameters(

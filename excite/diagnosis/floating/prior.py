@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 _SHARE, _ARM_M = 0.3, 0.04
 

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.floating.prior import inertial_scales
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.spectrum import (
@@ -19,7 +20,6 @@ from excite.diagnosis.floating.spectrum import (
 )
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.floating.unloaded import UnloadedRows, find_unloaded
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.kinematics import forces_on_grid, trial_kinematics
 from excite.identification.settings import Filters, ProblemSettings
@@ -16,7 +17,7 @@ from excite.logs.robot import nominal_robot, robot_in_log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.regressor.wrench import base_wrench
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Whole-body motion lives below 3 Hz; the filter only has to keep decimation clean.
 CUTOFF_HZ = 8.0

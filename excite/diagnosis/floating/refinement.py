@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.screening import effect_columns
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 _MAX_STEPS = 8
 _CONVERGED_NATS = 0.5

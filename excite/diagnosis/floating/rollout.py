@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.diagnosis.floating.noted import read_notes
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.refinement import apply_all
 from excite.diagnosis.floating.state import State
 from excite.diagnosis.model_text import load_model
-from excite.robot.robot import Array
 from excite.simulation.inertial import MASSLESS_KG
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.floating.augmented import standing_model
 from excite.diagnosis.floating.problem import Problem
@@ -19,7 +20,6 @@ from excite.diagnosis.model_text import LOUDER, MODEL, ignored, without
 from excite.diagnosis.result import Rollout
 from excite.errors import InputError
 from excite.logs.signals.butterworth import lowpass
-from excite.robot.robot import Array
 
 HORIZON_S = 0.5
 CHANNELS = ("base.px", "base.py", "base.pz", "base.rx", "base.ry", "base.rz")

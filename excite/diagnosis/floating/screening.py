@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.problem import LinearFit, Problem
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from scipy.signal.windows import tukey
 
+from excite.arrays import Array
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 BAND_HZ = 3.5
 # Where predictions hold acceleration noise and hardly any motion.

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
 from excite.regressor.tree import KinematicTree
-from excite.robot.robot import Array
 
 if TYPE_CHECKING:
     from excite.diagnosis.floating.joint_turns import JointTurn

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.contact_times import pulled
 from excite.diagnosis.floating.effects.effect import links, segment_of
 from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.problem import Problem
 from excite.diagnosis.floating.refinement import Fitted, Placed, explained_state, linearised, refine
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 # Less of the share's variance than this is explained by nothing that stands still.
 _LEAST_EXPLAINED = 0.5

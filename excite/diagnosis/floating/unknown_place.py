@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.effects.effect import links, segment_of
@@ -17,7 +18,6 @@ from excite.diagnosis.floating.search import FORM_DOUBT
 from excite.diagnosis.floating.spectrum import BAND_HZ
 from excite.diagnosis.floating.state import State
 from excite.logs.columns import WRENCH_AXES
-from excite.robot.robot import Array
 
 # How far from its joint a link is expected to be touched, where all moment about the joint were noise.
 _REACH_M = 0.02

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.prior import inertial_scales
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
 from excite.regressor.kernels import base_link_regressor
-from excite.robot.robot import Array, WrenchSensor
+from excite.robot.robot import WrenchSensor
 
 _LIFT_M = 0.012
 _LARGEST_SHARE, _SHORTEST_S = 0.15, 0.6

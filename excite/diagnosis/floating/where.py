@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.band import in_band
 from excite.diagnosis.floating.noise_level import noise_floor
 from excite.diagnosis.floating.problem import Problem
@@ -12,7 +13,6 @@ from excite.diagnosis.floating.state import State
 from excite.diagnosis.gap import Where
 from excite.logs.columns import WRENCH_AXES
 from excite.logs.signals.spectrum import welch
-from excite.robot.robot import Array
 
 _LEAST = 0.02
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.objective import Layout
 from excite.motion.generators.curves import FourierCurve
 from excite.motion.generators.fourier import amplitude_scale
-from excite.robot.robot import Array
 
 # Keeps the root's derivative finite where an amplitude vanishes, as a share of the velocity limit.
 _ROUNDING = 1e-4

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 ValueAndGradient = Callable[[Array], tuple[float, Array]]
 RowsAndJacobian = Callable[[Array], tuple[Array, Array]]

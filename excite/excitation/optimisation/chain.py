@@ -8,6 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.excitation.optimisation.amplitudes import AmplitudeSums
 from excite.excitation.optimisation.augmented import AugmentedLagrangian
 from excite.excitation.optimisation.clearance import Clearance
@@ -17,7 +18,6 @@ from excite.excitation.optimisation.objective import Layout, Objective
 from excite.excitation.optimisation.program import solve
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.excitation.optimisation.torques import TorqueLimits
-from excite.robot.robot import Array
 from excite.threads import one_blas_thread
 
 # Samples in a cycle of the fastest harmonic while searching, for limits, and at the end.

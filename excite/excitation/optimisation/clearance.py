@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.excitation.optimisation.objective import Layout, Sampling
 from excite.excitation.optimisation.segments import closest_points
 from excite.regressor.kernels import Placements, forward_kinematics
 from excite.regressor.tree import PRISMATIC, read_tree
 from excite.robot.collision import TABLE, Shape, collision_model, collision_shapes
-from excite.robot.robot import Array
 
 # Pairs farther apart than this beyond the margin do not enter [m].
 _NEAR = 0.1

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import UnknownNameError
-from excite.robot.robot import Array
 
 # Eigenvalues below this share of the largest are rounding; at the floor the criterion is flat.
 _FLOOR = 1e-15

@@ -6,11 +6,11 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.motion.generators.curves import Curve, FourierCurve
 from excite.motion.generators.fourier import start_conditions
 from excite.motion.generators.waypoints import WaypointCurve
-from excite.robot.robot import Array
 
 
 class MotionFamily(ABC):

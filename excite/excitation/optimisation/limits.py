@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.excitation.optimisation.family import FourierFamily
 from excite.excitation.optimisation.objective import Layout, Sampling
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

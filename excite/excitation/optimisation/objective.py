@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.excitation.optimisation.criterion import Criterion, ParameterScale
 from excite.excitation.optimisation.family import MotionFamily
@@ -18,7 +19,7 @@ from excite.regressor.columns import Columns, measured_columns, regressor_rows
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Speeds at which Coulomb friction's sign is smoothed, as a share of the joint's limit: the gradient needs a slope.
 _SIGN_WIDTH = 0.02

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.excitation.optimisation.augmented import ValueAndGradient
 from excite.excitation.optimisation.limits import LinearRows
-from excite.robot.robot import Array
 
 # How far rows, in shares of their limits, may be outside and a point still counts.
 _ROOM = 1e-3

@@ -9,6 +9,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.chain import Chain, Point
 from excite.excitation.optimisation.task import ExcitationTask
@@ -19,7 +20,7 @@ from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, check_jobs
 from excite.parallel.shared import Shared
 from excite.progress import Progress, silent
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.verdict import Verdict
 

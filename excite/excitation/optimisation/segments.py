@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Squared sine below which two segments count as parallel.
 _PARALLEL = 1e-12

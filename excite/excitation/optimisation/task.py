@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.optimisation.criterion import CRITERIA
 from excite.excitation.optimisation.family import MotionFamily
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.objective import Layout
 from excite.motion.generators.bodyparts import free_upper_body, rest_joints
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.objective import Layout, Sampling
 from excite.regressor.adjoint import torque_gradient
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import read_tree
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array
 
 # The norm that stands for the maximum over time exceeds it by n^(1/EXPONENT) at most.
 _EXPONENT = 100.0

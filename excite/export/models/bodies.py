@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
 from excite.identification.result import Identification
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Share of a pseudo-inertia's largest eigenvalue that rounding may leave below zero.
 _ROUNDING = 1e-9

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import InputError, NoSolutionError
 from excite.export.models.bodies import changed_segments, split_segment
@@ -28,7 +29,7 @@ from excite.reading.file import read_bytes
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.loading import model_file
 from excite.robot.mjcf_scan import scan_mjcf
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.robot.urdf import parse_urdf
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.inertial import principal_inertia

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.export.models.bodies import Member, moved_pseudo
 from excite.export.models.verification import MujocoNames, mujoco_places, random_states
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.reading.child import in_child
 from excite.robot.mjcf_import import COMPILE_MEMORY_GB, COMPILE_SECONDS
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
     import mujoco

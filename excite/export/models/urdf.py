@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
 
+from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models.bodies import Member, centred, changed_segments, parameters_of, split_segment
@@ -28,7 +29,7 @@ from excite.reading.file import read_bytes
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.robot.urdf import parse_urdf
 from excite.robot.urdf_numbers import numbers
 

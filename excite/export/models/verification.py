@@ -11,9 +11,10 @@ import numpy as np
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.kernels import joint_torque_regressor
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.coordinates import position_to_mujoco, velocity_to_mujoco
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.human.dimensions import DIMENSIONS, Dimensions, joint_offsets, stature_dimensions
 from excite.human.markers.first_poses import first_poses
@@ -28,7 +29,6 @@ from excite.human.skeleton import (
     point_jacobian,
 )
 from excite.human.subject import Subject
-from excite.robot.robot import Array
 
 _MARKER_SIGMA = 0.01
 # Skin slides with the posture, not at random: however many frames there are, they say as much as these.

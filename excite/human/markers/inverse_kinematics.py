@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.human.markers.posture_loops import fit_frames
 from excite.human.skeleton import N_SEGMENTS, Pose, neutral, place
-from excite.robot.robot import Array
 
 _PRIOR = 2.0
 

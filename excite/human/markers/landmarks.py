@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.human.dimensions import Dimensions, joint_offsets
 from excite.human.segments import NAMES, SIDES
 from excite.human.subject import Subject
 from excite.human.tables import dumas
-from excite.robot.robot import Array
 
 _STATURE = 1.77
 

@@ -12,7 +12,7 @@ from excite.errors import LogError
 
 if TYPE_CHECKING:
     # A process that reads one file shall not wait for the robots' library.
-    from excite.robot.robot import Array
+    from excite.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.recording import PlateRecording, Recording
-from excite.robot.robot import Array
 
 # Markers are a few metres from the origin, and in a file of millimetres that claims metres some thousands [m].
 _FARTHEST = 1e6

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.human.readers.reader import RecordingReader, check_labels, checked_time, numbers, read_lines
 from excite.human.recording import PlateRecording, Recording
-from excite.robot.robot import Array
 
 
 class StorageReader(RecordingReader):

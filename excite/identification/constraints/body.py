@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.cones import triangle_of
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 # Answers lie this far inside the cone (of a matrix whose entries are about 1), so that a solver's or rounding's
 # last digits leave them inside.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 MASS_AND_FIRST_MOMENT = (0, 1, 2, 3)
 

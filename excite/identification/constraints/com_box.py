@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _SMALLEST_HALF = 0.01
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.constraints.body import ParameterCones, moving_segments
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 # The nominal body stays inside with this margin: a share of the semi-axes, and of the mass.
 _MARGIN = 0.1

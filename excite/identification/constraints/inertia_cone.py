@@ -13,10 +13,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 _CUTS_PER_SEGMENT = 3
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 
 def masses_in_range(problem: IdentificationProblem, shares: Array) -> LinearConstraints:

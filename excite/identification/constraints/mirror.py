@@ -7,10 +7,11 @@ from collections.abc import Collection
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _MIRROR = np.diag([1.0, -1.0, 1.0])
 _DIAGONAL = (4, 6, 9)

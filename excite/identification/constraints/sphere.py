@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.constraints.inertia_cone import icosphere, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 _CUTS_PER_SEGMENT = 3
 # Vectors of one segment's cuts in one round are at least so different (cosine).

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.coordinates import COLUMNS, NAMES, ROWS, STEINER
 from excite.identification.physical.known_bounds import Interval, KnownBounds
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 _MASS, _FIRST, _INERTIA = 0, slice(1, 4), 4
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import qr_delete, solve_triangular
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.projection import ProjectionAnswer
-from excite.robot.robot import Array
 
 _DEPENDENT = 1e-11
 _VIOLATED = 1e-12

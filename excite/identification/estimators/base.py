@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
+from excite.arrays import Array
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.certificate import Certificate
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
-from excite.robot.robot import Array
 
 
 class SolveStatus(Enum):

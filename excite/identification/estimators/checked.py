@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.fallback import estimate_at
 from excite.identification.estimators.ridge import Ridge
 from excite.identification.regression import Regression
-from excite.robot.robot import Array
 
 # Largest accepted distance to the optimum, in standard deviations of the noise and, where the constraints
 # pull far, as a share of that pull; largest accepted violation, in standard deviations.

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.bounds import default_bounds, within_bounds
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.constraints.stated_bounds import speaks_of, stated_bounds
@@ -28,7 +29,6 @@ from excite.identification.regression import (
     regression,
 )
 from excite.regressor.base_parameters import base_parameters
-from excite.robot.robot import Array
 
 _VIOLATION = 1e-6
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import lu_factor, lu_solve
 
+from excite.arrays import Array
 from excite.identification.constraints.cones import Cones
 from excite.identification.constraints.linear import LinearConstraints
-from excite.robot.robot import Array
 
 _TOLERANCE = 1e-10
 _REFINEMENTS = 12

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dpotrf
 
+from excite.arrays import Array
 from excite.identification.constraints.cones import triangle_of
 from excite.identification.estimators.entropic_problem import EntropicAnswer, EntropicProblem
-from excite.robot.robot import Array
 
 _STEPS = 400
 _BACK = 0.97

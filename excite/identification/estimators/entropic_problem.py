@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.cones import triangle_of
 from excite.identification.constraints.linear import LinearConstraints
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

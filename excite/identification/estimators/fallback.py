@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.ridge import Ridge
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
-from excite.robot.robot import Array
 
 _HALVINGS = 50
 _FEASIBLE = 1e-8

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.body import segment_scales
 from excite.identification.constraints.cones import triangle_of
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
-from excite.robot.robot import Array
 
 # A nominal body that cannot exist, or is flat, is given this least eigenvalue of D J D.
 _LEAST = 1e-6

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.hierarchy_state import (
@@ -29,7 +30,6 @@ from excite.identification.estimators.semi_projection import (
     semi_project,
 )
 from excite.identification.orthogonal import row_space
-from excite.robot.robot import Array
 
 Mask = NDArray[np.bool_]
 

@@ -7,10 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.orthogonal import row_space
-from excite.robot.robot import Array
 
 # Length below which what is left of a row, or a direction, counts as nothing.
 EMPTY = 1e-9

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.assemble import model_constraints
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.constraints.mass_range import masses_in_range
@@ -24,7 +25,6 @@ from excite.identification.estimators.scaled import Scaled, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, least_squares, regression
-from excite.robot.robot import Array
 
 # Largest violation of a vector's row that is let pass, as a share of ε.
 _CUT_TOLERANCE = 1e-6

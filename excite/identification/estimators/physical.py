@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
@@ -27,7 +28,6 @@ from excite.identification.regression import (
 )
 from excite.identification.statistics import parameter_labels
 from excite.regressor.base_parameters import base_parameters
-from excite.robot.robot import Array
 
 _ROUNDING = 1e-9
 # A parameter is at its bound within this share of the interval.

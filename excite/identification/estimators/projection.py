@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import quadprog
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.regression import minimum_norm
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

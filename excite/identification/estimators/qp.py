@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
+from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.identification.constraints.assemble import model_constraints
 from excite.identification.constraints.inertia_cone import InertiaCone, inertia_cone
@@ -17,7 +18,6 @@ from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
-from excite.robot.robot import Array
 
 _MAX_ROUNDS = 60
 _CONE_TOLERANCE = 1e-3

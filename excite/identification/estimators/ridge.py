@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from excite.arrays import Array
 from excite.identification.constraints.body import ParameterCones
 from excite.identification.constraints.cones import Cones
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.regression import Regression, prior_std, square_factor
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import finite_or_raised, no_solution
 from excite.identification.estimators.scaled import scaled_parameters
@@ -15,7 +16,6 @@ from excite.identification.noise import estimate_noise
 from excite.identification.orthogonal import row_space
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
-from excite.robot.robot import Array
 
 _BLOCK = 4096
 _ROUNDS = 100

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.regression import Regression, prior_std
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.active_set import ActiveSetProjector
 from excite.identification.estimators.projection import Projector
 from excite.identification.orthogonal import row_space
-from excite.robot.robot import Array
 
 WEAK = 1e-8
 _EMPTY = 1e-9

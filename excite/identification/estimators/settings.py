@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.identification.physical.known_bounds import KnownBounds
 from excite.reading.number import check_number
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _MAY_BE_NONE = ("total_mass", "symmetry", "mirror")
 

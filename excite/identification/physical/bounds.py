@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import inertia_matrices
 from excite.identification.physical.coordinates import DIAGONAL, NAMES, OFF_DIAGONAL
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import RobotError
 from excite.identification.constraints.com_box import equivalent_boxes
@@ -16,7 +17,7 @@ from excite.identification.physical.bounds_file import SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds
 from excite.robot.com_box import com_boxes
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _DIGITS = 4
 _USUAL_DRIVES = ("viscous", "coulomb")

@@ -8,7 +8,7 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Upper triangle by columns, clarabel's order; the first six are also pinocchio's order of an inertia.
 TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.inertia import central_inertia_matrices
-from excite.robot.robot import Array
 
 # Places of Ixx, Ixy, Iyy, Ixz, Iyz, Izz (pinocchio's order) in the symmetric 3×3 matrix.
 ROWS = np.array([0, 0, 1, 0, 1, 2])

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import DIAGONAL, physical_parameters
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # A segment may be this much lighter or heavier than nominal, and carry this share of the robot besides.
 _LIGHTEST, _HEAVIEST, _CARRIED = 0.1, 3.0, 0.15

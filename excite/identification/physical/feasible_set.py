@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.identification.physical.bounds import PhysicalBounds, least_density_moments
 from excite.identification.physical.cone_program import ConeProgram, solve
 from excite.identification.physical.coordinates import DIAGONAL, STEINER, second_moments
-from excite.robot.robot import Array
 
 # How far inside the set answers are drawn, in scaled units: above rounding, of no weight in the objective.
 _INSIDE = 1e-10

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.coordinates import NAMES, physical_parameters
-from excite.robot.robot import Array
 
 Interval = tuple[float, float]
 

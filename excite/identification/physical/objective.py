@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr_delete, solve_triangular
 
+from excite.arrays import Array
 from excite.identification.essential import RSD_ABOVE, VALUE_BELOW
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.physical.cone_program import TRIANGLE, ConeProgram, solve
 from excite.identification.physical.coordinates import COLUMNS, ROWS, STEINER
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import TorqueObjective
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

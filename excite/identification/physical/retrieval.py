@@ -8,13 +8,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.objective import TorqueObjective
 from excite.identification.physical.relaxation import Relaxation, Relaxed
 from excite.identification.physical.search import LocalOptimum, descend
-from excite.robot.robot import Array
 
 # Pull to the center that picks one of many equally good robots, as share of the unexplained part of f².
 _PULL = 1e-6

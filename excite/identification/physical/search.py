@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.physical.relaxation import Relaxation
-from excite.robot.robot import Array
 
 _ITERATIONS = 80
 _GAIN = 1e-7

@@ -10,10 +10,10 @@ from typing import BinaryIO, ClassVar
 import pyarrow as pa
 import pyarrow.csv
 
+from excite.arrays import Array
 from excite.arrow_columns import arrow_table, numpy_columns
 from excite.errors import LogError
 from excite.logs.readers.reader import MAX_COLUMNS, TrialReader, check_size, unreadable
-from excite.robot.robot import Array
 
 # The longest line of names or of comments: as many columns as are read, of fifty letters each [bytes].
 _LONGEST_LINE = 50 * MAX_COLUMNS

@@ -17,7 +17,7 @@ from excite.logs.readers.reader import TrialReader, check_size, no_numbers, unre
 if TYPE_CHECKING:
     import h5py
 
-    from excite.robot.robot import Array
+    from excite.arrays import Array
 
 
 class Hdf5Reader(TrialReader):

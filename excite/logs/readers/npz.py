@@ -16,9 +16,9 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.readers.reader import TrialReader, check_size, no_numbers, unreadable
-from excite.robot.robot import Array
 
 # What zipfile, zlib and numpy raise of damaged archives.
 _DAMAGED = (

@@ -9,9 +9,9 @@ from typing import ClassVar
 import pyarrow as pa
 import pyarrow.parquet
 
+from excite.arrays import Array
 from excite.arrow_columns import arrow_table, open_parquet, read_numbers
 from excite.logs.readers.reader import TrialReader, check_size, unreadable
-from excite.robot.robot import Array
 
 
 class ParquetReader(TrialReader):

@@ -15,7 +15,7 @@ from excite.reading.file import check_file
 
 if TYPE_CHECKING:
     # A process that reads one file shall not wait for the robots' library.
-    from excite.robot.robot import Array
+    from excite.arrays import Array
 
 # An hour at 1 kHz of an arm with 55 channels: 1.6 GB as numbers, of which a few copies fit into a usual memory.
 MAX_NUMBERS = 200_000_000

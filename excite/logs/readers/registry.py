@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.readers.csv import CsvReader
 from excite.logs.readers.hdf5 import Hdf5Reader
@@ -13,7 +14,6 @@ from excite.logs.readers.parquet import ParquetReader
 from excite.logs.readers.reader import TrialReader
 from excite.reading.child import in_child
 from excite.reading.file import check_file
-from excite.robot.robot import Array
 
 # A process starts in less than a second; the rest is for the file, at a tenth of what disks and gzip do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 20.0, 5e6

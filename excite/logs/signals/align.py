@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from excite.arrays import Array
 from excite.errors import LogError
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.signals.sections import both_ways, butterworth_sections
-from excite.robot.robot import Array
 
 
 def lowpass(values: Array, rate_hz: float, cutoff_hz: float, order: int = 4) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # A regular clock is believed only where it makes positions clearly smoother than the stamps do.
 _CLEARLY = 0.95

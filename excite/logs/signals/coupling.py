@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
-from excite.robot.robot import Array
 
 
 def coupling_matrix(joints: Sequence[str], coupling: Mapping[str, Mapping[str, float]]) -> Array:

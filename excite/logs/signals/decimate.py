@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.logs.signals.butterworth import lowpass
-from excite.robot.robot import Array
 
 
 def decimation_step(rate_hz: float, target_hz: float) -> int:

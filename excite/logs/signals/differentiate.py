@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import LogError
-from excite.robot.robot import Array
 
 # Central differences of sixth order: weights of the third, second and first neighbours, and of the sample itself.
 _FIRST = np.array([-1.0, 9.0, -45.0]) / 60.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # From the median absolute deviation to the standard deviation of a normal distribution.
 _NORMAL = 1.4826

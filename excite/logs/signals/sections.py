@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.lazy_kernel import LazyKernel
-from excite.robot.robot import Array
 
 # Signals that go through together: enough for the processor to work on several, few enough for its cache.
 _SIDE_BY_SIDE = 64

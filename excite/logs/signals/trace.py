@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 SCHEMA = "excite.signals/1"
 _MOST_POINTS = 800

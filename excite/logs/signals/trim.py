@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import LogError
-from excite.robot.robot import Array
 
 
 def moving_span(velocity: Array, threshold: float) -> slice:

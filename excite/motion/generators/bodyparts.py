@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array, Foot, Robot
+from excite.arrays import Array
+from excite.robot.robot import Foot, Robot
 
 
 def pelvis_joint(robot: Robot) -> int:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.generators.curves import Curve
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 # Basis of the uniform cubic B-spline: row k holds the coefficients of u⁰…u³ for the k-th of four control points.
 _BASIS = (

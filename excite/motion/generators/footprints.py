@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.motion.generators.polynomials import PolynomialCurve, hermite
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 
 
 @dataclass(frozen=True, eq=False)

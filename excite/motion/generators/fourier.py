@@ -6,11 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import central_range, rest_joints, upper_body
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import FourierCurve
 from excite.motion.generators.generator import Generator
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _HARMONICS = 5
 _PERIOD = (4.0, 8.0)

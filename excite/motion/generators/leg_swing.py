@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import (
     central_range,
     leg_joints,
@@ -19,7 +20,7 @@ from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 
 # Number of swings. Over a broad sole, of this half width [m] or more, they are quick, and more of them make up for the
 # seconds in which the weight shifts.

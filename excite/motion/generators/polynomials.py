@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.generators.curves import Curve
-from excite.robot.robot import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import central_range, rest_joints, upper_body
 from excite.motion.generators.candidate import Candidate, Draws, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Control points: of the many light joints of a standing robot, of an arm that takes a second from one to the next.
 _WAYPOINTS, _ARM_WAYPOINTS = (9, 14), (6, 10)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import NoSolutionError
 from excite.motion.generators.footprints import Print, Sole, Step
-from excite.robot.robot import Array
 
 # What placo's planner looks for in a robot; of its geometry it uses nothing.
 _FRAMES = ("left_foot", "right_foot", "left_hip_yaw", "head_base", "head_pitch", "camera")

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, pelvis_height
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.footprints import Sole, Step, Swing, resting_soles, sole_curve, there_and_back
@@ -16,7 +17,7 @@ from excite.motion.generators.polynomials import PolynomialCurve, hermite, polyl
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.motion.generators.rocking import rocking_period
 from excite.motion.generators.walk_pattern import Timing, WalkPattern, plan_pattern
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Steps out; as many back.
 _STEPS = (1, 4)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.generators.curves import Curve
-from excite.robot.robot import Array
 
 # Quintic Hermite blend from 0 to 1 with vanishing first and second derivatives at both ends, by power of u.
 _BLEND = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.motion import Motion
 from excite.report.theme import IDENTIFIED, MUTED, draw
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

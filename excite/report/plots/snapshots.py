@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.motion.motion import Motion
 from excite.report.plots.body import Picture, View, front_view, picture
 from excite.report.theme import GROUND, IDENTIFIED, INK, MUTED, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, draw
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 def approach_rates(model: pin.Model, geometry: pin.GeometryModel) -> Array:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.checks.sweep import Sweep
 from excite.safety.contact_wrench import polygon_margin

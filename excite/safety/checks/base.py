@@ -9,8 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import Violation
 

@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.motion.motion import interpolate
 from excite.robot.collision import collision_model
-from excite.robot.robot import Array
 from excite.safety.checks.approach import approach_rates
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.checks.sweep import Sweep

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 from excite.safety.checks.base import Check, CheckResult, first_violations
 from excite.safety.checks.sweep import Sweep
 

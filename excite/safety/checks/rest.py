@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.checks.sampling import coordinate_names, velocity_tolerance
 from excite.safety.checks.sweep import Sweep

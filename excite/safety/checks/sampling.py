@@ -7,8 +7,9 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.checks.base import Check, CheckResult, first_violations
 from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import Violation

@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.errors import InputError
 from excite.motion.motion import Motion, interpolate
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.contact_wrench import wrench_at_world_origin, zero_moment_point
 from excite.safety.force_distribution import ContactForces, distribute_wrench
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array
 from excite.safety.checks.base import Check, CheckResult, first_violations
 from excite.safety.checks.sweep import Sweep
 from excite.safety.force_distribution import RESIDUAL_TOLERANCE

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.robot.collision import collision_model
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Distance beyond the required margin that repairs keep, so that nothing happens between their samples [m].
 EXTRA = 0.004

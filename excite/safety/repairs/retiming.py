@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.robot.robot import Array, Robot
+from excite.arrays import Array
+from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.rows import PathLimits, Rows
 from excite.safety.repairs.shares import Shares

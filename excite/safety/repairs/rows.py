@@ -9,10 +9,11 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import Candidate
 from excite.robot.joint_values import per_joint
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows

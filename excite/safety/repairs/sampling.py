@@ -8,9 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import rest_joints
 from excite.motion.motion import Motion, MotionMetadata
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.transfers import Transfer, transfer

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

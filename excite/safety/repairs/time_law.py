@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

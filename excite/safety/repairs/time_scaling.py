@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.rows import PathLimits

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.errors import NoSolutionError
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 # Share of velocity, acceleration and jerk limits that a transfer uses.
 _SHARE = 0.5

@@ -7,9 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.motion.generators.candidate import Candidate, Draws
 from excite.motion.generators.curves import Curve, SplineCurve
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 

@@ -11,10 +11,11 @@ import pinocchio as pin
 from defusedxml.ElementTree import fromstring
 from scipy.spatial.transform import Rotation
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.curves import SplineCurve
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath, coordinates_of

@@ -9,9 +9,10 @@ import pinocchio as pin
 from scipy.linalg import solve_banded
 from scipy.spatial.transform import Rotation
 
+from excite.arrays import Array
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.polynomials import hermite
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.safety.contact_wrench import wrench_at_world_origin, zero_moment_point
 from excite.safety.repairs.path import MotionPath, coordinates_of
 

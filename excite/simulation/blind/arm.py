@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.drives import nominal_drives
 from excite.simulation.mjcf import World
 from excite.simulation.true_parameters import moved_inertia, nominal_truth, scattered_parameters

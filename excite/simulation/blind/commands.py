@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.blind.arm import PAUSE_S, TRIAL_S, Arm
 from excite.simulation.blind.hidden import Answer
 from excite.simulation.plant import Plant

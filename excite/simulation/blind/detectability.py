@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import butter, sosfiltfilt
 
-from excite.robot.robot import Array, Robot
+from excite.arrays import Array
+from excite.robot.robot import Robot
 from excite.simulation.recording import Recording
 
 BAND_HZ = 10.0

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.logs.log import Trial
-from excite.robot.robot import Array
 
 
 def repeated(trial: Trial, rng: np.random.Generator) -> Trial:

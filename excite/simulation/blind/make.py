@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.documents.blind import BlindAnswers
 from excite.documents.document import read_document
 from excite.errors import InputError
@@ -20,7 +21,6 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_seed
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array
 from excite.simulation.blind.arm import N_TRIALS, N_VALIDATION, PAUSE_S, TRIAL_S, Arm, arm_of
 from excite.simulation.blind.commands import Servo, drawn_servo
 from excite.simulation.blind.detectability import detectability

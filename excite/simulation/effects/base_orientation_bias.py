@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 from excite.simulation.effects.effect import InjectedEffect
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 from excite.simulation.effects.effect import InjectedEffect
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.diagnosis.attribute import Attributor
 from excite.diagnosis.baseline_fit import fit_baseline
@@ -18,7 +19,7 @@ from excite.diagnosis.samples import arm_samples
 from excite.diagnosis.units import force_unit
 from excite.logs.log import Log
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, to_png
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from excite.arrays import Array
 from excite.campaign.plan import plan
 from excite.identification.settings import ProblemSettings
 from excite.robot.loading import load_robot
-from excite.robot.robot import Array
 from tests.reproduction.hrp2 import (
     COM,
     CONDITION_NUMBERS,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.robot.robot import Array
 from tests.reproduction.human_2020 import CHANNELS, N_BLOCKS, N_BODIES, Recording
 from tests.reproduction.recordings_data import from_recordings
 from tests.reproduction.table import Line, Table

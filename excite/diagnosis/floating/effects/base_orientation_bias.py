@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 
 class BaseOrientationBias(FloatingEffect):

@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.effects.point_force import columns_of_force
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 # A force of this size and less has no direction to speak of.
 _NO_DIRECTION_N = 2.0

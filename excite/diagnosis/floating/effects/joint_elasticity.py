@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
 from excite.diagnosis.floating.joint_turns import joint_turn
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 # A turn by which the torque's change is measured [rad], and the most that bending may add to itself: beyond one it
 # would buckle.

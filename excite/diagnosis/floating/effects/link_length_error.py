@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
 from excite.diagnosis.floating.moved_branch import moved_branch
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 
 class LinkLengthError(FloatingEffect):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
 from excite.logs.columns import WRENCH_AXES
-from excite.robot.robot import Array
 
 
 class SensorBias(FloatingEffect):

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 
 class SensorFrameOffset(FloatingEffect):

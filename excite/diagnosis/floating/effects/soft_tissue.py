@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
 from excite.diagnosis.floating.joint_turns import joint_turn
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 _CUTOFF_HZ = 3.0
 

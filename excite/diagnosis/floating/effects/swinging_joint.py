@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.fft import dct, idct
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.joint_elasticity import (
     MOST_ADDED,
     JointElasticity,
@@ -14,7 +15,6 @@ from excite.diagnosis.floating.effects.joint_elasticity import (
     loads_of,
 )
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 # Steps of the parameters [rad/(N·m)]; a turn's acceleration by which inertia is measured [rad/s²].
 _STEPS, _ACCELERATION = (1e-6, 1e-6), 1.0

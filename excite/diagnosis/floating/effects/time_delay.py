@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 
 class TimeDelay(FloatingEffect):

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.record import FloatingRecord
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 
 class UnloggedContact(FloatingEffect):

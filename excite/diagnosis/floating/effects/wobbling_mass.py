@@ -9,11 +9,11 @@ from typing import ClassVar
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
+from excite.arrays import Array
 from excite.diagnosis.candidate import Estimate
 from excite.diagnosis.floating.cross import cross
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.state import State
-from excite.robot.robot import Array
 
 # A mass that sags further under its weight hangs, and is no tissue [m].
 _MOST_SAG = 0.12

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _MOST_STEPS, _CLOSE = 20, 1e-10
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from excite.robot.robot import Array
+from excite.arrays import Array
 
 
 class Pull(Protocol):

@@ -6,8 +6,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import butter, sosfiltfilt
 
+from excite.arrays import Array
 from excite.logs.log import Trial, TrialHeader
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 from excite.simulation.recording import Recording
 
 # Joint angles [rad], base position [m] and orientation [rad], standard deviations before the filter.

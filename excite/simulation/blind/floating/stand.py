@@ -8,11 +8,12 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.logs.log import LogHeader, SensorHeader, TrialHeader
 from excite.logs.robot import robot_in_log
 from excite.motion.motion import Motion
 from excite.robot.loading import build_robot, load_robot
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 from excite.simulation.blind.floating.programme import RATE_HZ, programme
 from excite.simulation.true_parameters import nominal_truth, scattered_parameters
 

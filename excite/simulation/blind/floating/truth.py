@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.robot.robot import Array, Foot, Robot
+from excite.robot.robot import Foot, Robot
 from excite.safety.contact_wrench import wrench_at_world_origin
 from excite.safety.force_distribution import distribute_wrench
 from excite.simulation.blind.floating.planted import planted

@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import butter, sosfiltfilt
 
+from excite.arrays import Array
 from excite.logs.log import Trial
-from excite.robot.robot import Array, Robot
+from excite.robot.robot import Robot
 
 _BAND_HZ = 3.5
 _EVERY, _EDGE = 4, 10

@@ -1,0 +1,117 @@
+"""Memory of a campaign that goes on for two hours: screening, simulation and identification again and again."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.benchmarks.table import Row
+from tests.benchmarks.tree_memory import tree_memory
+
+_SECONDS = 7200.0
+_EVERY_S = 10.0
+# Targets that nothing meets and more iterations than the time allows: the campaign is interrupted in the end.
+_CAMPAIGN = (
+    *(
+        "campaign",
+        "g1",
+        "--candidates",
+        "200",
+        "--target-rsd",
+        "1e-6",
+        "--max-iterations",
+        "1000",
+        "--seed",
+        "5",
+    ),
+    *("--jobs", "2"),
+)
+# The first tenth imports, builds caches and forks; a leak shows in what comes after it.
+_SETTLED = 0.1
+# What the recordings and the plans of one more iteration take; all beyond it is a leak.
+_FLAT = 0.05
+
+
+@dataclass(frozen=True)
+class Course:
+    """Memory of a campaign by time.
+
+    Attributes:
+        seconds: (n,) since the start [s].
+        parent_mb: (n,) proportional set size of the campaign itself [MB].
+        workers_mb: (n,) of all its workers together [MB].
+        recorded_mb: (n,) sizes of the recordings on disk that the campaign identifies from [MB].
+        iterations: (n,) iterations begun.
+    """
+
+    seconds: np.ndarray
+    parent_mb: np.ndarray
+    workers_mb: np.ndarray
+    recorded_mb: np.ndarray
+    iterations: np.ndarray
+
+
+def rows() -> list[Row]:
+    """Memory after the first tenth of the time and in its last tenth, without what the recordings take."""
+    course = watch(_SECONDS, Path(tempfile.gettempdir()) / "long_campaign.csv")
+    settled = course.seconds > _SETTLED * _SECONDS
+    begin = settled & (course.seconds < 2 * _SETTLED * _SECONDS)
+    end = course.seconds > (1 - _SETTLED) * _SECONDS
+    found = []
+    for name, sizes in (("the campaign itself", course.parent_mb), ("its two workers", course.workers_mb)):
+        first, last = float(np.median(sizes[begin])), float(np.median(sizes[end]))
+        found.append(
+            Row.at_most(
+                f"two hours of a campaign, memory of {name}: last tenth / second tenth",
+                last / first,
+                1 + _FLAT,
+            )
+        )
+        found.append(Row("… second tenth, last tenth", "", f"{first:.0f}, {last:.0f} MB", None))
+    grown = float(course.recorded_mb[end].mean() - course.recorded_mb[begin].mean())
+    done = int(course.iterations[-1])
+    found.append(Row("… recordings that came in between", "", f"{grown:.0f} MB of {done} iterations", None))
+    return found
+
+
+def watch(seconds: float, table: Path) -> Course:
+    """Run the campaign for some time and write down its memory as it goes.
+
+    Args:
+        seconds: after which it is interrupted.
+        table: a row is added at every look, so that nothing is lost when this is killed.
+    """
+    looks: list[tuple[float, ...]] = []
+    with tempfile.TemporaryDirectory(prefix="long_campaign_") as name:
+        folder = Path(name) / "campaign"
+        command = [sys.executable, "-m", "excite", *_CAMPAIGN, "--out", str(folder)]
+        quiet = subprocess.DEVNULL
+        run = subprocess.Popen(command, env=os.environ, stdout=quiet, stderr=quiet, text=True)
+        started = time.perf_counter()
+        while run.poll() is None and (now := time.perf_counter() - started) < seconds:
+            parent, workers = tree_memory(run.pid)
+            iterations = len([*folder.glob("iteration_*")])
+            looks.append((now, parent, workers, _recorded_mb(folder), iterations))
+            with table.open("a") as file:
+                file.write(",".join(f"{value:.1f}" for value in looks[-1]) + "\n")
+            time.sleep(_EVERY_S)
+        if run.poll() is not None:
+            raise RuntimeError(f"the campaign ended by itself with {run.returncode}")
+        run.terminate()
+        run.wait()
+    return Course(*np.array(looks).T)
+
+
+def _recorded_mb(folder: Path) -> float:
+    return sum(path.stat().st_size for path in folder.glob("**/log/**/*") if path.is_file()) / 1e6
+
+
+if __name__ == "__main__":
+    watch(float(sys.argv[1]), Path(sys.argv[2]))
