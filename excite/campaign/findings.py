@@ -17,7 +17,6 @@ from excite.errors import LogError
 from excite.excitation.conditioning import Conditioning
 from excite.identification.identify import Identification
 from excite.identification.problem import build_problem
-from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
 from excite.report.data import (
     ConditioningComparison,
@@ -28,6 +27,7 @@ from excite.report.data import (
 )
 from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
 
 
 def robot_file(robot: Robot, folder: Path) -> dict[str, str]:

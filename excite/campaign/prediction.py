@@ -9,18 +9,18 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from excite.arrays import Array
-from excite.identification.equation_noise import EquationNoise, equation_noise
-from excite.identification.essential import EssentialParameters, essential_parameters
-from excite.identification.noise import triangle
+from excite.identification.judgement.essential import EssentialParameters, essential_parameters
+from excite.identification.judgement.statistics import parameter_labels, relative_percent
+from excite.identification.noise.correlated import triangle
+from excite.identification.noise.equation_noise import EquationNoise, equation_noise
+from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, least_squares, regression
-from excite.identification.settings import ProblemSettings
-from excite.identification.statistics import parameter_labels, relative_percent
-from excite.identification.trial_grid import trial_grids
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.motion.motion import Motion, interpolate
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
 from excite.simulation.drives import nominal_drives
 from excite.simulation.sensing import log_header
 from excite.threads import one_blas_thread
@@ -84,7 +84,7 @@ def predict(
 
     The rows are those of :func:`~excite.identification.problem.build_problem` for a log without noise: same
     filters, same samples left out at the ends and at standstill, same drive terms. The noise of each sensor
-    reaches them as :mod:`excite.identification.equation_noise` says, and weights are one over what it leaves
+    reaches them as :mod:`excite.identification.noise.equation_noise` says, and weights are one over what it leaves
     in each channel. Friction that changes its sign at once, which smoothed columns follow only so far, is an
     error of the model that adds to an arm's noise.
 

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal
 import typer
 
 from excite.claim import claimed
-from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import emit, progress_bars
-from excite.cli.workers import workers
+from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.output import emit, progress_bars
+from excite.cli.session.workers import workers
 from excite.errors import ExciteError, InputError
 from excite.parallel.engine import in_order
 from excite.temporary_folder import TemporaryFolder
@@ -53,7 +53,7 @@ def make(
     ] = "motor_side",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    from excite.simulation.blind.make import make_cases
+    from excite.blind.make import make_cases
 
     with (
         claimed(out or Path("blind")) as folder,
@@ -85,9 +85,9 @@ def score(
     cluster: ClusterOption = None,
 ) -> None:
     """Diagnose every case in a process of its own that sees nothing but a copy of the log, then compare."""
+    from excite.blind.make import answers_file, load_answers
+    from excite.blind.score import score as compare
     from excite.json_document import write_json
-    from excite.simulation.blind.make import answers_file, load_answers
-    from excite.simulation.blind.score import score as compare
 
     cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
     if not cases:

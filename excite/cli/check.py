@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
-from excite.cli.workers import workers
+from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.session.workers import workers
 from excite.json_document import write_json
 
 NAME = "check"

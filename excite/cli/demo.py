@@ -6,9 +6,9 @@ from pathlib import Path
 
 import excite
 from excite.claim import claimed
-from excite.cli.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import emit, progress_bars
-from excite.cli.workers import workers
+from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.output import emit, progress_bars
+from excite.cli.session.workers import workers
 
 NAME = "demo"
 

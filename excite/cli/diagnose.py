@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import emit
-from excite.diagnosis.result import Diagnosis
+from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.output import emit
+from excite.diagnosis.answer.result import Diagnosis
 from excite.json_document import write_json
 
 NAME = "diagnose"

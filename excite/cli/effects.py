@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import excite
-from excite.cli.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import emitted
+from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.output import emitted
 
 NAME = "effects"
 

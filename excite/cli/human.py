@@ -10,9 +10,9 @@ import typer
 import excite
 from excite.atomic import atomic_folder
 from excite.cli.human_figures import human_figures
-from excite.cli.options import JobsOption, JsonOption, SeedOption
-from excite.cli.output import emit, progress_bars
-from excite.cli.segment_options import (
+from excite.cli.session.options import JobsOption, JsonOption, SeedOption
+from excite.cli.session.output import emit, progress_bars
+from excite.cli.session.segment_options import (
     AsymmetricOption,
     MassRangeOption,
     named_numbers,

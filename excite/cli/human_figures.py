@@ -24,7 +24,7 @@ def human_figures(found: IdentifiedPerson, wearing: SegmentTable | None, table: 
     # Matplotlib takes a second to import.
     import numpy as np
 
-    from excite.human.ground_reaction import AXES, UNITS
+    from excite.human.plates.ground_reaction import AXES, UNITS
     from excite.human.segment_table import STATED
     from excite.report.data import ForceComparison, MassComparison, ReportData, save_report_data
     from excite.report.plots.segment_masses import save_force_figure, save_segment_figure

@@ -10,15 +10,15 @@ import typer
 
 import excite
 from excite.atomic import all_or_nothing
-from excite.cli.failure import of_error
-from excite.cli.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
-from excite.cli.output import emit
-from excite.cli.segment_options import AsymmetricOption, MassRangeOption, segment_settings
+from excite.cli.session.failure import of_error
+from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.session.output import emit
+from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
-    from excite.identification.sessions import Sessions
+    from excite.identification.sessions.compare import Sessions
     from excite.logs.signals.trace import SignalTrace
 
 NAME = "identify"

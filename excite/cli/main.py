@@ -32,7 +32,7 @@ from excite.cli import (  # noqa: E402
     robots,
     simulate,
 )
-from excite.cli.failure import (  # noqa: E402
+from excite.cli.session.failure import (  # noqa: E402
     EXIT_BAD_INPUT,
     EXIT_USAGE,
     of_error,
@@ -40,7 +40,7 @@ from excite.cli.failure import (  # noqa: E402
     of_unforeseen,
     of_usage,
 )
-from excite.cli.interruption import Interrupted, handle_signals, say_interrupted  # noqa: E402
+from excite.cli.session.interruption import Interrupted, handle_signals, say_interrupted  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
 
 # What typer raises for a command line that means nothing; it is click's, which typer may or may not bring along.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import excite
-from excite.cli.options import (
+from excite.cli.session.options import (
     JobsOption,
     JsonOption,
     MotionArgument,
@@ -11,7 +11,7 @@ from excite.cli.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.output import emit, progress_bars
+from excite.cli.session.output import emit, progress_bars
 from excite.json_document import write_json
 
 NAME = "rank"

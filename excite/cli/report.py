@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 import excite
-from excite.cli.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.output import emit
+from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.output import emit
 
 NAME = "report"
 

@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.claim import claimed
-from excite.cli.options import (
+from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
     JsonOption,
@@ -18,8 +18,8 @@ from excite.cli.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.output import EXIT_NEGATIVE, emit, progress_bars
-from excite.cli.workers import workers
+from excite.cli.session.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.session.workers import workers
 
 NAME = "simulate"
 

@@ -9,30 +9,36 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.accepted_values import found_effects
-from excite.diagnosis.arm_curves import trial_curves
-from excite.diagnosis.attribute import Attributor
-from excite.diagnosis.attribution import Attribution, Scored
-from excite.diagnosis.augmented_effects import Found
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
-from excite.diagnosis.candidate import Candidate
+from excite.diagnosis.answer.arm_curves import trial_curves
+from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.gap import Gap, share_closed
+from excite.diagnosis.answer.locate import locate
+from excite.diagnosis.answer.result import Diagnosis, Rollout
+from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.gap import Gap, share_closed
-from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
-from excite.diagnosis.locate import locate
-from excite.diagnosis.next_experiment_advice import advice
-from excite.diagnosis.noise_floor import other_postures, repeat_floor, spectral_floor, unrepeated, white_floor
-from excite.diagnosis.result import Diagnosis, Rollout
-from excite.diagnosis.rollout_compare import simulated
-from excite.diagnosis.samples import ArmSamples, arm_samples
-from excite.diagnosis.shrink import gap_of
-from excite.diagnosis.standing_joints import held_power
-from excite.diagnosis.units import at_joint
-from excite.diagnosis.unnamed import in_words
-from excite.diagnosis.verdict import Judgement, judge, probabilities, withdrawn
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
+from excite.diagnosis.equations.noise_floor import (
+    other_postures,
+    repeat_floor,
+    spectral_floor,
+    unrepeated,
+    white_floor,
+)
+from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.standing_joints import held_power
+from excite.diagnosis.equations.units import at_joint
+from excite.diagnosis.next_experiment.advice import advice
+from excite.diagnosis.search.attribute import Attributor
+from excite.diagnosis.search.attribution import Attribution, Scored
+from excite.diagnosis.search.unnamed import in_words
+from excite.diagnosis.search.verdict import Judgement, judge, probabilities, withdrawn
+from excite.diagnosis.simulator.accepted_values import found_effects
+from excite.diagnosis.simulator.augmented_effects import Found
+from excite.diagnosis.simulator.rollout_compare import simulated
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 

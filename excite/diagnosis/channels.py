@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.result import LogFault
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.answer.result import LogFault
+from excite.diagnosis.equations.samples import arm_samples
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.result import Diagnosis
+from excite.diagnosis.answer.result import Diagnosis
 from excite.errors import InputError, LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -60,11 +60,11 @@ def diagnose(
 def _of_arm(torque: str | None) -> Callable[[Robot, Log, np.random.Generator, Path | None], Diagnosis]:
     """The diagnosis of a fixed base for what the log says of its torques; each kind loads libraries of its own."""
     if torque == "current":
-        from excite.diagnosis.command_only.currents import diagnose_currents
+        from excite.diagnosis.servo.currents import diagnose_currents
 
         return diagnose_currents
     if torque == "none":
-        from excite.diagnosis.command_only.diagnose import diagnose_commands
+        from excite.diagnosis.servo.diagnose import diagnose_commands
 
         return diagnose_commands
     from excite.diagnosis.arm import diagnose_arm

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.answer.result import LogFault
 from excite.diagnosis.channels import examine_channels
-from excite.diagnosis.result import LogFault
 from excite.logs.log import Log, Trial
 from excite.logs.missing import missing_rows
 from excite.logs.signals.clock import misfit

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from excite.atomic import atomic_path
 from excite.errors import InputError
-from excite.human.added_mass import locate_added_mass
-from excite.human.ground_reaction import GroundReaction, ReactionTable, ground_reactions
 from excite.human.measure import MeasuredPerson
 from excite.human.osim import write_osim
+from excite.human.plates.ground_reaction import GroundReaction, ReactionTable, ground_reactions
 from excite.human.segment_table import SegmentTable, identified_body, segment_table
 from excite.human.urdf import ROBOT_FILE, urdf_text
-from excite.human.weight_candidate import AddedMass
+from excite.human.weight.added_mass import locate_added_mass
+from excite.human.weight.weight_candidate import AddedMass
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
@@ -21,8 +21,8 @@ from excite.identification.result import Identification
 from excite.json_document import write_json
 from excite.logs.files import load_log
 from excite.logs.log import Log
-from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
+from excite.robot.shapes.com_box import com_boxes
 
 IDENTIFIED = "human_identified"
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
+from excite.finding import Finding, listed
 from excite.human.markers.marker_set import MarkerSet, bare_label
 from excite.human.recording import Recording
 from excite.human.subject import Subject
-from excite.logs.finding import Finding, listed
 
 _UP = {
     "z": np.eye(3),

@@ -11,14 +11,14 @@ import numpy as np
 
 from excite.errors import InputError
 from excite.human.body import Body
-from excite.human.force_plates import PlateReading
-from excite.human.joint_angles import base_pose, joint_angles
+from excite.human.plates.force_plates import PlateReading
+from excite.human.posture.joint_angles import base_pose, joint_angles
+from excite.human.posture.trial_poses import TrialPoses
 from excite.human.segments import JOINT_NAMES
-from excite.human.trial_poses import TrialPoses
 from excite.human.urdf import URDF_FILE, urdf_text
-from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log, LogHeader, Role, SensorHeader, Trial, TrialHeader
 from excite.logs.signals.butterworth import settling_samples
+from excite.rows.settings import ProblemSettings
 
 _GRAVITY = (0.0, 0.0, -9.81)
 

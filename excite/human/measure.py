@@ -11,25 +11,25 @@ import numpy as np
 
 from excite.atomic import atomic_path
 from excite.errors import UnknownNameError
+from excite.finding import Finding
 from excite.human.body import Body, body_of
 from excite.human.dimensions import DIMENSIONS, Dimensions
-from excite.human.force_plates import plate_readings
 from excite.human.inertials import ANTHROPOMETRY, Anthropometry
-from excite.human.joint_angles import joint_angles, near_singular
 from excite.human.laboratory import AXES, absent_markers, in_metres, up_axis, upright, with_known_labels
 from excite.human.log_folder import MeasuredTrial, human_log
 from excite.human.markers.calibration import Calibration, calibrate
 from excite.human.markers.marker_set import MarkerSet, find_marker_set, read_marker_set
 from excite.human.pairing import paired_recordings
+from excite.human.plates.force_plates import plate_readings
+from excite.human.plates.support import support
+from excite.human.posture.joint_angles import joint_angles, near_singular
+from excite.human.posture.skeleton import place
+from excite.human.posture.trial_poses import trial_poses
 from excite.human.recording import Recording
 from excite.human.segments import NAMES
-from excite.human.skeleton import place
 from excite.human.subject import Subject
-from excite.human.support import support
-from excite.human.trial_poses import trial_poses
 from excite.human.urdf import ROBOT_FILE, robot_yaml
 from excite.logs.files import save_log
-from excite.logs.finding import Finding
 from excite.logs.log import Log
 from excite.progress import Progress, silent
 from excite.reading.number import check_number

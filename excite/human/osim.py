@@ -10,8 +10,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.human.body import Body
-from excite.human.joint_angles import frame_turn
 from excite.human.markers.inverse_kinematics import MarkerModel
+from excite.human.posture.joint_angles import frame_turn
 from excite.human.segments import NAMES, PARENTS, SEGMENTS, Segment
 
 _VERSION = "40000"

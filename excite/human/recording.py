@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from excite.arrays import Array
-from excite.logs.finding import Finding
+from excite.finding import Finding
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.human.body import Body
 from excite.human.inertials import ANTHROPOMETRY, BodyInertia
-from excite.human.joint_angles import frame_turn
+from excite.human.posture.joint_angles import frame_turn
 from excite.human.segments import NAMES
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.result import Identification

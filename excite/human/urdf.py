@@ -11,7 +11,7 @@ import yaml
 from excite.arrays import Array
 from excite.human.body import Body, segment_box
 from excite.human.inertials import BodyInertia
-from excite.human.joint_angles import frame_turn
+from excite.human.posture.joint_angles import frame_turn
 from excite.human.segments import NAMES, PAIRS, PARENTS, SEGMENTS
 
 URDF_FILE, ROBOT_FILE = "human.urdf", "robot.yaml"

@@ -8,17 +8,17 @@ import numpy as np
 from scipy.linalg import qr
 
 from excite.arrays import Array
-from excite.identification.base_rows import BaseRows
-from excite.identification.joint_rows import JointRows, drive_terms
-from excite.identification.kinematics import trial_kinematics
 from excite.identification.preparation import advanced, prepare_trial
 from excite.identification.problem import build_problem
-from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.align import Lag, peak
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Robot
+from excite.rows.base_rows import BaseRows
+from excite.rows.joint_rows import JointRows, drive_terms
+from excite.rows.kinematics import trial_kinematics
+from excite.rows.settings import ProblemSettings
 
 _STEPS = 20
 

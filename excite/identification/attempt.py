@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from numpy.linalg import LinAlgError
 
 from excite.errors import LogError, NoSolutionError
+from excite.finding import Finding
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.fallback import estimate_at
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
-from excite.logs.finding import Finding
 from excite.logs.log import Log
 
 

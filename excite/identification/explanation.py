@@ -9,10 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.alignment import estimate_torque_delay
-from excite.identification.joint_rows import STANDS_FOR_S, JointRows, drive_terms
-from excite.identification.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
 from excite.identification.preparation import Prepared, prepare_trial
-from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.align import Lag
@@ -23,6 +20,9 @@ from excite.logs.signals.outliers import replace_outliers
 from excite.logs.signals.trace import SignalStep, SignalTrace
 from excite.logs.signals.trim import long_standstill
 from excite.robot.robot import Robot
+from excite.rows.joint_rows import STANDS_FOR_S, JointRows, drive_terms
+from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
+from excite.rows.settings import Filters, ProblemSettings
 
 _SHOWN_S = 4.0
 _TIME = "time [s]"

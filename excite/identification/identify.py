@@ -6,35 +6,35 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.doctor.plausibility import implausible
+from excite.doctor.suspicions import suspicions
 from excite.errors import InputError, NoSolutionError, RobotError
+from excite.finding import Finding
 from excite.identification.attempt import attempt, equations_of, failure_finding
-from excite.identification.changes import Changes, find_changes
-from excite.identification.consistency import check_consistency
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.mass import measured_total_mass
-from excite.identification.doubts import find_doubts
-from excite.identification.essential import essential_parameters
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.noise import NoiseModel
+from excite.identification.judgement.changes import Changes, find_changes
+from excite.identification.judgement.consistency import check_consistency
+from excite.identification.judgement.doubts import find_doubts
+from excite.identification.judgement.essential import essential_parameters
+from excite.identification.judgement.statistics import BaseStatistics, base_statistics
+from excite.identification.judgement.uncertainty import parameter_uncertainty
+from excite.identification.judgement.validation import channel_fits
+from excite.identification.judgement.warnings import find_warnings
+from excite.identification.noise.correlated import NoiseModel
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import Regression, iterate_weights, regression
 from excite.identification.result import BaseParameter, Identification, TotalMassReport
-from excite.identification.settings import ProblemSettings
-from excite.identification.statistics import BaseStatistics, base_statistics
-from excite.identification.suspicions import suspicions
-from excite.identification.uncertainty import parameter_uncertainty
-from excite.identification.validation import channel_fits
-from excite.identification.warnings import find_warnings
 from excite.logs.bare_urdf import nominal_faults
-from excite.logs.finding import Finding
 from excite.logs.log import Log
-from excite.logs.plausibility import implausible
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import DRIVE_TERMS
-from excite.robot.com_box import com_boxes
 from excite.robot.robot import Robot
+from excite.robot.shapes.com_box import com_boxes
+from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
 # Once bodies are known to have changed, the others are believed this much more (see _informed_settings).

@@ -12,14 +12,14 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, LogError
-from excite.identification.drive_terms import DRIVE_TERMS, JointSamples
-from excite.identification.kinematics import forces_on_grid, trial_kinematics
-from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import read_tree
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import DRIVE_TERMS, JointSamples
+from excite.rows.kinematics import forces_on_grid, trial_kinematics
+from excite.rows.settings import ProblemSettings
 
 DEFAULT_GAIN = 25.0
 # Half step of the derivative of the mass matrix [s]; its error is that of rounding, 1e-11 of the momentum.

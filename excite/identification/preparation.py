@@ -10,7 +10,6 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import Trial
 from excite.logs.signals.average import average_periods
 from excite.logs.signals.base_pose import continuous_quaternions
@@ -18,6 +17,7 @@ from excite.logs.signals.butterworth import settling_samples
 from excite.logs.signals.clock import Clock, find_clock
 from excite.logs.signals.outliers import replace_outliers
 from excite.logs.signals.resample import resample_noisy, resample_smooth
+from excite.rows.settings import Filters, ProblemSettings
 
 # From the last sample of a period to the first a joint moves no further than this many of its largest steps.
 _JUMP = 3.0

@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.identification.base_rows import BaseRows
-from excite.identification.joint_rows import JointRows, drive_terms
-from excite.identification.kinematics import trial_rate
 from excite.identification.preparation import prepare_trial
-from excite.identification.rows import decimation
-from excite.identification.settings import Filters, ProblemSettings
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.robot.robot import Robot
+from excite.rows.base_rows import BaseRows
+from excite.rows.filtered_rows import decimation
+from excite.rows.joint_rows import JointRows, drive_terms
+from excite.rows.kinematics import trial_rate
+from excite.rows.settings import Filters, ProblemSettings
 from excite.threads import one_blas_thread
 
 _BLOCK = 4096
@@ -31,7 +31,7 @@ class IdentificationProblem:
     The first ``n_inertial`` columns are ten per segment in pinocchio's order
     ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`` about the joint frame; the rest are named
     ``viscous.JOINT`` [N·m·s/rad], ``coulomb.JOINT`` [N·m] and so on, for the terms of
-    :data:`~excite.identification.drive_terms.DRIVE_TERMS` that the settings ask for.
+    :data:`~excite.rows.drive_terms.DRIVE_TERMS` that the settings ask for.
 
     Attributes:
         robot: the robot whose model is identified.

@@ -11,9 +11,9 @@ from scipy.linalg import lstsq
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.inertia import central_inertia_matrices
-from excite.identification.noise import NoiseModel, estimate_noise, triangle
+from excite.identification.noise.correlated import NoiseModel, estimate_noise, triangle
+from excite.identification.noise.trial_grid import TrialGrid, trial_grids
 from excite.identification.problem import IdentificationProblem
-from excite.identification.trial_grid import TrialGrid, trial_grids
 from excite.threads import one_blas_thread
 
 _BLOCK = 4096

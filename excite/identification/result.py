@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.changes import Changes
-from excite.identification.consistency import Consistency
+from excite.finding import Finding
 from excite.identification.inertia import FILE_ORDER
+from excite.identification.judgement.changes import Changes
+from excite.identification.judgement.consistency import Consistency
+from excite.identification.judgement.uncertainty import ParameterUncertainty
+from excite.identification.judgement.validation import ChannelFit
 from excite.identification.physical.certificate import Certificate
 from excite.identification.physical.known_bounds import BoundsReport
 from excite.identification.result_text import fit_table, mass_change
-from excite.identification.uncertainty import ParameterUncertainty
-from excite.identification.validation import ChannelFit
-from excite.logs.finding import Finding
 
 SCHEMA = "excite.identification/1"
 

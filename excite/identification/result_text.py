@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from excite.identification.changes import ChangedSegment
-from excite.identification.validation import ChannelFit
+from excite.identification.judgement.changes import ChangedSegment
+from excite.identification.judgement.validation import ChannelFit
 
 
 def mass_change(item: ChangedSegment) -> str:

@@ -9,14 +9,14 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.logs.finding import Finding, listed
+from excite.finding import Finding, listed
 from excite.logs.log import LogHeader
 from excite.robot.description import RobotDescription
 from excite.robot.robot import Robot
-from excite.robot.urdf import parse_urdf
-from excite.robot.urdf_inertia import inertial_faults, resting_faults
-from excite.robot.urdf_model import urdf_model
-from excite.robot.urdf_tree import MOVING, check_tree
+from excite.robot.urdf.inertia import inertial_faults, resting_faults
+from excite.robot.urdf.model import urdf_model
+from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.tree import MOVING, check_tree
 
 _UNSTATED = "not stated in the log"
 _LOG_FOLDER = "the log's folder"

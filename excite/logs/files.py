@@ -17,8 +17,8 @@ from excite.logs.sampling import check_log_clock
 from excite.reading.file import read_text
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.robot import Robot
-from excite.robot.urdf import parse_urdf
-from excite.robot.urdf_tree import MOVING
+from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.tree import MOVING
 
 
 def load_log(path: str | Path, robot: Robot | None = None) -> Log:

@@ -13,7 +13,6 @@ from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
 from excite.reading.yaml_document import read_yaml
-from excite.robot.collision_block import CollisionBlock
 from excite.robot.per_joint import (
     Accelerations,
     Block,
@@ -38,6 +37,7 @@ from excite.robot.quantities import (
     Rotation3,
     Vector3,
 )
+from excite.robot.shapes.collision_block import CollisionBlock
 
 
 class ModelFile(Block):

@@ -18,8 +18,8 @@ from excite.robot.description import RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import read_foot, read_segments, read_sensors
 from excite.robot.robot import Foot, Robot
-from excite.robot.urdf import Stated, read_urdf
-from excite.robot.urdf_model import urdf_model
+from excite.robot.urdf.model import urdf_model
+from excite.robot.urdf.reading import Stated, read_urdf
 from excite.robot.weights import check_weights
 
 

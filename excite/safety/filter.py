@@ -17,8 +17,8 @@ from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
-from excite.robot.collision import collision_model
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.registry import make_repairs

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.robot.collision import Shape, collision_model, collision_shapes
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import Shape, collision_model, collision_shapes
 
 if TYPE_CHECKING:
     import mujoco

@@ -13,11 +13,11 @@ from excite.errors import ExciteError
 from excite.identification.estimators.cls3 import DensityRealisable
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
-from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from excite.robot.catalogue import bundled_robots
 from excite.robot.loading import load_robot
+from excite.rows.settings import ProblemSettings
 from tests.benchmarks.table import Row
 from tests.identification.practice_log import arm_log
 from tests.identification.synthetic import wrench_problem

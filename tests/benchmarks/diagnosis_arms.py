@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.result import Diagnosis
 from tests.benchmarks.table import Row
 
 SAME = ({"payload", "link_inertia"},)

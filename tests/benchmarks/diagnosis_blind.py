@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
+from excite.blind.make import load_answers, make_cases
+from excite.blind.score import BlindScore, score
 from excite.diagnosis.diagnose import diagnose
-from excite.simulation.blind.make import load_answers, make_cases
-from excite.simulation.blind.score import BlindScore, score
 from tests.benchmarks.table import Row
 
 SEED, CASES = 818283, 60

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.blind.make import load_answers, make_cases
+from excite.blind.score import BlindScore, score
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.result import Diagnosis
 from excite.errors import ExciteError
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -25,8 +27,6 @@ from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.robot import Robot
-from excite.simulation.blind.make import load_answers, make_cases
-from excite.simulation.blind.score import BlindScore, score
 from tests.benchmarks.diagnosis_arms import PAIR, folder, same
 from tests.benchmarks.table import Row
 

@@ -8,8 +8,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.floating.diagnose import diagnose_floating
-from excite.diagnosis.result import Diagnosis
 from excite.logs.files import load_log
 from tests.benchmarks.table import Row
 

@@ -11,18 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.floating.band import in_band
+from excite.blind.floating.case import build_floating_case
+from excite.blind.floating.draw import floating_draft
+from excite.blind.hidden import Answer
+from excite.blind.score import BlindScore, score
+from excite.diagnosis.floating.answer.gap import residual_of
 from excite.diagnosis.floating.diagnose import Analysis, analyse, diagnosis_of
-from excite.diagnosis.floating.gap import residual_of
-from excite.diagnosis.floating.record import prepare_record
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.band import in_band
+from excite.diagnosis.floating.equations.record import prepare_record
+from excite.diagnosis.floating.equations.state import State
 from excite.errors import NoSolutionError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
-from excite.simulation.blind.floating.case import build_floating_case
-from excite.simulation.blind.floating.draw import floating_draft
-from excite.simulation.blind.hidden import Answer
-from excite.simulation.blind.score import BlindScore, score
 from tests.benchmarks.diagnosis_blind import percentages
 from tests.benchmarks.table import Row
 

@@ -8,27 +8,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.accepted_values import fitted_sizes
-from excite.diagnosis.attribute import Attributor
-from excite.diagnosis.attribution import Attribution
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
+from excite.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
+from excite.blind.draw import ROBOTS, draft
+from excite.blind.make import _NOISE_TAU, _prepare, _session, recordings_of
+from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.doctor import examine
-from excite.diagnosis.drive_terms import own_names, own_signals
 from excite.diagnosis.effects.effect import Context
-from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
-from excite.diagnosis.noise_floor import other_postures, repeat_floor, spectral_floor, unrepeated, white_floor
-from excite.diagnosis.samples import ArmSamples, arm_samples
-from excite.diagnosis.shrink import gap_of
-from excite.diagnosis.standing_joints import HELD, held_power, standing_share
-from excite.diagnosis.verdict import judge
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.drive_terms import own_names, own_signals
+from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
+from excite.diagnosis.equations.noise_floor import (
+    other_postures,
+    repeat_floor,
+    spectral_floor,
+    unrepeated,
+    white_floor,
+)
+from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.standing_joints import HELD, held_power, standing_share
+from excite.diagnosis.search.attribute import Attributor
+from excite.diagnosis.search.attribution import Attribution
+from excite.diagnosis.search.verdict import judge
+from excite.diagnosis.simulator.accepted_values import fitted_sizes
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
-from excite.simulation.blind.draw import ROBOTS, draft
-from excite.simulation.blind.make import _NOISE_TAU, _prepare, _session, recordings_of
 from excite.simulation.execution import execute
 from excite.simulation.recording import Recording
 from excite.simulation.sensing import log_header

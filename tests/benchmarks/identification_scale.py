@@ -54,8 +54,8 @@ def big_problem(robot):
     import numpy as np
 
     from excite.identification.problem import IdentificationProblem
-    from excite.identification.settings import Filters
     from excite.regressor.kernels import base_link_regressor
+    from excite.rows.settings import Filters
     from tests.identification.synthetic import NAMES, smooth
 
     rng = np.random.default_rng(0)

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.blind.hidden import HiddenEffect
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.next_experiment import FILE
-from excite.diagnosis.result import Diagnosis
+from excite.diagnosis.next_experiment.choice import FILE
 from excite.motion.files import load_motion
 from excite.safety.check import check_motion
-from excite.simulation.blind.hidden import HiddenEffect
 from tests.benchmarks.table import Row
 from tests.diagnosis.poor_logs import RECIPES, Recipe, build
 

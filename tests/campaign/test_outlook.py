@@ -12,9 +12,9 @@ import excite
 from excite.campaign.outlook import predictable
 from excite.campaign.planned import Plan
 from excite.campaign.prediction import predict
-from excite.identification.equation_noise import equation_noise
+from excite.identification.noise.equation_noise import equation_noise
+from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import build_problem
-from excite.identification.trial_grid import trial_grids
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import tests.corpus
-from excite.cli.failure import EXIT_BAD_INPUT, EXIT_USAGE
 from excite.cli.main import _run
+from excite.cli.session.failure import EXIT_BAD_INPUT, EXIT_USAGE
 from tests.corpus.case import Case
 
 _LONGEST_SECONDS = 60.0

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.blind.arm import Arm, arm_of
+from excite.blind.forms import OWN_TERMS, hide
+from excite.blind.hidden import HiddenEffect
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.simulation.blind.arm import Arm, arm_of
-from excite.simulation.blind.forms import OWN_TERMS, hide
-from excite.simulation.blind.hidden import HiddenEffect
 from excite.simulation.execution import execute
 from excite.simulation.sensing import log_header
 from excite.simulation.virtual_robot import VirtualRobot

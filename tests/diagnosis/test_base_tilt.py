@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.base_tilt import BaseTilt
-from excite.diagnosis.horizontal import level_axes
+from excite.diagnosis.effects.bodies.base_tilt import BaseTilt
+from excite.diagnosis.equations.horizontal import level_axes
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (3.0, -2.0, -9.0), (9.81, 0.0, 0.0), (0.0, 0.0, 0.0)])

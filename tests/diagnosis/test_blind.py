@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 import yaml
 
-from excite.diagnosis.attribution import Scored
+from excite.blind.arm import arm_of
+from excite.blind.detectability import DETECTABLE, detectability
+from excite.blind.draw import Draft
+from excite.blind.forms import hide
+from excite.blind.hidden import Answer, HiddenEffect
+from excite.blind.make import answers_file, build_case, load_answers, make_cases, recordings_of
+from excite.blind.parameter_error import parameter_error
+from excite.blind.score import score, score_case
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.verdict import probabilities
+from excite.diagnosis.search.attribution import Scored
+from excite.diagnosis.search.verdict import probabilities
 from excite.errors import InputError
 from excite.logs.files import save_log
 from excite.robot.loading import load_robot
-from excite.simulation.blind.arm import arm_of
-from excite.simulation.blind.detectability import DETECTABLE, detectability
-from excite.simulation.blind.draw import Draft
-from excite.simulation.blind.forms import hide
-from excite.simulation.blind.hidden import Answer, HiddenEffect
-from excite.simulation.blind.make import answers_file, build_case, load_answers, make_cases, recordings_of
-from excite.simulation.blind.parameter_error import parameter_error
-from excite.simulation.blind.score import score, score_case
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from excite.arrays import Array
-from excite.diagnosis.baseline_fit import fit_baseline
-from excite.diagnosis.command_only.cycle import Cycle, acting, later, servo_cycle
-from excite.diagnosis.command_only.gains import known_servo
-from excite.diagnosis.command_only.levels import error_integral, trial_levels
-from excite.diagnosis.command_only.noise import servo_floor
-from excite.diagnosis.command_only.servo import Servo, read_signals
-from excite.diagnosis.command_only.servo_drive import servo_drive
-from excite.diagnosis.command_only.stated import stated_servo
-from excite.diagnosis.command_only.tracking import tracking
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.drive_terms import own_names
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.drive_terms import own_names
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.servo.cycle import Cycle, acting, later, servo_cycle
+from excite.diagnosis.servo.gains import known_servo
+from excite.diagnosis.servo.levels import error_integral, trial_levels
+from excite.diagnosis.servo.noise import servo_floor
+from excite.diagnosis.servo.servo import Servo, read_signals
+from excite.diagnosis.servo.servo_drive import servo_drive
+from excite.diagnosis.servo.stated import stated_servo
+from excite.diagnosis.servo.tracking import tracking
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log, LogHeader, Trial

@@ -9,15 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
-from excite.diagnosis.command_only.encoders import servo_effects
-from excite.diagnosis.command_only.servo import Servo, read_signals
-from excite.diagnosis.command_only.transport import clearly_lags
 from excite.diagnosis.effects.effect import Context
-from excite.diagnosis.hypotheses import Search
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.search.hypotheses import Search
+from excite.diagnosis.servo.encoders import servo_effects
+from excite.diagnosis.servo.servo import Servo, read_signals
+from excite.diagnosis.servo.transport import clearly_lags
 from excite.logs.files import load_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot

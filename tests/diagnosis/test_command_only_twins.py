@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Attribution, Stage
-from excite.diagnosis.candidate import Candidate
-from excite.diagnosis.command_only.confirmation import confirmed, with_twin
-from excite.diagnosis.command_only.strength import effect_strength, without_faint
-from excite.diagnosis.gap import ChannelGap, Gap
-from excite.diagnosis.result import Diagnosis
+from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.gap import ChannelGap, Gap
+from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.search.attribution import Attribution, Stage
+from excite.diagnosis.servo.confirmation import confirmed, with_twin
+from excite.diagnosis.servo.strength import effect_strength, without_faint
 
 
 def gap(before: float, after: float, floor: float) -> Gap:

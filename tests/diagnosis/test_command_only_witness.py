@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.command_only.confirmation import confirmed
-from excite.diagnosis.command_only.witness import witness
-from excite.diagnosis.gap import ChannelGap, Gap
+from excite.diagnosis.answer.gap import ChannelGap, Gap
+from excite.diagnosis.servo.confirmation import confirmed
+from excite.diagnosis.servo.witness import witness
 
 SHAPE = (8, 400, 3)
 

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Scored
-from excite.diagnosis.constants import beyond_constants
-from excite.diagnosis.equations import Equations, Solver
-from excite.diagnosis.hypotheses import Columns, Hypothesis
+from excite.diagnosis.equations.joint_torque import Equations, Solver
+from excite.diagnosis.search.attribution import Scored
+from excite.diagnosis.search.constants import beyond_constants
+from excite.diagnosis.search.hypotheses import Columns, Hypothesis
 
 N = 800
 

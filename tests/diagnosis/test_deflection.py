@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from excite.diagnosis.effects.deflection import deflect
+from excite.diagnosis.effects.gears.deflection import deflect
 
 
 def quiet(n: int) -> tuple[np.ndarray, np.ndarray]:

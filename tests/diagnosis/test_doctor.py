@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from excite.blind.faults import FAULTS
 from excite.diagnosis.doctor import Chart, examine
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot
-from excite.simulation.blind.faults import FAULTS
 from tests.diagnosis.two_joints import RATE_HZ, moved, two_joint_log
 
 NOISE_Q = 2e-5

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.deflection import deflect
-from excite.diagnosis.equations import Equations, Solver
-from excite.diagnosis.evidence import effective_counts
+from excite.diagnosis.effects.gears.deflection import deflect
+from excite.diagnosis.equations.joint_torque import Equations, Solver
+from excite.diagnosis.search.evidence import effective_counts
 
 
 def _equations(rng: np.random.Generator) -> tuple[Equations, np.ndarray, np.ndarray]:

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribute import Attributor
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.effects.effect import Context
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.hypotheses import Search
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.refinement import extended, polished
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.search.attribute import Attributor
+from excite.diagnosis.search.hypotheses import Search
+from excite.diagnosis.search.refinement import extended, polished
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
 

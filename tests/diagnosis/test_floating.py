@@ -9,22 +9,22 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.floating.attribution import attribute
+from excite.diagnosis.floating.answer.gap import gap_of, residual_of
+from excite.diagnosis.floating.answer.held_out import refit
 from excite.diagnosis.floating.effects.effect import FloatingEffect, links, segment_of
 from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
-from excite.diagnosis.floating.gap import gap_of, residual_of
-from excite.diagnosis.floating.held_out import refit
-from excite.diagnosis.floating.parameter_errors import left_by_parameters
-from excite.diagnosis.floating.problem import Problem, build_problem
-from excite.diagnosis.floating.ranking import Ranked
-from excite.diagnosis.floating.record import FloatingRecord, prepare_record
-from excite.diagnosis.floating.refinement import Placed, nominal_fit, refine
-from excite.diagnosis.floating.search import needed
-from excite.diagnosis.floating.state import State
-from excite.diagnosis.floating.unknown_place import unknown_places
-from excite.diagnosis.floating.unloaded import find_unloaded
+from excite.diagnosis.floating.equations.problem import Problem, build_problem
+from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.equations.unloaded import find_unloaded
+from excite.diagnosis.floating.search.attribution import attribute
+from excite.diagnosis.floating.search.parameter_errors import left_by_parameters
+from excite.diagnosis.floating.search.ranking import Ranked
+from excite.diagnosis.floating.search.refinement import Placed, nominal_fit, refine
+from excite.diagnosis.floating.search.together import needed
+from excite.diagnosis.floating.search.unknown_place import unknown_places
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log

@@ -12,19 +12,19 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.floating import augmented, rollout_compare
-from excite.diagnosis.floating.augmented import standing_model
+from excite.diagnosis.floating.simulator import augmented, rollout_compare
 from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
 from excite.diagnosis.floating.effects.unlogged_contact import UnloggedContact
-from excite.diagnosis.floating.noted import note_data, read_notes
-from excite.diagnosis.floating.problem import Problem, build_problem
-from excite.diagnosis.floating.record import FloatingRecord, prepare_record
-from excite.diagnosis.floating.refinement import Fitted, Placed, explained_state, nominal_fit, refine
-from excite.diagnosis.floating.rollout import Simulator
-from excite.diagnosis.floating.rollout_compare import Reloaded, simulated, unheard
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.problem import Problem, build_problem
+from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
+from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.simulator.augmented import standing_model
+from excite.diagnosis.floating.simulator.noted import note_data, read_notes
+from excite.diagnosis.floating.simulator.rollout import Simulator
+from excite.diagnosis.floating.simulator.rollout_compare import Reloaded, simulated, unheard
 from excite.logs.files import load_log
 
 # TALOS over plates and on foot sensors, nominal inertials given and right; of the second, a length is wrong.

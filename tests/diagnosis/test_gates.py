@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from excite.diagnosis.attribution import Scored
-from excite.diagnosis.gates import Gates
+from excite.diagnosis.search.attribution import Scored
+from excite.diagnosis.search.gates import Gates
 
 JOINTS = ("a", "b", "c")
 

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
-from excite.diagnosis.effects.backlash import Backlash, SoftBacklash
 from excite.diagnosis.effects.effect import Context
-from excite.diagnosis.effects.joint_elasticity import JointElasticity
-from excite.diagnosis.gates import Gates
-from excite.diagnosis.hypotheses import Search
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.samples import arm_samples
-from excite.diagnosis.scoring import Scorer
+from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash
+from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.search.gates import Gates
+from excite.diagnosis.search.hypotheses import Search
+from excite.diagnosis.search.scoring import Scorer
 from excite.logs.files import load_log, save_log
 from excite.logs.log import TrialHeader
 from excite.logs.robot import nominal_robot

@@ -9,15 +9,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from excite.diagnosis.augmented import augmented_model
-from excite.diagnosis.augmented_effects import Found
-from excite.diagnosis.augmented_plant import fitted_plant, physical_plant
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
-from excite.diagnosis.next_experiment_candidates import within_record
-from excite.diagnosis.next_experiment_paths import retraced
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.next_experiment.candidates import within_record
+from excite.diagnosis.next_experiment.paths import retraced
+from excite.diagnosis.simulator.augmented import augmented_model
+from excite.diagnosis.simulator.augmented_effects import Found
+from excite.diagnosis.simulator.augmented_plant import fitted_plant, physical_plant
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot

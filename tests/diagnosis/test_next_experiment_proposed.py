@@ -11,25 +11,25 @@ import pinocchio as pin
 import pytest
 
 from excite.arrays import Array
-from excite.diagnosis.attribute import Attributor
-from excite.diagnosis.attribution import Scored
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.registry import EFFECTS
-from excite.diagnosis.next_experiment import FILE
-from excite.diagnosis.next_experiment_candidates import beyond, joined_motions, near
-from excite.diagnosis.next_experiment_evidence import Expectation
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.result import Diagnosis
-from excite.diagnosis.samples import arm_samples
-from excite.diagnosis.sign_change import SignChange
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.sign_change import SignChange
+from excite.diagnosis.next_experiment.candidates import beyond, joined_motions, near
+from excite.diagnosis.next_experiment.choice import FILE
+from excite.diagnosis.next_experiment.evidence import Expectation
+from excite.diagnosis.search.attribute import Attributor
+from excite.diagnosis.search.attribution import Scored
 from excite.logs.log import Log, LogHeader, Trial
 from excite.motion.files import load_motion
-from excite.robot.collision import _SHAPES
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import _SHAPES
 from excite.safety.check import check_motion
 from tests.benchmarks.next_experiment import outcome
 from tests.diagnosis.poor_logs import RECIPES

@@ -9,13 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.diagnosis.baseline import Baseline
-from excite.diagnosis.baseline_fit import fit_baseline
-from excite.diagnosis.kinematic_noise import kinematic_noise, position_noise
-from excite.diagnosis.noise_floor import spectral_floor, unrepeated, white_floor
-from excite.diagnosis.samples import ArmSamples, arm_samples
-from excite.diagnosis.shrink import gap_of
-from excite.diagnosis.standing_joints import held_power
+from excite.diagnosis.answer.shrink import gap_of
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
+from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
+from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.equations.standing_joints import held_power
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import noise_bandwidth
 from excite.robot.loading import load_robot

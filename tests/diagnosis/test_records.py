@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.result import Diagnosis
 from excite.logs.files import save_log
 from excite.logs.log import Trial
 from tests.diagnosis.two_joints import NOISE, RATE_HZ, moved, two_joint_log

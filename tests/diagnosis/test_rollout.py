@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.augmented_effects import FORMS, Found, tilted
-from excite.diagnosis.augmented_plant import Plant
-from excite.diagnosis.presliding import RATIO, bend, bend_further
-from excite.diagnosis.rollout import Simulator
-from excite.diagnosis.rollout_drives import LoggedTorque, Past, PositionServo, Window
-from excite.diagnosis.rollout_friction import Bristle, Static
+from excite.diagnosis.equations.presliding import RATIO, bend, bend_further
+from excite.diagnosis.simulator.augmented_effects import FORMS, Found, tilted
+from excite.diagnosis.simulator.augmented_plant import Plant
+from excite.diagnosis.simulator.rollout import Simulator
+from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Past, PositionServo, Window
+from excite.diagnosis.simulator.rollout_friction import Bristle, Static
 from excite.robot.loading import load_robot
 
 INERTIA = 0.5

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.diagnosis.arm_trial import ArmTrial, Bands
-from excite.diagnosis.rollout_drives import LoggedTorque
-from excite.diagnosis.rollout_floor import position_noise, replicated
-from excite.diagnosis.rollout_torques import driving_torques
-from excite.diagnosis.rollout_windows import Plan, torque_plan
-from excite.diagnosis.samples import ArmSamples
+from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.simulator.rollout_drives import LoggedTorque
+from excite.diagnosis.simulator.rollout_floor import position_noise, replicated
+from excite.diagnosis.simulator.rollout_torques import driving_torques
+from excite.diagnosis.simulator.rollout_windows import Plan, torque_plan
 from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.differentiate import central_differences
 from excite.robot.loading import load_robot

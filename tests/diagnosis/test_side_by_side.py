@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from excite.diagnosis import side_by_side as module
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.side_by_side import side_by_side
+from excite.diagnosis.search import side_by_side as module
+from excite.diagnosis.search.side_by_side import side_by_side
 
 
 @pytest.mark.parametrize("cores", [1, 2, 5])

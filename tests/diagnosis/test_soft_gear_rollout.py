@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from excite.diagnosis.augmented_effects import FORMS, Draft, Found
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.rollout import Simulator
-from excite.diagnosis.rollout_drives import LoggedTorque, Window
+from excite.diagnosis.simulator.augmented_effects import FORMS, Draft, Found
+from excite.diagnosis.simulator.rollout import Simulator
+from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Window
 from excite.robot.loading import load_robot
 from tests.diagnosis.test_soft_gear import logged
 

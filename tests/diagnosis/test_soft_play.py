@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import expit
 
-from excite.diagnosis.augmented_contacts import SoftPlay, add_soft_play
-from excite.diagnosis.augmented_effects import DEFLECTION, FORMS, Draft, Found
-from excite.diagnosis.rollout import Simulator
-from excite.diagnosis.rollout_drives import LoggedTorque, Window
+from excite.diagnosis.simulator.augmented_contacts import SoftPlay, add_soft_play
+from excite.diagnosis.simulator.augmented_effects import DEFLECTION, FORMS, Draft, Found
+from excite.diagnosis.simulator.rollout import Simulator
+from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Window
 from excite.robot.loading import load_robot
 
 INERTIA, WEIGHT, VISCOUS = 0.5, 4.0, 0.3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.stribeck import Stribeck
+from excite.diagnosis.effects.friction.stribeck import Stribeck
 from excite.logs.files import save_log
 from excite.logs.log import Log, Trial, TrialHeader
 from tests.diagnosis.test_one_joint import URDF, axis_header

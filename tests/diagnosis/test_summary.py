@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from excite.diagnosis.candidate import Candidate, Estimate
-from excite.diagnosis.gap import ChannelGap, Gap
-from excite.diagnosis.result import Diagnosis, LogFault
+from excite.diagnosis.answer.candidate import Candidate, Estimate
+from excite.diagnosis.answer.gap import ChannelGap, Gap
+from excite.diagnosis.answer.result import Diagnosis, LogFault
 
 
 def candidate(effect: str, place: str, evidence: float) -> Candidate:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from excite.blind.hidden import Answer, HiddenEffect
 from excite.campaign.check import check
 from excite.campaign.experiment import simulate
 from excite.campaign.rank import rank
@@ -17,7 +18,6 @@ from excite.errors import InputError
 from excite.json_document import write_json
 from excite.motion.collection import load_motions
 from excite.robot.loading import load_robot
-from excite.simulation.blind.hidden import Answer, HiddenEffect
 from tests.documents.small import SMALL
 from tests.report.diagnosed import ambiguous, two_joints_diagnosed, unknown
 from tests.report.sample import sample_folder

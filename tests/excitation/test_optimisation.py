@@ -144,7 +144,7 @@ def test_clearance_of_segments_against_coal(iiwa: Robot) -> None:
     """Distances of capsules and the table are the ones that the independent check finds."""
     import pinocchio as pin
 
-    from excite.robot.collision import collision_model
+    from excite.robot.shapes.collision import collision_model
 
     layout = ExcitationTask(iiwa, FAMILY).layout()
     x = 0.6 * np.random.default_rng(8).normal(size=layout.size)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.changes import Changes
-from excite.identification.consistency import check_consistency
+from excite.identification.judgement.changes import Changes
+from excite.identification.judgement.consistency import check_consistency
+from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.result import Identification, TotalMassReport
-from excite.identification.uncertainty import ParameterUncertainty
 from excite.robot.robot import Robot
 
 

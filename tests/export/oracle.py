@@ -14,8 +14,8 @@ import pinocchio as pin
 from scipy.interpolate import BPoly
 from scipy.spatial import ConvexHull, QhullError
 
-from excite.robot.collision import collision_model
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
 
 # Of a limit: what sampling and rounding may leave. A motion beyond it is unsafe by any reading.
 _ROOM = 1.02

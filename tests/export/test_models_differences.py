@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from excite.export.models.differences import find_differences
+from excite.identification.judgement.statistics import base_statistics
+from excite.identification.judgement.uncertainty import parameter_uncertainty
 from excite.identification.regression import iterate_weights, prior_std, regression
-from excite.identification.statistics import base_statistics
-from excite.identification.uncertainty import parameter_uncertainty
 from excite.robot.loading import load_robot
 from tests.export.identified import identification_of
 from tests.identification.synthetic import arm_rows, assemble

@@ -19,7 +19,7 @@ from excite.logs.files import save_log
 from excite.robot.catalogue import bundled_robots
 from excite.robot.loading import build_robot, load_robot, model_file
 from excite.robot.robot import Robot
-from excite.robot.scaffold_files import write_scaffold
+from excite.robot.scaffold.files import write_scaffold
 from excite.simulation.true_parameters import scattered_parameters
 from tests.export.identified import identification_of
 from tests.identification.practice_log import arm_log

@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import fftconvolve
 
 from excite.human.body import Body
-from excite.human.joint_angles import pose_of
+from excite.human.posture.joint_angles import pose_of
+from excite.human.posture.skeleton import place
 from excite.human.segments import JOINT_NAMES, NAMES
-from excite.human.skeleton import place
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from excite.cli.main import app
-from excite.human.ground_reaction import ReactionTable, ground_reactions
 from excite.human.measure import write_person
+from excite.human.plates.ground_reaction import ReactionTable, ground_reactions
 from excite.human.segments import JOINT_NAMES
 from excite.human.urdf import urdf_text
 from excite.logs.files import load_log

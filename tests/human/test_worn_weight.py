@@ -13,7 +13,7 @@ from excite.cli.main import app
 from excite.errors import InputError
 from excite.human.identified import split_trials
 from excite.human.measure import measure_recordings
-from excite.human.weight_candidate import AddedMass, Candidate
+from excite.human.weight.weight_candidate import AddedMass, Candidate
 from tests.human.exercise import perform, repeated
 from tests.human.recordings import write_c3d
 from tests.human.virtual_subject import Belt, draw_subject, record, standing

@@ -9,15 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from excite.arrays import Array
+from excite.identification.judgement.statistics import BaseStatistics, base_statistics
+from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
-from excite.identification.settings import Filters
-from excite.identification.statistics import BaseStatistics, base_statistics
-from excite.identification.trial_grid import trial_grids
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.differentiate import central_differences
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.loading import load_robot
+from excite.rows.settings import Filters
 from tests.identification.synthetic import NAMES, smooth
 
 Peer = Callable[["Experiment", int, np.ndarray], np.ndarray]

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.drive_terms import smooth_sign
 from excite.logs.log import Log, LogHeader, Trial
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import smooth_sign
 from tests.identification.synthetic import smooth
 
 RATE = 100.0

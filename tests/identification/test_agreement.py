@@ -21,9 +21,9 @@ from excite.identification.estimators.qp import QuadraticProgram
 from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.estimators.wls import WeightedLeastSquares
+from excite.identification.judgement.statistics import base_statistics
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
-from excite.identification.statistics import base_statistics
 from excite.robot.loading import load_robot
 from tests.identification.synthetic import arm_problem, wrench_problem
 

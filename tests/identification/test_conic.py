@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError
-from excite.identification.consistency import check_consistency
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.cones import Cones, triangle_of
 from excite.identification.constraints.ellipsoid import body_ellipsoids, com_ellipsoids
@@ -29,6 +28,7 @@ from excite.identification.estimators.geometric import entropic_divergence, pull
 from excite.identification.estimators.lmi import PhysicallyConsistent
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
+from excite.identification.judgement.consistency import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.robot.loading import load_robot
 from tests.identification.synthetic import arm_problem, segment_index, wrench_problem

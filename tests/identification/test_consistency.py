@@ -6,12 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.identification.consistency import check_consistency
 from excite.identification.constraints.inertia_cone import icosphere, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.projection import distance_to_optimum, project
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
-from excite.identification.validation import correlation
+from excite.identification.judgement.consistency import check_consistency
+from excite.identification.judgement.validation import correlation
 
 
 def _body(mass=2.0, com=(0.1, -0.2, 0.3), principal=(0.02, 0.03, 0.04)) -> np.ndarray:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from excite.errors import ExciteError, LogError
-from excite.identification.drive_gains import identify_drive_gains, identify_load
-from excite.identification.settings import ProblemSettings
+from excite.identification.load.drive_gains import identify_drive_gains, identify_load
 from excite.robot.loading import load_robot
+from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed
 from tests.identification.synthetic import add_body
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, NoSolutionError, UnknownNameError
-from excite.identification.consistency import check_consistency
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.estimators.base import Estimate, SolveStatus
@@ -20,6 +19,7 @@ from excite.identification.estimators.qp import QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import inertia_matrices
+from excite.identification.judgement.consistency import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, prior_std, regression
 from tests.identification.synthetic import modified_g1_parameters, segment_index, wrench_problem

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.identification.changes import ChangedSegment
-from excite.identification.doubts import find_doubts
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
+from excite.identification.judgement.changes import ChangedSegment
+from excite.identification.judgement.doubts import find_doubts
+from excite.identification.judgement.statistics import base_statistics
+from excite.identification.judgement.warnings import find_warnings
 from excite.identification.problem import build_problem
 from excite.identification.result import TotalMassReport
-from excite.identification.settings import ProblemSettings
-from excite.identification.statistics import base_statistics
-from excite.identification.warnings import find_warnings
 from excite.robot.loading import load_robot
+from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed
 
 SETTINGS = ProblemSettings(cutoff_hz=5.0)

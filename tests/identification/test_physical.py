@@ -9,10 +9,10 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, NoSolutionError
-from excite.identification.consistency import check_consistency
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.physical import PhysicalRetrieval, feasible_set
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.judgement.consistency import check_consistency
 from excite.identification.physical import relaxation as relaxation_module
 from excite.identification.physical.bounds import InertiaRules
 from excite.identification.physical.bounds_file import load_physical_bounds

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError
-from excite.identification.pooling import between_variance, pool
+from excite.identification.sessions.pooling import between_variance, pool
 
 K = 6
 

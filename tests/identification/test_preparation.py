@@ -10,16 +10,16 @@ import pytest
 from excite.errors import InputError, LogError
 from excite.identification.alignment import estimate_torque_delay
 from excite.identification.explanation import explain_signals
-from excite.identification.joint_rows import SHARED_GEAR_TERMS
 from excite.identification.preparation import advanced, prepare_trial
 from excite.identification.problem import build_problem
-from excite.identification.settings import ProblemSettings
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix
 from excite.regressor.kernels import inverse_dynamics
 from excite.report.plots.signals import plot_signals, save_signal_figure
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.rows.joint_rows import SHARED_GEAR_TERMS
+from excite.rows.settings import ProblemSettings
 
 RATE, PERIOD = 200.0, 8.0
 COUPLING = {"wrist_3_joint": {"wrist_2_joint": 1.0}}

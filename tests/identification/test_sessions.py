@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from excite.errors import LogError
-from excite.identification.sessions import identify_sessions, split_sessions, write_ranges
-from excite.identification.settings import ProblemSettings
+from excite.identification.sessions.compare import identify_sessions, split_sessions, write_ranges
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
+from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log
 
 DAYS = ("monday", "tuesday", "wednesday")

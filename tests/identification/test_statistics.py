@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from excite.identification.essential import essential_parameters
-from excite.identification.noise import NoiseModel, estimate_noise, sandwich_meat, whitened_factor
+from excite.identification.judgement.essential import essential_parameters
+from excite.identification.judgement.statistics import base_statistics
+from excite.identification.noise.correlated import NoiseModel, estimate_noise, sandwich_meat, whitened_factor
+from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, regression
-from excite.identification.statistics import base_statistics
-from excite.identification.trial_grid import trial_grids
 from tests.identification.coverage import CASES, Case, Experiment
 
 PLAIN, FILTERED = Case(None, 100.0), Case(5.0, 100.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.identification.suspicions import suspicions
+from excite.doctor.suspicions import suspicions
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.samples import arm_samples
+from excite.diagnosis.equations.samples import arm_samples
 from excite.errors import LogError
 from excite.identification.explanation import explain_signals
 from excite.identification.identify import identify
 from excite.identification.problem import build_problem
-from excite.identification.settings import ProblemSettings
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
+from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log as moving_arm
 from tests.logs.conftest import ARM
 

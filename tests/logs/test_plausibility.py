@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from excite.doctor.plausibility import implausible
 from excite.logs.log import Cleaning
-from excite.logs.plausibility import implausible
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed
 

@@ -128,7 +128,7 @@ def test_a_native_reader_that_crashes_hangs_or_eats_memory_is_one_line(tmp_path:
 def test_what_the_reader_itself_refuses_arrives_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "a.urdf").write_text("<robot/>")
     with pytest.raises(RobotError) as caught:
-        in_child("excite.robot.urdf:read_urdf", tmp_path / "a.urdf", source=tmp_path)
+        in_child("excite.robot.urdf.reading:read_urdf", tmp_path / "a.urdf", source=tmp_path)
     assert caught.value.source == tmp_path / "a.urdf" and caught.value.remedy
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.diagnosis.candidate import Candidate, Estimate
-from excite.diagnosis.gap import ChannelGap, Gap, Where
-from excite.diagnosis.result import Diagnosis, LogFault, NextExperiment, Rollout
+from excite.diagnosis.answer.candidate import Candidate, Estimate
+from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
+from excite.diagnosis.answer.result import Diagnosis, LogFault, NextExperiment, Rollout
 from excite.report.data import ForceComparison
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from excite.diagnosis.result import Diagnosis
+from excite.diagnosis.answer.result import Diagnosis
 from excite.errors import InputError
 from excite.json_document import write_json
 from excite.report.data import ReportData, save_report_data

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from excite.human.body import segment_box
-from excite.human.ground_reaction import ReactionTable
 from excite.human.identified import IdentifiedPerson, added_mass, identify_person
 from excite.human.measure import MeasuredPerson, measure_recordings, write_person
+from excite.human.plates.ground_reaction import ReactionTable
 from excite.human.segments import NAMES
-from excite.human.worn_weight import WornWeight, identify_wearing
+from excite.human.weight.worn_weight import WornWeight, identify_wearing
 from tests.human.exercise import perform, repeated
 from tests.human.virtual_subject import Belt, VirtualSubject, draw_subject, record, standing
 

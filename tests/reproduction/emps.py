@@ -13,11 +13,11 @@ import numpy as np
 
 from excite.identification.identify import identify
 from excite.identification.result import Identification
-from excite.identification.settings import ProblemSettings
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
+from excite.rows.settings import ProblemSettings
 
 JOINT = "slide"
 NEWTON_PER_VOLT = 35.15065188248547

@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.campaign.experiment import Experiment
 from excite.excitation.conditioning import MotionFactor, motion_factor, stack_factors
-from excite.identification.consistency import check_consistency
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
+from excite.identification.judgement.consistency import check_consistency
+from excite.identification.judgement.validation import ChannelFit, channel_fits
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.result import Identification
-from excite.identification.settings import ProblemSettings
-from excite.identification.validation import ChannelFit, channel_fits
 from excite.logs.log import Log
 from excite.motion.motion import Motion
-from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.shapes.com_box import com_boxes
+from excite.rows.settings import ProblemSettings
 from excite.simulation.simulate import run_experiment
 from excite.simulation.twins import virtual_twin
 from excite.simulation.virtual_robot import VirtualRobot

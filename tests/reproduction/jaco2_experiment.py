@@ -14,11 +14,11 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import prior_std
-from excite.identification.settings import ProblemSettings
 from excite.motion.generators.registry import plan_candidates
-from excite.robot.com_box import com_boxes
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.shapes.com_box import com_boxes
+from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidates
 from excite.simulation.simulate import simulate
 from excite.simulation.twins import virtual_twin

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.finding import Finding
 from excite.identification.identify import identify
 from excite.identification.result import Identification
-from excite.identification.settings import ProblemSettings
 from excite.logs.files import load_log, save_log
-from excite.logs.finding import Finding
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
+from excite.rows.settings import ProblemSettings
 
 LWR_JOINTS = tuple(f"lwr_{i}_joint" for i in range(7))
 

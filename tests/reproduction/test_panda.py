@@ -15,8 +15,8 @@ import pytest
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
-from excite.identification.settings import ProblemSettings
 from excite.logs.robot import nominal_robot
+from excite.rows.settings import ProblemSettings
 from tests.reproduction.recordings import PANDA_JOINTS, panda_log
 
 # What plain least squares by hand leaves [N·m].

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.doctor.suspicions import suspicions
 from excite.identification.identify import identify
 from excite.identification.result import Identification
-from excite.identification.suspicions import suspicions
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from tests.reproduction.tx40 import (

@@ -10,8 +10,8 @@ import pytest
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
-from excite.identification.settings import ProblemSettings
 from excite.logs.robot import nominal_robot
+from excite.rows.settings import ProblemSettings
 from tests.reproduction.recordings import UR10E_GAINS, ur10e_log
 
 # Motions have harmonics up to 0.6 Hz; both sides of the regression pass the same 5 Hz zero-phase filter.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.identification.drive_gains import identify_drive_gains, identify_load
+from excite.identification.load.drive_gains import identify_drive_gains, identify_load
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import UR10E_GAINS

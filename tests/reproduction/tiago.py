@@ -12,13 +12,13 @@ from excite.identification.alignment import estimate_torque_delay
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
-from excite.identification.settings import ProblemSettings
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.robot.catalogue import example_robot_data
+from excite.rows.settings import ProblemSettings
 from tests.reproduction.recordings import percent_left
 
 FOLDER = "tiago_arm_figaroh"

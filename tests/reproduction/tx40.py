@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from excite.identification.judgement.statistics import base_statistics
+from excite.identification.judgement.validation import ChannelFit
 from excite.identification.problem import build_problem
 from excite.identification.regression import iterate_weights, regression
-from excite.identification.settings import ProblemSettings
-from excite.identification.statistics import base_statistics
-from excite.identification.validation import ChannelFit
 from excite.logs.columns import read_columns
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
 from excite.logs.signals.coupling import coupling_matrix, joint_positions
+from excite.rows.settings import ProblemSettings
 
 TX40_JOINTS = tuple(f"joint_{i}" for i in range(1, 7))
 GEAR_RATIOS = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])

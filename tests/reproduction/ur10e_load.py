@@ -10,14 +10,14 @@ from typing import Any
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.identification.drive_gains import identify_drive_gains
 from excite.identification.identify import identify
-from excite.identification.settings import ProblemSettings
+from excite.identification.load.drive_gains import identify_drive_gains
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.recordings import import_recordings
 from excite.logs.robot import nominal_robot
 from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
 from tests.reproduction.recordings import UR10E_GAINS, UR10E_JOINTS, ur10e_log
 
 MASS = 2.805

@@ -14,17 +14,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import excite.robot.mesh_files
+import excite.robot.shapes.mesh_files
 from excite.errors import ExciteError, RobotError
 from excite.export.models.mjcf import _read
 from excite.export.models.mjcf_bodies import compiled
 from excite.robot.catalogue import example_robot_data
-from excite.robot.mesh_files import mesh_points, read_meshes
-from excite.robot.mjcf_import import convert_mjcf
-from excite.robot.mjcf_scan import scan_mjcf
-from excite.robot.mjcf_urdf import stl
-from excite.robot.scaffold import scaffold_description
-from excite.robot.scaffold_files import write_scaffold
+from excite.robot.mjcf.conversion import convert_mjcf
+from excite.robot.mjcf.scan import scan_mjcf
+from excite.robot.mjcf.urdf import stl
+from excite.robot.scaffold.draft import scaffold_description
+from excite.robot.scaffold.files import write_scaffold
+from excite.robot.shapes.mesh_files import mesh_points, read_meshes
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 
@@ -112,7 +112,7 @@ def test_a_failed_description_leaves_an_older_one(tmp_path: Path, monkeypatch: p
     def full(*_: object) -> Path:
         raise OSError(28, "No space left on device", str(out / "robot.yaml"))
 
-    monkeypatch.setattr("excite.robot.scaffold_files.write_text", full)
+    monkeypatch.setattr("excite.robot.scaffold.files.write_text", full)
     with pytest.raises(OSError, match="No space"):
         write_scaffold(source, out, overwrite=True)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
@@ -181,8 +181,8 @@ def test_a_mesh_that_keeps_the_loader_busy_is_one_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh = next(example_robot_data().rglob("*.dae"))
-    monkeypatch.setattr(excite.robot.mesh_files, "BATCH_SECONDS", 0.01)
-    monkeypatch.setattr(excite.robot.mesh_files, "SECONDS_A_MEGABYTE", 0.0)
+    monkeypatch.setattr(excite.robot.shapes.mesh_files, "BATCH_SECONDS", 0.01)
+    monkeypatch.setattr(excite.robot.shapes.mesh_files, "SECONDS_A_MEGABYTE", 0.0)
     with pytest.raises(RobotError, match=r"takes its reader more than 0\.01 s; check"):
         mesh_points(mesh)
 

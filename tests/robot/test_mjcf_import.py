@@ -11,9 +11,9 @@ import pytest
 
 from excite.errors import InputError, RobotError
 from excite.robot.loading import load_robot
-from excite.robot.mesh_files import mesh_points
-from excite.robot.mjcf_import import convert_mjcf, is_mjcf
-from excite.robot.scaffold_files import write_scaffold
+from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
+from excite.robot.scaffold.files import write_scaffold
+from excite.robot.shapes.mesh_files import mesh_points
 from tests.robot.test_scaffold import fill_in
 
 ODD = """

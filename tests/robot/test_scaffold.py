@@ -12,9 +12,9 @@ import pytest
 
 from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data
-from excite.robot.collision import collision_model
 from excite.robot.loading import load_robot
-from excite.robot.scaffold import scaffold_description
+from excite.robot.scaffold.draft import scaffold_description
+from excite.robot.shapes.collision import collision_model
 from tests.robot.small import ARM
 
 ANSWERS = {

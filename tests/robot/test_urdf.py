@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data
-from excite.robot.urdf import Stated, find_mesh, read_urdf
+from excite.robot.urdf.reading import Stated, find_mesh, read_urdf
 from tests.robot.small import ARM, ELBOW_AXIS, ELBOW_LIMIT, chain, spoiled
 
 MASS = '<mass value="1.0"/>'

@@ -9,8 +9,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 
 from excite.motion.motion import Motion, interpolate
-from excite.robot.collision import collision_model
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
 from excite.safety.checks import collision
 from excite.safety.checks.approach import approach_rates

@@ -15,9 +15,9 @@ from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.polynomials import hermite
 from excite.motion.generators.registry import make_generator
 from excite.motion.motion import Motion
-from excite.robot.collision import collision_model
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
 from excite.safety.checks import collision
 from excite.safety.checks.approach import approach_rates
 from excite.safety.checks.collision import Distances, SelfCollisionCheck, find_closest

@@ -10,9 +10,9 @@ import pytest
 
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.registry import make_generator
-from excite.robot.collision import collision_model
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
 from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair

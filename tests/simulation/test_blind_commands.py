@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.blind.arm import arm_of
+from excite.blind.commands import Servo
+from excite.blind.hidden import Answer, HiddenEffect
 from excite.logs.log import Log, Trial, TrialHeader
 from excite.robot.loading import load_robot
-from excite.simulation.blind.arm import arm_of
-from excite.simulation.blind.commands import Servo
-from excite.simulation.blind.hidden import Answer, HiddenEffect
 from excite.simulation.execution import execute
 from excite.simulation.sensing import log_header
 

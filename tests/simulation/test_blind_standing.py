@@ -9,16 +9,16 @@ import pinocchio as pin
 import pytest
 
 from excite.arrays import Array
+from excite.blind.floating.draw import floating_draft
+from excite.blind.floating.magnitudes import FORMS, MAKERS
+from excite.blind.floating.record import trial_of
+from excite.blind.floating.site import Site
+from excite.blind.floating.stand import Stand, _mounted, standing_robot
+from excite.blind.floating.truth import Truth, happens, truth_of
 from excite.logs.log import LogHeader, TrialHeader
 from excite.logs.robot import robot_in_log
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.simulation.blind.floating.draw import floating_draft
-from excite.simulation.blind.floating.magnitudes import FORMS, MAKERS
-from excite.simulation.blind.floating.record import trial_of
-from excite.simulation.blind.floating.site import Site
-from excite.simulation.blind.floating.stand import Stand, _mounted, standing_robot
-from excite.simulation.blind.floating.truth import Truth, happens, truth_of
 
 
 @pytest.fixture(scope="module")

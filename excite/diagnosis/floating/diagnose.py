@@ -7,20 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.diagnosis.candidate import Candidate
-from excite.diagnosis.floating.attribution import Attribution, attribute
-from excite.diagnosis.floating.curves import trial_curves
-from excite.diagnosis.floating.gap import gap_of
-from excite.diagnosis.floating.held_out import refit
-from excite.diagnosis.floating.problem import Problem, build_problem
-from excite.diagnosis.floating.ranking import DECISIVE, NOISE_SLACK, Ranked
-from excite.diagnosis.floating.record import prepare_record
-from excite.diagnosis.floating.refinement import Fitted
-from excite.diagnosis.floating.rollout_compare import simulated
-from excite.diagnosis.floating.unknown_place import unknown_places
-from excite.diagnosis.floating.where import locate
-from excite.diagnosis.gap import Gap
-from excite.diagnosis.result import Diagnosis, NextExperiment
+from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.gap import Gap
+from excite.diagnosis.answer.result import Diagnosis, NextExperiment
+from excite.diagnosis.floating.answer.curves import trial_curves
+from excite.diagnosis.floating.answer.gap import gap_of
+from excite.diagnosis.floating.answer.held_out import refit
+from excite.diagnosis.floating.answer.where import locate
+from excite.diagnosis.floating.equations.problem import Problem, build_problem
+from excite.diagnosis.floating.equations.record import prepare_record
+from excite.diagnosis.floating.search.attribution import Attribution, attribute
+from excite.diagnosis.floating.search.ranking import DECISIVE, NOISE_SLACK, Ranked
+from excite.diagnosis.floating.search.refinement import Fitted
+from excite.diagnosis.floating.search.unknown_place import unknown_places
+from excite.diagnosis.floating.simulator.rollout_compare import simulated
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 

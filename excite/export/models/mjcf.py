@@ -28,9 +28,9 @@ from excite.identification.result import Identification
 from excite.reading.file import read_bytes
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.loading import model_file
-from excite.robot.mjcf_scan import scan_mjcf
+from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.robot import Robot
-from excite.robot.urdf import parse_urdf
+from excite.robot.urdf.reading import parse_urdf
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.inertial import principal_inertia
 from excite.simulation.mjcf import World, build_spec

@@ -16,7 +16,7 @@ from excite.export.models.bodies import Member, moved_pseudo
 from excite.export.models.verification import MujocoNames, mujoco_places, random_states
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.reading.child import in_child
-from excite.robot.mjcf_import import COMPILE_MEMORY_GB, COMPILE_SECONDS
+from excite.robot.mjcf.conversion import COMPILE_MEMORY_GB, COMPILE_SECONDS
 from excite.robot.robot import Robot
 
 if TYPE_CHECKING:

@@ -30,8 +30,8 @@ from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.links import link_placement
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
-from excite.robot.urdf import parse_urdf
-from excite.robot.urdf_numbers import numbers
+from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.reading import parse_urdf
 
 TOLERANCE = 1e-9
 """How far, relative to the largest torque, a written model's inverse dynamics may be off."""

@@ -20,14 +20,14 @@ from excite.human.markers.first_poses import first_poses
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
 from excite.human.markers.landmarks import landmark_place
 from excite.human.markers.marker_set import MarkerSite
-from excite.human.segments import NAMES, PARENTS
-from excite.human.skeleton import (
+from excite.human.posture.skeleton import (
     N_SEGMENTS,
     N_VELOCITY,
     Pose,
     place,
     point_jacobian,
 )
+from excite.human.segments import NAMES, PARENTS
 from excite.human.subject import Subject
 
 _MARKER_SIGMA = 0.01

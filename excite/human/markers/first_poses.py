@@ -8,8 +8,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
+from excite.human.posture.skeleton import COLUMNS, N_SEGMENTS, neutral, place
 from excite.human.segments import NAMES, PARENTS
-from excite.human.skeleton import COLUMNS, N_SEGMENTS, neutral, place
 
 _FEWEST_MARKERS = 3
 _SPHERICAL = tuple(k for k in range(1, N_SEGMENTS) if COLUMNS[k].stop - COLUMNS[k].start == 3)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.human.markers.posture_loops import fit_frames
-from excite.human.skeleton import N_SEGMENTS, Pose, neutral, place
+from excite.human.posture.skeleton import N_SEGMENTS, Pose, neutral, place
 
 _PRIOR = 2.0
 

@@ -13,7 +13,7 @@ from excite.human.markers.tree_loops import (
     placed,
     solve_tree,
 )
-from excite.human.skeleton import N_SEGMENTS, N_VELOCITY
+from excite.human.posture.skeleton import N_SEGMENTS, N_VELOCITY
 from excite.lazy_kernel import LazyKernel
 
 _SIGMA = 0.01

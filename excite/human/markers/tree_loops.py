@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.human.posture.skeleton import COLUMNS, N_SEGMENTS, N_VELOCITY, REVOLUTE_AXIS
 from excite.human.segments import PARENTS
-from excite.human.skeleton import COLUMNS, N_SEGMENTS, N_VELOCITY, REVOLUTE_AXIS
 from excite.lazy_kernel import LazyKernel
 
 _PARENT = np.array([-1, *PARENTS[1:]])

@@ -12,6 +12,7 @@ from excite.errors import InputError, NoSolutionError
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.judgement.statistics import parameter_labels
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.coordinates import NAMES, physical_parameters
 from excite.identification.physical.default_bounds import default_bounds, weighed, with_drives
@@ -26,7 +27,6 @@ from excite.identification.regression import (
     regression,
     square_factor,
 )
-from excite.identification.statistics import parameter_labels
 from excite.regressor.base_parameters import base_parameters
 
 _ROUNDING = 1e-9

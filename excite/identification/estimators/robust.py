@@ -12,7 +12,7 @@ from excite.identification.estimators.base import Estimate, Estimator, SolveStat
 from excite.identification.estimators.checked import finite_or_raised, no_solution
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.noise import estimate_noise
+from excite.identification.noise.correlated import estimate_noise
 from excite.identification.orthogonal import row_space
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from excite.errors import InputError
-from excite.identification.drive_terms import DRIVE_TERMS
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.known_bounds import Interval, KnownBounds
 from excite.reading.yaml_document import read_yaml
 from excite.robot.quantities import MAX_INERTIA
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import DRIVE_TERMS
 
 SCHEMA = "excite.physical_bounds/1"
 _AXES = ("x", "y", "z")

@@ -11,13 +11,13 @@ from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import RobotError
 from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.drive_terms import DRIVE_TERMS
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.bounds_file import SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds
-from excite.robot.com_box import com_boxes
 from excite.robot.robot import Robot
+from excite.robot.shapes.com_box import com_boxes
+from excite.rows.drive_terms import DRIVE_TERMS
 
 _DIGITS = 4
 _USUAL_DRIVES = ("viscous", "coulomb")

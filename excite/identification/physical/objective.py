@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr_delete, solve_triangular
 
 from excite.arrays import Array
-from excite.identification.essential import RSD_ABOVE, VALUE_BELOW
+from excite.identification.judgement.essential import RSD_ABOVE, VALUE_BELOW
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.robot.collision import TABLE, Shape, collision_shapes
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import TABLE, Shape, collision_shapes
 
 _AZIMUTH, _ELEVATION = np.deg2rad(38.0), np.deg2rad(12.0)
 _SHORTEST_BONE = 0.01

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.motion.motion import interpolate
-from excite.robot.collision import collision_model
+from excite.robot.shapes.collision import collision_model
 from excite.safety.checks.approach import approach_rates
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.checks.sweep import Sweep

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.robot.collision import collision_model
 from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
 
 # Distance beyond the required margin that repairs keep, so that nothing happens between their samples [m].
 EXTRA = 0.004

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.result import Diagnosis
 from excite.identification.identify import identify
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.diagnosis.candidate import Candidate
+from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.diagnose import diagnose
 from tests.reproduction.brfd import TWO_AMPLITUDES, at_tension, brfd_log
 from tests.reproduction.real_robots.entry import Bar, Entry, names

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from excite.diagnosis.candidate import Candidate, in_words, measured
+from excite.diagnosis.answer.candidate import Candidate, in_words, measured
 from tests.reproduction.real_robots.entry import Entry, said
 
 _HEAD = """# Diagnoses of real robots

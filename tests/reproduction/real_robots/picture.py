@@ -11,12 +11,12 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
-from excite.diagnosis.attribute import Attributor
-from excite.diagnosis.baseline_fit import fit_baseline
 from excite.diagnosis.doctor import examine
-from excite.diagnosis.noise_floor import spectral_floor
-from excite.diagnosis.samples import arm_samples
-from excite.diagnosis.units import force_unit
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.equations.units import force_unit
+from excite.diagnosis.search.attribute import Attributor
 from excite.logs.log import Log
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, to_png
 from excite.robot.robot import Robot

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from excite.arrays import Array
 from excite.campaign.plan import plan
-from excite.identification.settings import ProblemSettings
 from excite.robot.loading import load_robot
+from excite.rows.settings import ProblemSettings
 from tests.reproduction.hrp2 import (
     COM,
     CONDITION_NUMBERS,

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from excite.identification.identify import identify
-from excite.identification.joint_rows import SHARED_GEAR_TERMS
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
+from excite.rows.joint_rows import SHARED_GEAR_TERMS
 from tests.reproduction.recordings_data import from_recordings
 from tests.reproduction.table import Line, Table
 from tests.reproduction.tx40 import (

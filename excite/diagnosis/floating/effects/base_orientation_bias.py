@@ -7,9 +7,9 @@ from typing import ClassVar
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.state import State
 
 
 class BaseOrientationBias(FloatingEffect):

@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
-from excite.diagnosis.floating.record import FloatingRecord
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.floating.equations.record import FloatingRecord
+from excite.diagnosis.floating.equations.state import State
 
 # How far from a link's origin forces act on it [m].
 _REACH = 0.1

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import ClassVar
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
-from excite.diagnosis.floating.joint_turns import joint_turn
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.joint_turns import joint_turn
+from excite.diagnosis.floating.equations.state import State
 
 
 class EncoderOffset(FloatingEffect):

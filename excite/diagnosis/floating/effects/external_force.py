@@ -9,7 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.effects.point_force import columns_of_force
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.state import State
 
 # A force of this size and less has no direction to speak of.
 _NO_DIRECTION_N = 2.0

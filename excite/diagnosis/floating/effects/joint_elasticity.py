@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
-from excite.diagnosis.floating.joint_turns import joint_turn
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.joint_turns import joint_turn
+from excite.diagnosis.floating.equations.state import State
 
 # A turn by which the torque's change is measured [rad], and the most that bending may add to itself: beyond one it
 # would buckle.

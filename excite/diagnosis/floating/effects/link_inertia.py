@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, segment_of
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.state import State
 
 _NAMES = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _UNITS = ("kg", "kg·m", "kg·m", "kg·m") + ("kg·m²",) * 6

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import ClassVar
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
-from excite.diagnosis.floating.moved_branch import moved_branch
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.moved_branch import moved_branch
+from excite.diagnosis.floating.equations.state import State
 
 
 class LinkLengthError(FloatingEffect):

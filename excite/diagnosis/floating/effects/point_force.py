@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.floating.cross import cross
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.cross import cross
+from excite.diagnosis.floating.equations.state import State
 
 
 def columns_of_force(state: State, joint: int, point: Array, force: Array, change: Array, at: slice) -> Array:

@@ -11,8 +11,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
 from excite.diagnosis.floating.effects.point_force import columns_of_force
-from excite.diagnosis.floating.record import FloatingRecord
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.record import FloatingRecord
+from excite.diagnosis.floating.equations.state import State
 
 # Below this speed friction is in proportion to it.
 _STANDSTILL_M_S = 0.05

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.state import State
 from excite.logs.columns import WRENCH_AXES
 
 

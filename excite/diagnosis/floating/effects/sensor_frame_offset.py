@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.state import State
 
 
 class SensorFrameOffset(FloatingEffect):

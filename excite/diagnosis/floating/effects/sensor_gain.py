@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.state import State
 from excite.logs.columns import WRENCH_AXES
 
 

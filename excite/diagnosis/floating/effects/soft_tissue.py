@@ -8,8 +8,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
-from excite.diagnosis.floating.joint_turns import joint_turn
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.joint_turns import joint_turn
+from excite.diagnosis.floating.equations.state import State
 
 _CUTOFF_HZ = 3.0
 

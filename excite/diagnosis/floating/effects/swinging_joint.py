@@ -14,7 +14,7 @@ from excite.diagnosis.floating.effects.joint_elasticity import (
     leaning_of,
     loads_of,
 )
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.state import State
 
 # Steps of the parameters [rad/(N·m)]; a turn's acceleration by which inertia is measured [rad/s²].
 _STEPS, _ACCELERATION = (1e-6, 1e-6), 1.0

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
-from excite.diagnosis.floating.record import FloatingRecord
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.record import FloatingRecord
+from excite.diagnosis.floating.equations.state import State
 
 
 class TimeDelay(FloatingEffect):

@@ -10,8 +10,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
-from excite.diagnosis.floating.record import FloatingRecord
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.record import FloatingRecord
+from excite.diagnosis.floating.equations.state import State
 
 
 class UnloggedContact(FloatingEffect):

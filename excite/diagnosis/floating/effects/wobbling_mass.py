@@ -10,10 +10,10 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from excite.arrays import Array
-from excite.diagnosis.candidate import Estimate
-from excite.diagnosis.floating.cross import cross
+from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
-from excite.diagnosis.floating.state import State
+from excite.diagnosis.floating.equations.cross import cross
+from excite.diagnosis.floating.equations.state import State
 
 # A mass that sags further under its weight hangs, and is no tissue [m].
 _MOST_SAG = 0.12

@@ -1,0 +1,139 @@
+"""One diagnosis compared with what was hidden in its case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from excite.blind.detectability import DETECTABLE
+from excite.blind.hidden import Answer
+from excite.blind.parameter_error import parameter_error
+
+_SAME = {"payload": "link_inertia"}
+_PAIR = frozenset({"torque_bias", "coulomb_asymmetry"})
+
+
+@dataclass(frozen=True)
+class CaseScore:
+    """One case.
+
+    Attributes:
+        case: its name.
+        kind: single, weak, double, none or unknown.
+        truth: hidden effects with places and forms, for people.
+        said: what the diagnosis says, for people.
+        named: whether a hidden effect's name, or none, or unknown, is what it says; ties that hold it count.
+        placed: whether a hidden effect's place is its place or among its tied places.
+        firm_wrong: a wrong name without a doubt.
+        found: hidden effects that are among its effects.
+        hidden: number of hidden effects.
+        extras: effects that are not there.
+        faults: faults of the record, by kind.
+        detectable: whether all that is hidden stands far enough above the noise; where nothing is, True.
+        probability: that it states for its first candidate, None where it states none.
+        share_closed: of the gap.
+        interval: 90 % interval of that, None where it states none.
+        parameter_errors: relative error of the main parameter of each hidden effect that is found at its place,
+            by its name, where it can be compared.
+    """
+
+    case: str
+    kind: str
+    truth: str
+    said: str
+    named: bool
+    placed: bool
+    firm_wrong: bool
+    found: int
+    hidden: int
+    extras: int
+    faults: tuple[str, ...]
+    detectable: bool
+    probability: float | None
+    share_closed: float
+    interval: tuple[float, float] | None
+    parameter_errors: tuple[tuple[str, float], ...] = ()
+
+
+def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseScore:
+    """Compare one diagnosis (``excite.diagnosis/1``) with its answer."""
+    verdict, effects = document["verdict"], list(document["effects"])
+    if not effects and document["effect"] is not None:
+        effects = list(document["candidates"][:1])
+    names = [_canonical(item.effect) for item in answer.effects]
+    said = [_canonical(item["effect"]) for item in effects]
+    options = set(said[:1])
+    if verdict == "ambiguous":
+        options |= {_canonical(item["effect"]) for item in _tied(document)}
+    kind = answer.kind
+    if not names or names == ["unknown"]:
+        right = verdict == ("none" if not names else "unknown")
+        places = {document["location"], *document["tied_locations"]}
+        placed = right and (not names or answer.effects[0].location in places)
+        hits, extras, wrong = int(right), len(effects), verdict == "effect"
+    else:
+        # What is truly there, in the background, is no mistake, though not what was asked for.
+        there = {(_canonical(item.effect), item.location) for item in answer.background}
+        real = [(_canonical(item["effect"]), item["location"]) in there for item in effects]
+        hits = sum(any(_match(name, other) for other in said) for name in names)
+        extras = sum(
+            not known and not any(_match(name, other) for name in names)
+            for other, known in zip(said, real, strict=True)
+        )
+        right = verdict in {"effect", "ambiguous"} and any(n in options for n in names)
+        places = {p for item in effects for p in (item["location"], *item.get("tied_locations", []))}
+        if verdict == "ambiguous":
+            tied = _tied(document)
+            places |= {p for item in tied for p in (item["location"], *item.get("tied_locations", []))}
+        placed = any(item.location in places for item in answer.effects)
+        wrong = verdict == "effect" and not (said and (real[0] or said[0] in names))
+    first = document["candidates"][0] if document["candidates"] else {}
+    interval = document["gap"].get("share_closed_90")
+    text = f"{verdict}: " + ", ".join(f"{item['effect']}@{item['location']}" for item in effects)
+    if verdict == "ambiguous":
+        text += " among " + "/".join(f"{item['effect']}@{item['location']}" for item in _tied(document))
+    if verdict == "unknown":
+        text += str(document["location"])
+    truth = ", ".join(f"{item.effect}@{item.location} ({item.form})" for item in answer.effects) or "none"
+    return CaseScore(
+        case,
+        kind,
+        truth,
+        text,
+        right,
+        placed,
+        wrong,
+        hits,
+        max(len(names), 1),
+        extras,
+        answer.faults,
+        all(item.detectability is None or item.detectability >= DETECTABLE for item in answer.effects),
+        first.get("probability"),
+        # Of a gap whose closing is not known, nothing is.
+        float(document["gap"]["share_closed"] or 0.0),
+        None if interval is None or None in interval else (float(interval[0]), float(interval[1])),
+        tuple(_parameter_errors(answer, effects)),
+    )
+
+
+def _parameter_errors(answer: Answer, effects: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, float]]:
+    for hidden in answer.effects:
+        for item in effects:
+            if _match(hidden.effect, item["effect"]) and hidden.location == item["location"]:
+                error = parameter_error(hidden, item)
+                if error is not None:
+                    yield hidden.effect, error
+
+
+def _tied(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Candidates that an ambiguous diagnosis cannot tell apart; a document that does not count them has two."""
+    return list(document["candidates"][: int(document.get("n_tied", 2))])
+
+
+def _canonical(name: str | None) -> str:
+    return _SAME.get(name or "", name or "")
+
+
+def _match(hidden: str, said: str) -> bool:
+    return hidden == said or {hidden, said} <= _PAIR

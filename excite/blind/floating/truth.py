@@ -1,0 +1,219 @@
+"""What really happens when a standing robot runs a motion: exact inverse dynamics, and the ground's share of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.blind.floating.planted import planted
+from excite.blind.floating.pulls import Pull
+from excite.blind.floating.stand import Stand
+from excite.motion.motion import Motion
+from excite.robot.robot import Foot, Robot
+from excite.safety.contact_wrench import wrench_at_world_origin
+from excite.safety.force_distribution import distribute_wrench
+from excite.simulation.recording import Recording
+from excite.simulation.virtual_robot import Reading
+from excite.simulation.wrenches import sensor_wrenches
+
+# Time over which a foot is unloaded before it is lifted [s].
+_UNLOADING_S = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """A standing robot with what is hidden in it.
+
+    Attributes:
+        stand: the robot as the log tells it, and its session.
+        model: true kinematics.
+        phi: ``(10·n_segments,)`` true inertial parameters.
+        pulls: forces that the log does not know.
+        readings: what sits between the physics and the log, in order; may replace q and the wrenches.
+    """
+
+    stand: Stand
+    model: pin.Model
+    phi: Array
+    pulls: tuple[Pull, ...] = ()
+    readings: tuple[Reading, ...] = ()
+
+    def logged(self) -> list[Recording]:
+        """All trials as perfect sensors would log them."""
+        recordings = []
+        for k, motion in enumerate(self.stand.motions):
+            # The repeated command is another trial.
+            recording = happens(self, motion, k)
+            for reading in self.readings:
+                recording = reading(recording)
+            recordings.append(recording)
+        return recordings
+
+
+def truth_of(stand: Stand) -> Truth:
+    """The robot with nothing hidden in it."""
+    return Truth(stand, stand.robot.model, stand.phi)
+
+
+def happens(truth: Truth, motion: Motion, trial: int) -> Recording:
+    """One trial before any sensor looks at it.
+
+    The base's rows of inverse dynamics hold contacts and pulls alone (Jovic et al. 2016, eq. 2); what the pulls
+    leave is shared among the soles as the ground's forces can.
+
+    Args:
+        truth: the robot.
+        motion: where soles and base go; where a leg differs from its model, the leg's joints follow.
+        trial: number of the trial.
+
+    Returns:
+        The recording; ``tau_link`` are the joints' torques.
+    """
+    robot, model = truth.stand.robot, _with_inertials(truth.model, truth.phi)
+    q, v, a = planted(robot, model, motion)
+    acting = {1, *(foot.joint for foot in robot.feet), *(pull.joint for pull in truth.pulls)}
+    rotation, position, speeds = _poses(model, q, v, acting)
+    outside = {joint: np.zeros((len(q), 6)) for joint in range(1, model.njoints)}
+    for pull in truth.pulls:
+        j = pull.joint
+        arm = np.einsum("nij,j->ni", rotation[:, j], np.array(pull.point))
+        place = position[:, j] + arm
+        speed = speeds[:, j, :3] + np.cross(speeds[:, j, 3:], arm)
+        force = pull.force(motion.time - motion.time[0], place, speed, trial)
+        outside[j] += np.hstack([force, np.cross(place, force)])
+    needed = _inverse_dynamics(model, q, v, a, outside, rotation, position)
+    wrench = wrench_at_world_origin(needed[:, :6], rotation[:, 1], position[:, 1])
+    contacts = _shared(robot, motion, wrench, rotation, position)
+    for sensor_foot, share in contacts.items():
+        outside[_foot(robot, sensor_foot).joint] += share
+    torques = _inverse_dynamics(model, q, v, a, outside, rotation, position)[:, 6:]
+    return Recording(
+        name=motion.name,
+        time=motion.time - motion.time[0],
+        q=q,
+        v=v,
+        a=a,
+        q_cmd=q[:, 7:],
+        tau_motor=torques,
+        tau_link=torques,
+        contacts=contacts,
+        wrenches=sensor_wrenches(replace(robot, model=model), truth.phi, q, v, a, contacts),
+        touches=np.zeros(len(q)),
+    )
+
+
+def _with_inertials(model: pin.Model, phi: Array) -> pin.Model:
+    changed = model.copy()
+    for joint in range(1, model.njoints):
+        block = phi[10 * joint - 10 : 10 * joint]
+        if block.any():
+            changed.inertias[joint] = pin.Inertia.FromDynamicParameters(block)
+    return changed
+
+
+def _foot(robot: Robot, link: str) -> Foot:
+    return next(foot for foot in robot.feet if foot.link == link)
+
+
+def _poses(model: pin.Model, q: Array, v: Array, joints: set[int]) -> tuple[Array, Array, Array]:
+    """World rotations, positions, and velocities (linear, angular, of the joint's origin) of some joints."""
+    data, n = model.createData(), model.njoints
+    rotation, position = np.zeros((len(q), n, 3, 3)), np.zeros((len(q), n, 3))
+    speeds = np.zeros((len(q), n, 6))
+    for k in range(len(q)):
+        pin.forwardKinematics(model, data, q[k], v[k])
+        for j in joints:
+            pose, twist = data.oMi[j], data.v[j]
+            rotation[k, j], position[k, j] = pose.rotation, pose.translation
+            speeds[k, j, :3], speeds[k, j, 3:] = pose.rotation @ twist.linear, pose.rotation @ twist.angular
+    return rotation, position, speeds
+
+
+def _inverse_dynamics(
+    model: pin.Model,
+    q: Array,
+    v: Array,
+    a: Array,
+    outside: Mapping[int, Array],
+    rotation: Array,
+    position: Array,
+) -> Array:
+    """``(n, nv)`` with outside wrenches (about the world's origin) on some joints' bodies."""
+    data = model.createData()
+    out = np.empty_like(v)
+    local = np.zeros((len(q), model.njoints, 6))
+    acting = [j for j, wrench in outside.items() if wrench.any()]
+    for j in acting:
+        force, about = outside[j][:, :3], outside[j][:, 3:]
+        moment = about - np.cross(position[:, j], force)
+        local[:, j, :3] = np.einsum("nji,nj->ni", rotation[:, j], force)
+        local[:, j, 3:] = np.einsum("nji,nj->ni", rotation[:, j], moment)
+    forces = pin.StdVec_Force()
+    forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
+    for k in range(len(q)):
+        for j in acting:
+            forces[j] = pin.Force(local[k, j])
+        out[k] = pin.rnea(model, data, q[k], v[k], a[k], forces)
+    return out
+
+
+def _shared(
+    robot: Robot, motion: Motion, wrench: Array, rotation: Array, position: Array
+) -> dict[str, Array]:
+    """Contact wrench of each foot by its link, about the world's origin; together they are ``wrench (n, 6)``.
+
+    A foot that is about to leave the ground is unloaded before; what no admissible forces supply is put on the
+    feet that stand, as if their soles were wider.
+    """
+    weights = {foot.name: _loading(motion, foot.name) for foot in robot.feet}
+    parts = {foot.link: np.zeros((len(wrench), 6)) for foot in robot.feet}
+    for standing, share in _supports(robot, motion, weights):
+        rows = np.flatnonzero(share > 0.0)
+        corners = np.concatenate(
+            [
+                position[rows, foot.joint][:, None]
+                + foot.sole @ rotation[rows, foot.joint].transpose(0, 2, 1)
+                for foot in standing
+            ],
+            axis=1,
+        )
+        friction = np.concatenate([np.full(len(foot.sole), foot.friction) for foot in standing])
+        forces = distribute_wrench(wrench[rows], corners, friction).forces
+        moments = np.cross(corners, forces)
+        each, start = [], 0
+        for foot in standing:
+            own = slice(start, start + len(foot.sole))
+            each.append(np.hstack([forces[:, own].sum(axis=1), moments[:, own].sum(axis=1)]))
+            start += len(foot.sole)
+        left = (wrench[rows] - sum(each)) / len(standing)
+        for foot, part in zip(standing, each, strict=True):
+            parts[foot.link][rows] += share[rows, None] * (part + left)
+    return parts
+
+
+def _loading(motion: Motion, foot: str) -> Array:
+    """1 where a foot carries, falling smoothly to 0 before it is lifted, and rising after it is put down."""
+    flags = np.asarray(motion.contacts[foot], dtype=bool)
+    step = float(motion.time[1] - motion.time[0])
+    away = np.flatnonzero(~flags)
+    if not len(away):
+        return np.ones(len(flags))
+    index = np.arange(len(flags))
+    after = np.searchsorted(away, index).clip(0, len(away) - 1)
+    near = np.minimum(np.abs(index - away[after]), np.abs(index - away[np.maximum(after - 1, 0)]))
+    s = np.clip(near * step / _UNLOADING_S, 0.0, 1.0)
+    return s**2 * (3.0 - 2.0 * s)
+
+
+def _supports(robot: Robot, motion: Motion, weights: Mapping[str, Array]) -> list[tuple[list[Foot], Array]]:
+    """Sets of standing feet and the share of each in time; the shares add up to one."""
+    both = np.min([weights[foot.name] for foot in robot.feet], axis=0)
+    sets = [(list(robot.feet), both)]
+    for foot in robot.feet:
+        others = [weights[other.name] for other in robot.feet if other.name != foot.name]
+        sets.append(([foot], np.where(np.min(others, axis=0) < weights[foot.name], 1.0 - both, 0.0)))
+    return sets

@@ -1,0 +1,214 @@
+"""What a diagnosis says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from excite.diagnosis.answer.candidate import Candidate, in_words, sized
+from excite.diagnosis.answer.curves import Curves
+from excite.diagnosis.answer.gap import Gap, Where
+
+SCHEMA = "excite.diagnosis/1"
+Verdict = Literal["effect", "none", "ambiguous", "unknown"]
+# Up to so many times the noise floor a model is said to reach it.
+_AT_FLOOR = 1.3
+# Share of a channel's gap from which it is said to follow something.
+_FOLLOWS = 0.3
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """Short roll-outs of the nominal and of the augmented simulator against the record.
+
+    Attributes:
+        before: by channel, RMS error of the nominal simulator [rad or m].
+        after: by channel, RMS error of the augmented simulator, same unit.
+        horizon_s: length of a roll-out [s].
+        model: file name of the augmented simulator, None where none was written.
+        driven_by: what drives the roll-outs, in words: the logged torque (no feedback), the same less the noise that
+            commands can tell, ``q_cmd`` (the servo), or the ground's wrenches, with a free base.
+        warnings: effects that the simulator cannot express or ignores.
+        floor: by channel, RMS by which replicas of the nominal simulator differ that start, and are driven, with
+            as much noise as the record has; what no model can go below, same unit.
+    """
+
+    before: dict[str, float]
+    after: dict[str, float]
+    horizon_s: float
+    model: str | None
+    driven_by: str = "logged torque"
+    warnings: tuple[str, ...] = ()
+    floor: dict[str, float] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The comparison as it stands in the document."""
+        return {
+            "before": dict(self.before),
+            "after": dict(self.after),
+            "floor": dict(self.floor),
+            "horizon_s": self.horizon_s,
+            "model": self.model,
+            "driven_by": self.driven_by,
+            "warnings": list(self.warnings),
+        }
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to measure next.
+
+    Attributes:
+        why: one sentence.
+        separates: effects (``EFFECT`` or ``EFFECT@LOCATION``) that it tells apart.
+        motion: file of the motion, None where no motion helps or none was planned.
+    """
+
+    why: str
+    separates: tuple[str, ...]
+    motion: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The proposal as it stands in the document."""
+        return {"why": self.why, "separates": list(self.separates), "motion": self.motion}
+
+
+@dataclass(frozen=True)
+class LogFault:
+    """Something that was wrong with the record before any physics.
+
+    Attributes:
+        kind: such as ``repeated_rows``, ``jitter``, ``late_stamps``, ``degrees``, ``flipped_sign``.
+        where: trial, channel or both.
+        what: one sentence with the number.
+        cause: the likely cause.
+        repaired: whether it was repaired for the diagnosis.
+    """
+
+    kind: str
+    where: str
+    what: str
+    cause: str
+    repaired: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """The finding as it stands in the document."""
+        return {
+            "kind": self.kind,
+            "where": self.where,
+            "what": self.what,
+            "cause": self.cause,
+            "repaired": self.repaired,
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Where the gap lies, which effect causes it, how far it shrinks.
+
+    Attributes:
+        robot: name of the robot.
+        verdict: ``effect``, ``none``, ``ambiguous`` or ``unknown``.
+        effect: the accepted effect, the likeliest one where the verdict is ambiguous, else None.
+        location: its likeliest place, or the place of an unknown gap.
+        tied_locations: places that the data cannot tell from ``location``, itself among them.
+        candidates: likeliest first; where ambiguous, first those that the data cannot tell apart.
+        effects: accepted effects in the order in which they were added.
+        gap: the gap before and after them.
+        where: map of the gap, largest share first.
+        simulation: roll-outs, None where there were none.
+        n_tied: number of leading candidates that the data cannot tell apart (ambiguous only).
+        next_experiment: what would settle what is open, None where nothing is.
+        faults: what was wrong with the record.
+        warnings: limits of what was said, one sentence each.
+        curves: a validation trial before and after, for figures; no part of the document. None where there are none.
+    """
+
+    robot: str
+    verdict: Verdict
+    effect: str | None
+    location: str | None
+    tied_locations: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    effects: tuple[Candidate, ...]
+    gap: Gap
+    where: tuple[Where, ...]
+    simulation: Rollout | None = None
+    n_tied: int = 0
+    next_experiment: NextExperiment | None = None
+    faults: tuple[LogFault, ...] = ()
+    warnings: tuple[str, ...] = ()
+    curves: Curves | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def ambiguous_with(self) -> tuple[Candidate, ...]:
+        """Candidates that the data cannot tell apart; empty unless the verdict is ``ambiguous``."""
+        return self.candidates[: self.n_tied] if self.verdict == "ambiguous" else ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The document ``excite.diagnosis/1``; what is infinite or not known is null."""
+        return _finite(
+            {
+                "schema": SCHEMA,
+                "robot": self.robot,
+                "verdict": self.verdict,
+                "effect": self.effect,
+                "location": self.location,
+                "tied_locations": list(self.tied_locations),
+                "candidates": [item.to_json() for item in self.candidates],
+                "n_tied": len(self.ambiguous_with),
+                "effects": [item.to_json() for item in self.effects],
+                "gap": self.gap.to_json(),
+                "simulation": None if self.simulation is None else self.simulation.to_json(),
+                "where": [item.to_json() for item in self.where],
+                "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
+                "sentence": self.sentence(),
+                "log": [item.to_json() for item in self.faults],
+                "warnings": list(self.warnings),
+            }
+        )
+
+    def sentence(self) -> str:
+        """The one sentence that a person would repeat to a colleague."""
+        gap = f"{100 * self.gap.before:.1f} % of the signal"
+        closes = f"closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
+        if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
+            return f"{self.robot}: the model explains the record to its noise floor ({gap})."
+        if self.verdict == "none":
+            floor = f"{100 * self.gap.noise_floor:.1f} %"
+            return (
+                f"{self.robot}: the model leaves {gap}, the noise {floor}; no effect stands out in between."
+            )
+        if self.verdict == "unknown":
+            place = self.location or (self.where[0].channel if self.where else "the robot")
+            there = [item for item in self.where if item.channel == place]
+            follows = "".join(f" follows {w.depends_on} and that" for w in there if _follows(w))
+            return f"{self.robot}: there is a gap at {place} that{follows} no effect in the library explains ({gap})."
+        if self.verdict == "ambiguous":
+            either = " or ".join(sized(item) for item in self.ambiguous_with)
+            return f"{self.robot}: the gap is {either}; this record cannot say which; adding one {closes}."
+        named = " and ".join(sized(item) for item in self.effects) or in_words(self.effect, self.location)
+        them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
+        return f"{self.robot}: the gap is {named}; adding {them} {closes}."
+
+    def summary(self) -> str:
+        """The diagnosis in words and tables, for a terminal; starts with the sentence."""
+        from excite.diagnosis.answer.summary import summary_of
+
+        return summary_of(self)
+
+
+def _follows(item: Where) -> bool:
+    return item.dependence.get(item.depends_on, 0.0) >= _FOLLOWS
+
+
+def _finite(value: Any) -> Any:
+    """A copy in which numbers that JSON cannot hold are None."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,91 @@
+"""A base that does not stand as the model says."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.equations.horizontal import level_axes
+from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.units import slides
+
+_G = 9.81
+# Distance of link 1's centre of mass from its axis that nobody knew of, with the whole robot's mass in it [m].
+_LEVER = 0.1
+# A tilt that is not seen for the noise [m/s²].
+_LEAST = 0.02
+
+
+class BaseTilt(Effect):
+    """Gravity in the base frame has level components that the model does not have: along x and y on a level base.
+
+    Two columns are the torques of a horizontal gravity; two more, cos q₁ and sin q₁ on the first row, are
+    the first moments of link 1, invisible while its axis is upright. They are no larger than the tilt and the
+    robot's mass make them, or a spring at joint 1 would be a tilt of nothing.
+    """
+
+    name = "base_tilt"
+    linear: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gravity_x", "m/s²", -5.0, 5.0),
+        Parameter("gravity_y", "m/s²", -5.0, 5.0),
+        Parameter("first_row_cosine", "N·m"),
+        Parameter("first_row_sine", "N·m"),
+    )
+    confusable_with = ("joint_spring", "torque_bias", "encoder_offset")
+    separating_motion = "a wide range of joint 1; the arm on a base that is turned"
+    mujoco = "option gravity"
+    moves = True
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (SteepTilt(),)
+
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        return self.name not in modelled
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return ("base",)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        samples = context.baseline.samples
+        model = samples.robot.model.copy()
+        q = samples.stacked("q")
+        still = np.zeros((len(q), model.nv))
+        columns = np.zeros((len(q), len(context.joints), len(self.linear)))
+        for k, axis in zip((0, 1, 4), level_axes(model.gravity.linear), strict=True):
+            if k < len(self.linear):
+                model.gravity.linear = axis
+                columns[:, :, k] = context.torques(q, still, still, model)
+        # A slide has no first moments; those of links further out are the identifier's.
+        if samples.index[0] == 0 and not slides(samples.robot, context.joints[0]):
+            first = context.q[:, 0]
+            columns[:, 0, 2], columns[:, 0, 3] = np.cos(first), np.sin(first)
+        return Shape({j: columns[:, j] for j in range(len(context.joints))})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        mass = sum(inertia.mass for inertia in context.baseline.samples.robot.model.inertias)
+        most = _LEVER * mass * max(float(np.hypot(*beta[:2])), _LEAST)
+        return float(np.hypot(*beta[2:4])) <= most and super().admissible(context, location, theta, beta)
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        # A slide that is level shows one of the two, or none.
+        shown = np.isfinite(fit.extra_std[:2])
+        aside, spread = fit.extra[:2][shown], fit.extra_std[:2][shown]
+        std = float(np.sqrt((spread**2).mean())) / _G if shown.any() else None
+        angle = Estimate(float(np.arcsin(min(float(np.linalg.norm(aside)) / _G, 1.0))), std, "rad")
+        found = super().estimates(context, location, theta, fit)
+        return {"angle": angle, **{p.name: found[p.name] for p in self.linear[:2] if p.name in found}}
+
+
+class SteepTilt(BaseTilt):
+    """The same where the tilt is large enough for less of gravity to be left along the nominal vertical."""
+
+    linear = (*BaseTilt.linear, Parameter("gravity_down", "m/s²", -5.0, 0.0))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()

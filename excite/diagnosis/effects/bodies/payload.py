@@ -1,0 +1,86 @@
+"""A body on a link that the model does not have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.equations.joint_torque import Fit
+from excite.regressor.kernels import joint_torque_regressor
+from excite.robot.links import carried_link
+
+# Standard deviations, told for white residuals, by which a mass is below zero that cannot be.
+_SURELY = 6.0
+# Share of its torques that a body's mass and first moments have at least.
+_WEIGHTLESS = 0.05
+
+
+def link_columns(context: Context, joint: int) -> Array:
+    """Torques per unit of the ten inertial parameters of the body after a joint, ``(n, n_joints, 10)``."""
+    key, kept = (-1, "regressor"), context.baseline.derived.values
+    if key not in kept:
+        s = context.baseline.samples
+        motion = (s.stacked(name) for name in ("q", "v", "a"))
+        kept[key] = s.of_joints(joint_torque_regressor(s.robot.model, *motion))
+    return kept[key][:, :, 10 * (joint - 1) : 10 * joint]
+
+
+class Payload(Effect):
+    """The regressor's columns of one body: mass, first moments, inertia (Atkeson, An, Hollerbach 1986)."""
+
+    name = "payload"
+    linear = tuple(
+        Parameter(n, u, width=w)
+        for n, u, w in zip(
+            ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"),
+            ("kg", *["kg·m"] * 3, *["kg·m²"] * 6),
+            # A heavy body within half a metre: says nothing but where the motion does not show it.
+            (20.0, *[10.0] * 3, *[5.0] * 6),
+            strict=True,
+        )
+    )
+    confusable_with = ("link_inertia", "torque_gain")
+    separating_motion = "the same motion without the load; wide wrist motion for the place"
+    mujoco = "body mass, pos and inertia"
+    moves = True
+
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        return "rigid_body" not in modelled and self.name not in modelled
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        model = context.baseline.samples.robot.model
+        return tuple(carried_link(model, k) for k in range(1, model.njoints))
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        columns = link_columns(context, self.locations(context).index(location) + 1)
+        used = np.abs(columns).max(axis=0) > 1e-12
+        return Shape({j: columns[:, j] for j in range(columns.shape[1]) if used[j].any()})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        """Whether it has weight: one that has inertia alone is a rotor that the model lacks."""
+        if "armature" in context.baseline.modelled:
+            return True
+        columns = link_columns(context, self.locations(context).index(location) + 1)
+        torque, weight = columns @ beta, columns[:, :, :4] @ beta[:4]
+        return float(np.linalg.norm(weight)) > _WEIGHTLESS * float(np.linalg.norm(torque))
+
+    def physical(self, context: Context, location: str, fit: Fit) -> bool:
+        """Whether link and body together may have their mass: less than none is another effect's doing."""
+        joint = self.locations(context).index(location) + 1
+        mass = float(context.baseline.phi[10 * (joint - 1)]) + float(fit.extra[0])
+        return mass > -_SURELY * float(fit.extra_std[0])
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        """What the joints feel of the body; where they do not feel its mass, its first moment comes first."""
+        found = super().estimates(context, location, theta, fit)
+        columns = link_columns(context, self.locations(context).index(location) + 1)
+        felt = np.abs(columns).max(axis=(0, 1)) > 1e-12
+        shown = {name: item for (name, item), here in zip(found.items(), felt, strict=True) if here}
+        if felt[0] or not felt[1:4].any():
+            return shown
+        moment, spread = fit.extra[1:4] * felt[1:4], fit.extra_std[1:4] * felt[1:4]
+        size = float(np.linalg.norm(moment))
+        std = float(np.linalg.norm(moment * spread) / max(size, 1e-300))
+        return {"first_moment": Estimate(size, std, "kg·m")} | shown

@@ -1,0 +1,85 @@
+"""A spring at a joint: cable, hose, gravity compensator."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.friction.presliding import hysteretic_sign
+
+# A spring whose torque hardly changes over the joint's motion is a constant.
+_CHANGES = 0.05
+# Cables and springs wind up over no more than so many radians.
+_TRAVEL = 4.0 * np.pi
+
+
+class JointSpring(Effect):
+    """``τ = k q + τ_0``: stiffness and the torque at zero position."""
+
+    name = "joint_spring"
+    linear: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("stiffness", "N·m/rad"),
+        Parameter("torque_at_zero", "N·m"),
+    )
+    confusable_with = ("torque_bias", "encoder_offset", "base_tilt")
+    separating_motion = "the joint slowly over its whole range, in two postures of the others"
+    mujoco = "joint stiffness and springref"
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (HardeningSpring(), RubbingSpring())
+
+    def locations(self, context: Context) -> tuple[str, ...]:
+        return tuple(j for j, q in zip(context.joints, context.q.T, strict=True) if np.ptp(q) <= _TRAVEL)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        q = context.q[:, j]
+        return Shape({j: np.column_stack([q, np.ones_like(q)])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        q = context.q[:, context.row(location)]
+        constant = abs(beta[0] * q.mean() + beta[1])
+        return abs(beta[0]) * q.std() >= _CHANGES * constant and super().admissible(
+            context, location, theta, beta
+        )
+
+
+class HardeningSpring(JointSpring):
+    """``τ = k q + τ_0 + k₂ q² + k₃ q³``: a spring that grows stiffer with its stretch."""
+
+    linear: ClassVar[tuple[Parameter, ...]] = (
+        *JointSpring.linear,
+        Parameter("quadratic", "N·m/rad²"),
+        Parameter("cubic", "N·m/rad³"),
+    )
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        q = context.q[:, j]
+        return Shape({j: np.column_stack([q, np.ones_like(q), q**2, q**3])})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return True
+
+
+class RubbingSpring(HardeningSpring):
+    """The same with a dry rubbing that builds up over a deflection."""
+
+    linear = (*HardeningSpring.linear, Parameter("rubbing", "N·m"))
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("breakaway", "rad", 1e-3, 0.3),)
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(0.02,), (0.08,)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        columns = super().shape(context, location, theta).columns[j]
+        return Shape({j: np.column_stack([columns, hysteretic_sign(context, j, theta[0])])})

@@ -1,0 +1,124 @@
+"""Friction that changes with temperature, over the session or in each trial."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.equations.drive_terms import coulomb_level
+from excite.diagnosis.equations.joint_torque import Fit
+from excite.lazy_kernel import LazyKernel
+
+
+@LazyKernel
+def heated(heat, share, state):  # pragma: no cover - compiled
+    """A first-order lag of ``heat (n,)`` that follows a ``share`` of the difference a sample, from a state."""
+    out = np.empty(len(heat))
+    for i in range(len(heat)):
+        state = share * heat[i] + (1.0 - share) * state
+        out[i] = state
+    return out
+
+
+class FrictionDrift(Effect):
+    """``τ = g(t) (d_c sign(v) + d_v v)``: Coulomb and viscous friction that change as g from 0 to 1.
+
+    g is ``1 − exp(−t/T)`` scaled to 1 at the session's end (Newton's heating of a joint under a constant
+    load); large T is a drift linear in time.
+    """
+
+    name = "friction_drift"
+    linear = (Parameter("coulomb_change", "N·m"), Parameter("viscous_change", "N·m·s/rad"))
+    searched = (Parameter("time_constant", "s", 5.0, 3000.0),)
+    confusable_with = ("coulomb_friction", "viscous_friction")
+    separating_motion = "the same trial at the start, in the middle and at the end of the session"
+    mujoco = "none of its own: a control callback"
+    friction = True
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (HeatedFriction(),)
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return (DriftInTrial(),)
+
+    def offered(self, modelled: tuple[str, ...]) -> bool:
+        return self.name not in modelled and bool({"coulomb_friction", "viscous_friction"} & set(modelled))
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(t,) for t in (12.0, 50.0, 2000.0)]
+
+    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+        """g at every sample, ``(n_samples,)``."""
+        end = float(context.session.max())
+        return np.expm1(-context.session / theta[0]) / np.expm1(-end / theta[0])
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        growth = self.growth(context, j, theta)
+        # What the baseline has not cannot have drifted: a viscous column would stand in for viscous friction.
+        modelled = context.baseline.modelled
+        coulomb = growth * context.sign(j) if "coulomb_friction" in modelled else np.zeros_like(growth)
+        viscous = growth * context.v[:, j] if "viscous_friction" in modelled else np.zeros_like(growth)
+        return Shape({j: np.column_stack([coulomb, viscous])})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        found = super().estimates(context, location, theta, fit)
+        level = coulomb_level(context.baseline.modelled, fit.own[context.row(location)])
+        if level <= 0.0:
+            return found
+        share = Estimate(float(fit.extra[0]) / level, float(fit.extra_std[0]) / level, "1")
+        return {"relative_change": share, **found}
+
+
+class DriftInTrial(FrictionDrift):
+    """The same in every trial anew: a joint that cools between trials, as where it waits for the next one."""
+
+    searched = (Parameter("time_constant", "s", 0.5, 100.0),)
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    @property
+    def forms(self) -> tuple[Effect, ...]:
+        return ()
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(t,) for t in (2.0, 8.0)]
+
+    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+        time = np.concatenate([trial.time for trial in context.baseline.samples.trials])
+        return np.expm1(-time / theta[0]) / np.expm1(-float(time.max()) / theta[0])
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        return super().estimates(context, location, theta, fit) | {"in_each_trial": Estimate(1.0, None, "1")}
+
+
+class HeatedFriction(FrictionDrift):
+    """The temperature follows the joint's own speed: ``T' = (|v|/mean|v| − T)/τ``, cooling between trials."""
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(max(theta[0], self.searched[0].low),)]
+
+    def growth(self, context: Context, j: int, theta: Theta) -> Array:
+        samples = context.baseline.samples
+        speed = np.abs(context.v[:, j])
+        heat = samples.split(speed / max(float(speed.mean()), 1e-9))
+        share = -np.expm1(-1.0 / (samples.rate_hz * theta[0]))
+        made, state, last = {}, 0.0, 0.0
+        # In the order in which the trials were run.
+        for k in np.argsort([t.session_s[0] for t in samples.trials], kind="stable"):
+            trial = samples.trials[k]
+            state *= np.exp(-max(float(trial.session_s[0]) - last, 0.0) / theta[0])
+            made[int(k)] = heated(heat[k], share, state)
+            state, last = float(made[int(k)][-1]), float(trial.session_s[-1])
+        growth = np.concatenate([made[k] for k in range(len(samples.trials))])
+        return growth / max(float(np.abs(growth).max()), 1e-9)

@@ -1,0 +1,147 @@
+"""Stribeck friction: more friction at low speed."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.friction.presliding import bent_excess
+from excite.diagnosis.equations.drive_terms import coulomb_level
+from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.sign_change import SignChange, damping_of_bristles, sign_of_motion
+
+# A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
+_APART = 2.5
+# Nor does one that is over while bristles still bend, which takes joints to about this speed [rad/s].
+_BENT = 0.03
+# Share of the Coulomb level below which an excess says that bristles are not quite what the model has them be.
+_TRIFLE = 0.05
+# Most of the Coulomb level that bristles may take over; the fit without them is off by a little.
+_SHARE = 1.5
+# Share of the greatest Stribeck velocity that a search has to end below.
+_SETTLED = 0.9
+# Share of the excess by which Coulomb friction may be fitted below none.
+_LEFT = 0.1
+
+
+class Stribeck(Effect):
+    """``τ = f_s exp(−(|v|/v_s)²) sign(v)`` (Armstrong-Hélouvry et al. 1994, eq. 3; exponent 2)."""
+
+    name = "stribeck"
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("excess", "N·m", 0.0),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("velocity", "rad/s", 5e-3, 0.5),)
+    confusable_with = ("coulomb_friction", "load_dependent_friction", "backlash")
+    separating_motion = "constant speeds from below the Stribeck velocity to well above it"
+    mujoco = "none of its own: a control callback"
+    friction = True
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (StribeckExponential(), StribeckExponent(), StribeckBristles())
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(v,) for v in (0.015, 0.03, 0.06, 0.12, 0.25)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        return _excess(context, location, theta[0])
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        base, j = context.baseline, context.row(location)
+        if not base.signs[j].bent:
+            apart = theta[0] >= _APART * base.signs[j].width
+            return apart and super().admissible(context, location, theta, beta)
+        trifle = beta[0] < _TRIFLE * coulomb_level(base.modelled, base.fit.own[j])
+        return theta[0] >= _BENT and not trifle and super().admissible(context, location, theta, beta)
+
+    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+        """Friction that falls with speed up to the fastest that is searched is no matter of low speed.
+
+        Nor is what leaves no dry friction above it: there drag sets in that grows faster than with the speed.
+        """
+        left = coulomb_level(context.baseline.modelled, fit.own[context.row(location)])
+        return theta[0] < _SETTLED * self.searched[0].high and left > -_LEFT * float(fit.extra[0])
+
+
+class StribeckExponential(Stribeck):
+    """``τ = f_s exp(−|v|/v_s) sign(v)`` (Tustin 1947)."""
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [theta, (0.6 * theta[0],)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        return _excess(context, location, theta[0], exponent=1.0)
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        return super().estimates(context, location, theta, fit) | {"exponent": Estimate(1.0, None, "1")}
+
+
+class StribeckExponent(Stribeck):
+    """``τ = f_s exp(−(|v|/v_s)^δ) sign(v)`` with the exponent δ searched (Bo, Pavelescu 1982)."""
+
+    searched = (*Stribeck.searched, Parameter("exponent", "1", 0.4, 2.5))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(theta[0], 1.2), (0.7 * theta[0], 0.7)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        return _excess(context, location, theta[0], exponent=theta[1])
+
+
+class StribeckBristles(Stribeck):
+    """Stribeck friction that builds up over a deflection, as Coulomb friction then does as well.
+
+    The LuGre model (Canudas de Wit et al. 1995), for joints whose dry friction was not seen to have bristles, or others
+    where static friction was not thought of.
+    """
+
+    linear = (
+        *Stribeck.linear,
+        Parameter("presliding", "N·m", 0.0),
+        Parameter("bristle_damping", "N·m·s", 0.0),
+    )
+    searched = (*Stribeck.searched, Parameter("breakaway", "rad", 1e-4, 2e-2))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(theta[0], 5e-4), (theta[0], 2e-3)]
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        """Bristles that bend nearly like the baseline's can have any share of the level: no more than there is."""
+        base, j = context.baseline, context.row(location)
+        level = coulomb_level(base.modelled, base.fit.own[j])
+        too_much = "coulomb_friction" in base.modelled and beta[1] > _SHARE * max(level, 0.0)
+        return not too_much and super().admissible(context, location, theta, beta)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        velocity, breakaway = theta
+        samples, bristles = context.baseline.samples, SignChange(0.0, breakaway, np.inf)
+        sign = sign_of_motion(samples, j, bristles)
+        excess = bent_excess(context, j, bristles, velocity, 2.0)
+        damped = damping_of_bristles(samples, j, bristles)
+        return Shape({j: np.column_stack([excess, sign - context.sign(j), damped])})
+
+
+def _excess(context: Context, location: str, velocity: float, exponent: float = 2.0) -> Shape:
+    """More friction at low speed; while bristles bend, where the joint's friction has some."""
+    j = context.row(location)
+    sign = context.baseline.signs[j]
+    if sign.bent:
+        return Shape({j: bent_excess(context, j, sign, velocity, exponent)[:, None]})
+    decay = np.exp(-((np.abs(context.v[:, j]) / velocity) ** exponent))
+    return Shape({j: (context.sign(j) * decay)[:, None]})

@@ -1,0 +1,110 @@
+"""Play in a gear."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Theta
+from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping
+from excite.diagnosis.effects.gears.gear_effect import GearEffect
+from excite.diagnosis.equations.joint_torque import Fit
+
+# Share of the widest play that a search has to end below.
+_SETTLED = 0.9
+
+
+class Backlash(GearEffect):
+    """The link flies freely through a dead band between two contacts (Nordin, Gutman 2002, section 2)."""
+
+    name = "backlash"
+    searched: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("width", "rad", 2e-4, 0.08),
+        Parameter("contact_hz", "Hz", 4.0, 150.0),
+    )
+    confusable_with = ("torque_bias", "stribeck", "joint_elasticity")
+    separating_motion = "torque crossing zero at constant speed"
+    mujoco = "a second joint with limited range behind the motor's"
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (DampedBacklash(), SoftBacklash(), RoundBacklash())
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
+
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return self._between_contacts(context, location, theta[0], theta[1], 1.0)
+
+    def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
+        """Play as wide as any that is searched is a soft gear that passes for it."""
+        return theta[0] < _SETTLED * self.searched[0].high
+
+    def _between_contacts(
+        self, context: Context, location: str, width: float, hertz: float, ratio: float
+    ) -> Gear:
+        j = context.row(location)
+        stiffness = contact_stiffness(context, j, hertz)
+        return Gear(stiffness, gear_damping(context, j, stiffness, ratio), 0.5 * width)
+
+
+class DampedBacklash(Backlash):
+    """The same with contacts that bounce, or that are slow to let go."""
+
+    searched = (*Backlash.searched, Parameter("damping_ratio", "1", 0.1, 4.0))
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(theta[0], theta[1], 1.0), (theta[0], 2.0 * theta[1], 2.0), (theta[0], theta[1], 0.5)]
+
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return self._between_contacts(context, location, theta[0], theta[1], theta[2])
+
+
+class SoftBacklash(Backlash):
+    """Contacts that come on over a width instead of at once; in the middle they add up to a little stiffness."""
+
+    searched = (*Backlash.searched, Parameter("softness", "rad", 2e-4, 0.02))
+
+    @property
+    def kin(self) -> tuple[Effect, ...]:
+        from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
+
+        return (JointElasticity(),)
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        # Where contacts are soft, play that was found with hard ones is too narrow.
+        return [(w, theta[1], 0.15 * w) for w in (theta[0], 3.0 * theta[0], 0.03)]
+
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return super().gear(context, location, theta)._replace(soft=theta[2])
+
+
+class RoundBacklash(Backlash):
+    """Round contacts, the stiffer the more they carry: ``contact_hz`` is told at the mean load."""
+
+    searched = (
+        Backlash.searched[0],
+        Parameter("contact_hz", "Hz", 1.0, 150.0),
+        Parameter("damping_ratio", "1", 0.05, 4.0),
+    )
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(w, f, 0.3) for w in (0.7 * theta[0], theta[0]) for f in (2.0, 4.0, 8.0)]
+
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        found = self._between_contacts(context, location, theta[0], theta[1], theta[2])
+        load = float(np.abs(context.baseline.rigid[:, context.row(location)]).mean())
+        return found._replace(depth=load / found.stiffness)

@@ -1,0 +1,69 @@
+"""A soft gear between motor and link."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Theta
+from excite.diagnosis.effects.gears.backlash import Backlash
+from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping, link_inertia
+from excite.diagnosis.effects.gears.gear_effect import GearEffect
+
+
+class JointElasticity(GearEffect):
+    """The link's angle is the logged motor's angle plus a deflection, ``k δ = −τ`` (Spong 1987)."""
+
+    name = "joint_elasticity"
+    searched: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("stiffness", "N·m/rad", 0.01, 1e6),
+        Parameter("damping_ratio", "1", 0.01, 2.0),
+    )
+    confusable_with = ("armature", "backlash", "time_delay")
+    separating_motion = "a chirp of that joint around the resonance"
+    mujoco = "a second joint with stiffness and damping behind the motor's"
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return (HardeningElasticity(),)
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        j = context.row(location)
+        return [(contact_stiffness(context, j, hertz), 0.5) for hertz in (2.0, 3.0, 4.5, 6.5, 9.0, 13.0)]
+
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return Gear(theta[0], gear_damping(context, context.row(location), theta[0], theta[1]))
+
+    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+        """As many swings a second: a link that turns out lighter has a gear that is softer by as much."""
+        before, after = (float(link_inertia(c, c.row(location)).mean()) for c in (old, new))
+        return (theta[0] * after / before, *theta[1:])
+
+
+class HardeningElasticity(JointElasticity):
+    """A gear that grows stiffer: ``k δ (1 + (δ/δ₀)²)``, as harmonic drives do; where it is nearly slack, like play."""
+
+    searched = (*JointElasticity.searched, Parameter("hardening_at", "rad", 1e-4, 1.0))
+
+    @property
+    def kin(self) -> tuple[Effect, ...]:
+        return (Backlash(),)
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        # Under a constant load the tangent is what has been found, and the spring at rest is softer.
+        return [(s * theta[0], theta[1], at) for s in (0.15, 0.4, 0.8) for at in (0.01, 0.03, 0.08)]
+
+    def own_starts(self, context: Context, location: str) -> list[Theta]:
+        """Hardly damped, and much stiffer where the load stretches it than at rest."""
+        j = context.row(location)
+        load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
+        soft = [contact_stiffness(context, j, hertz) for hertz in (1.6, 2.4, 3.6, 5.4)]
+        return [(k, 0.1, share * load / k) for k in soft for share in (0.7, 1.4)]
+
+    def gear(self, context: Context, location: str, theta: Theta) -> Gear:
+        return super().gear(context, location, theta)._replace(cubic=theta[2] ** -2)

@@ -1,0 +1,49 @@
+"""An encoder whose zero is off."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.equations.joint_torque import Fit
+
+_WIDEST = 0.3
+_SMALL = 2e-3
+
+
+class EncoderOffset(Effect):
+    """Logged position = true position + offset o: ``τ(q − o) − τ(q)`` in all rows.
+
+    The column is the secant ``(τ(q − s) − τ(q))/s``, exact where s is the offset itself; the search moves on
+    a logarithmic scale, so that its parameter is ``exp s``.
+    """
+
+    name = "encoder_offset"
+    linear = (Parameter("offset", "rad", -0.5, 0.5),)
+    searched = (Parameter("secant", "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
+    confusable_with = ("torque_bias", "base_tilt", "joint_spring")
+    separating_motion = "elbow up and elbow down"
+    mujoco = "joint ref"
+    moves = True
+
+    def grid(self, context: Context, location: str) -> list[Theta]:
+        return [(1.0,)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j, secant = context.row(location), math.log(theta[0])
+        if abs(secant) < _SMALL:
+            columns = -context.gradient(j, "q")
+        else:
+            samples = context.baseline.samples
+            q = samples.stacked("q").copy()
+            q[:, samples.index[j]] -= secant
+            moved = context.torques(q, samples.stacked("v"), samples.stacked("a"))
+            columns = (moved - (context.baseline.rigid - context.baseline.added)) / secant
+        return Shape({k: columns[:, [k]] for k in range(columns.shape[1])})
+
+    def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
+        value, std = float(fit.extra[0]), float(fit.extra_std[0])
+        return {"offset": Estimate(value, std if np.isfinite(std) else None, "rad")}

@@ -1,0 +1,128 @@
+"""What the log says is modelled, fitted or trusted: rigid bodies, friction, rotor inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.equations.arm_trial import ArmTrial
+from excite.diagnosis.equations.drive_terms import own_names, own_signals
+from excite.diagnosis.equations.joint_torque import Fit, Solver
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.sign_change import SignChange
+from excite.regressor.kernels import inverse_dynamics
+
+
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """What follows from a motion and inertial parameters alone: worked out when it is asked for, kept with them.
+
+    Attributes:
+        trials: the motion.
+        phi: the parameters.
+        values: by row of the joint and name, full rate; what is of no joint has the row −1.
+    """
+
+    trials: tuple[ArmTrial, ...] = ()
+    phi: Array | None = None
+    values: dict[tuple[int, str], Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """The fitted baseline, with what effects need of it.
+
+    Attributes:
+        samples: the samples.
+        modelled: words of ``modelled``.
+        free: whether inertial parameters are fitted.
+        signs: how the dry friction of each joint changes sign.
+        solver: the equations, ready for hypotheses.
+        fit: the baseline's own fit.
+        phi: ``(10·n_segments,)`` inertial parameters after the fit, nominal in blind directions.
+        basis: ``(10·n_segments, n_shared)``: change of the inertial parameters per unit of ``x``.
+        rigid: full-rate torque of the rigid bodies at ``phi`` ``(n_samples, n_joints)`` [N·m], accepted effects of
+            bodies and geometry included.
+        total: the same with friction, rotor inertia and all accepted effects.
+        root_weight: ``(n_joints, n_rows)`` square root of the rows' weights, by which all rows of ``solver`` are
+            multiplied; their mean square is 1.
+        strict: the same where hypotheses are judged: standstill counts for next to nothing.
+        added: accepted effects' part of ``rigid``.
+        added_drive: accepted effects' part of ``total`` that is not in ``rigid``.
+        derived: shared by baselines that differ in neither motion nor ``phi``.
+    """
+
+    samples: ArmSamples
+    modelled: tuple[str, ...]
+    free: bool
+    signs: tuple[SignChange, ...]
+    solver: Solver
+    fit: Fit
+    phi: Array
+    basis: Array
+    rigid: Array
+    total: Array
+    root_weight: Array
+    strict: Array
+    added: Array
+    added_drive: Array
+    derived: Derived = field(default_factory=Derived)
+
+    def __post_init__(self) -> None:
+        if self.derived.trials is not self.samples.trials or self.derived.phi is not self.phi:
+            object.__setattr__(self, "derived", Derived(self.samples.trials, self.phi))
+
+    def updated(self, fit: Fit) -> Baseline:
+        """The same equations with another fit and predictions at its parameters."""
+        s, index = self.samples, list(self.samples.index)
+        rigid, phi = self.rigid, self.phi
+        if self.free:
+            n = self.basis.shape[1]
+            phi = phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
+            q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
+            rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index] + self.added
+        names = own_names(self.modelled)
+        own = [
+            own_signals(s, names, j, sign) @ o
+            for j, (sign, o) in enumerate(zip(self.signs, fit.own, strict=True))
+        ]
+        total = rigid + np.column_stack(own) + self.added_drive
+        return replace(self, fit=fit, phi=phi, rigid=rigid, total=total)
+
+    def own_rows(self, names: tuple[str, ...], joint: int, sign: SignChange) -> Array:
+        """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
+        s = self.samples
+        columns = own_signals(s, names, joint, sign)
+        return s.rows(columns) * self.root_weight[joint][:, None]
+
+    def bristle_damping(self, joint: int) -> float:
+        """Damping of a joint's bristles as fitted, not negative; 0 where they have none [N·m·s]."""
+        return max(float(self.fit.own[joint][-1]), 0.0) if self.signs[joint].damped else 0.0
+
+    def plain(self, residual: Array) -> Array:
+        """Residuals without the weights, ``(n_joints, n_rows)`` [N·m]."""
+        return residual / self.root_weight
+
+    def judged(self, residual: Array) -> Array:
+        """Residuals with the weights that hypotheses are judged by, ``(n_joints, n_rows)`` [N·m]."""
+        return residual / self.root_weight * self.strict
+
+    def with_signs(self, signs: Sequence[SignChange], lead: float) -> Baseline:
+        """The equations with other sign changes of the joints, and another lead of them, not fitted again."""
+        names, samples = own_names(self.modelled), self.samples
+        if lead != samples.lead:
+            samples = replace(samples, lead=lead)
+        moved = replace(self, samples=samples, signs=tuple(signs))
+        for j, sign in enumerate(moved.signs):
+            if samples is not self.samples or sign != self.signs[j]:
+                own = moved.own_rows(names, j, sign)
+                moved = replace(moved, solver=moved.solver.with_own(j, own))
+        return moved
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.samples.joints)

@@ -1,0 +1,121 @@
+"""The baseline fitted: what ``modelled`` names, with priors where the motion shows nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.drive_terms import own_names, own_signals
+from excite.diagnosis.equations.joint_torque import Equations, Solver
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.equations.sign_change import WIDTHS, SignChange
+from excite.diagnosis.equations.sign_changes import first_signs
+from excite.diagnosis.equations.standing_joints import standing_share
+from excite.identification.inertia import central_inertia_matrices
+from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
+
+_RELATIVE = 0.5
+
+
+def fit_baseline(
+    samples: ArmSamples, modelled: tuple[str, ...], floor: Array, *, leads: bool = True
+) -> Baseline:
+    """Fit what ``modelled`` names; what the motion does not show of the inertial parameters stays nominal.
+
+    Args:
+        samples: the samples.
+        modelled: words of ``modelled`` in ``log.yaml``.
+        floor: ``(n_joints,)`` noise in the rows' band [N·m].
+        leads: whether friction may change sign before the filtered velocity does; not where a lag of the torques is
+            what is asked for.
+
+    Returns:
+        The baseline.
+    """
+    model = samples.robot.model
+    q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
+    index = list(samples.index)
+    free = "rigid_body" in modelled
+    tau = samples.rows([t.tau for t in samples.trials])
+    nominal = inverse_dynamics(model, q, v, a)[:, index]
+    root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
+    y = (tau - samples.rows(nominal)).T * root
+    phi = model_phi(samples)
+    shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
+    shared = shared * root[:, :, None]
+    names = own_names(modelled)
+    sign = SignChange(WIDTHS[2])
+    own = tuple(
+        samples.rows(own_signals(samples, names, j, sign)) * root[j][:, None] for j in range(len(index))
+    )
+    solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
+    fit = solver.fit()
+    basis = np.zeros((len(phi), 0)) if basis is None else basis
+    phi_hat = phi + basis @ fit.shared
+    torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
+    friction = np.column_stack([own_signals(samples, names, j, sign) @ fit.own[j] for j in range(len(index))])
+    nothing = np.zeros_like(torque)
+    total = torque + friction
+    baseline = Baseline(
+        samples,
+        modelled,
+        free,
+        (sign,) * len(index),
+        solver,
+        fit,
+        phi_hat,
+        basis,
+        torque,
+        total,
+        root,
+        strict,
+        nothing,
+        nothing,
+    )
+    return first_signs(baseline, leads=leads) if "coulomb_friction" in names else baseline
+
+
+def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array:
+    """Square roots of the rows' weights, ``(n_joints, n_rows)``, their mean square 1.
+
+    At rest friction is whatever holds the joint, no function of its motion: rows that the filter mixes with
+    standstill weigh little. A fit that gave them no weight at all would leave the change of sign to chance.
+
+    Args:
+        samples: the samples.
+        slope: loss of weight with the share of standstill in a row.
+        least: least root of a weight before normalisation.
+    """
+    root = np.clip(1.0 - slope * standing_share(samples), least, 1.0)
+    return root / np.sqrt((root**2).mean(axis=1, keepdims=True))
+
+
+def model_phi(samples: ArmSamples) -> Array:
+    """Nominal inertial parameters ``(10·n_segments,)``."""
+    model = samples.robot.model
+    return np.concatenate([model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)])
+
+
+def _shared(samples: ArmSamples, phi: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Columns of the inertial parameters in units of their prior spread, in a basis without blind directions."""
+    index = list(samples.index)
+    regressor = samples.of_joints(joint_torque_regressor(samples.robot.model, q, v, a))
+    rows = samples.rows(regressor.reshape(len(q), -1))
+    rows = rows.reshape(len(rows), len(index), -1) * prior_spread(phi)
+    flat = np.concatenate([rows[:, j] / max(rows[:, j].std(), 1e-9) for j in range(len(index))])
+    values, vectors = np.linalg.eigh(flat.T @ flat)
+    keep = values > 1e-9 * values[-1]
+    basis = vectors[:, keep]
+    return np.ascontiguousarray((rows @ basis).transpose(1, 0, 2)), prior_spread(phi)[:, None] * basis
+
+
+def prior_spread(phi: Array) -> Array:
+    """Prior standard deviation of the inertial parameters: half of each link's mass put on somewhere."""
+    inertial = phi.reshape(-1, 10)
+    mass = np.maximum(inertial[:, 0], 0.02)
+    centre = inertial[:, 1:4] / mass[:, None]
+    gyration = np.trace(central_inertia_matrices(phi), axis1=1, axis2=2) / (2.0 * mass)
+    radius = np.maximum(np.sqrt((centre**2).sum(axis=1) + np.maximum(gyration, 0.0)), 0.02)
+    powers = np.array([0] + [1] * 3 + [2] * 6)
+    return ((_RELATIVE * mass)[:, None] * radius[:, None] ** powers).ravel()

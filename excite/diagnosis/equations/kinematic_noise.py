@@ -1,0 +1,84 @@
+"""What the noise of measured positions makes of predicted torques: it grows with the inertia that a posture has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.drive_terms import own_names
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.logs.log import Trial
+from excite.logs.signals.butterworth import lowpass
+from excite.logs.signals.differentiate import central_differences
+from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
+from excite.logs.signals.spectrum import welch
+from excite.regressor.kernels import inverse_dynamics
+
+# Noise is seen between this multiple of the kinematics' band and this share of the rate.
+_ABOVE, _BELOW = 1.3, 0.45
+_SEGMENT = 256
+
+
+def position_noise(samples: ArmSamples, columns: Sequence[int], trials: Sequence[Trial]) -> Array:
+    """Standard deviation of the white noise of each position, ``(n_joints,)`` [rad].
+
+    The median over Welch's segments of the density above the band of the motion, as if it were flat below;
+    third differences keep the motion from leaking into it.
+
+    Args:
+        samples: the samples of the trials.
+        columns: of the trials' positions, by joint of the samples.
+        trials: the trials as logged, repaired.
+    """
+    rate = samples.rate_hz
+    low, high = _ABOVE * samples.bands.kinematics_hz, _BELOW * rate
+    if low >= high:
+        return np.zeros(len(columns))
+    found = []
+    for trial in trials:
+        q = trial.q[:, list(columns)]
+        if not is_uniform(trial.time, rate):
+            q = resample_smooth(trial.time, q, uniform_grid(trial.time, rate))
+        f, p = welch(np.diff(q, 3, axis=0), rate, min(_SEGMENT, len(q) // 2), median=True)
+        band = (f > low) & (f < high)
+        density = np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate))[:, None] ** 6, axis=0)
+        found.append(np.sqrt(density * 0.5 * rate))
+    return np.median(found, axis=0)
+
+
+def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) -> Array:
+    """One draw of what noise of the positions adds to the residuals, ``(n_joints, n_rows)`` [N·m].
+
+    White noise goes the way of the positions: filtered, differentiated, through the inertia of each posture,
+    the rotors and the viscous and dry friction, and through the filter of the rows.
+
+    Args:
+        baseline: the fitted baseline.
+        sigma: ``(n_joints,)`` standard deviation of the positions' noise [rad].
+        rng: source of the draw.
+    """
+    samples, index = baseline.samples, list(baseline.samples.index)
+    names = own_names(baseline.modelled)
+    parts = []
+    for trial in samples.trials:
+        e = np.zeros_like(trial.q)
+        e[:, index] = sigma * rng.standard_normal((len(trial.q), len(index)))
+        d = central_differences(lowpass(e, samples.rate_hz, samples.bands.kinematics_hz), samples.rate_hz)
+        model = samples.robot.model
+        moved = inverse_dynamics(model, trial.q, trial.v, trial.a + d.second, baseline.phi)
+        change = (moved - inverse_dynamics(model, trial.q, trial.v, trial.a, baseline.phi))[:, index]
+        for j, i in enumerate(index):
+            own = dict(zip(names, baseline.fit.own[j], strict=False))
+            v, rate = trial.v[:, i], d.first[:, i]
+            change[:, j] += own.get("armature", 0.0) * d.second[:, i]
+            change[:, j] += own.get("viscous_friction", 0.0) * rate
+            if not baseline.signs[j].bent:
+                width = baseline.signs[j].width
+                change[:, j] += own.get("coulomb_friction", 0.0) * (
+                    np.tanh((v + rate) / width) - np.tanh(v / width)
+                )
+        parts.append(change)
+    return samples.rows(parts).T

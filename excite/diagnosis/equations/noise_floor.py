@@ -1,0 +1,95 @@
+"""What no model can go below: from repeated trials, and from the spectrum above the motion's band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.diagnosis.equations.repeats import on_the_clock_of_the_first
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.logs.signals.butterworth import noise_bandwidth
+from excite.logs.signals.spectrum import welch
+
+_ABOVE = (1.5, 3.0)
+
+
+def spectral_floor(samples: ArmSamples) -> Array:
+    """Noise of each torque channel in the rows' band, ``(n_joints,)`` [N·m], from the spectrum right above it.
+
+    The median over Welch's segments of the density between 1.5 and 3 times the band's end, so that single
+    jumps do not count, times the band.
+    """
+    return _floor(samples, [_ABOVE])
+
+
+def white_floor(samples: ArmSamples) -> Array:
+    """The same from where the spectrum is lowest, ``(n_joints,)`` [N·m]: what no fit can go below.
+
+    Friction that changes suddenly reaches far beyond the band; noise does not become less for it further up.
+    """
+    low, width = _ABOVE[0], _ABOVE[1] - _ABOVE[0]
+    count = int((0.45 * samples.rate_hz / samples.bands.rows_hz - low) / width)
+    return _floor(samples, [(low + width * k, low + width * (k + 1)) for k in range(max(count, 1))])
+
+
+def _floor(samples: ArmSamples, bands: Sequence[tuple[float, float]]) -> Array:
+    """From the lowest of the densities in several bands, given in multiples of the rows' band."""
+    rate = samples.rate_hz
+    width = noise_bandwidth(rate, samples.bands.rows_hz)
+    floors = []
+    for j in range(len(samples.joints)):
+        densities = []
+        for trial in samples.trials:
+            f, p = welch(np.diff(trial.tau[:, j]), rate, min(256, len(trial.time) // 2), median=True)
+            found = []
+            for least, most in bands:
+                high = min(most * samples.bands.rows_hz, 0.45 * rate)
+                low = min(least * samples.bands.rows_hz, 0.7 * high)
+                band = (f > low) & (f < high)
+                found.append(float(np.median(p[band] / (2.0 * np.sin(np.pi * f[band] / rate)) ** 2)))
+            densities.append(found)
+        density = float(np.median(densities, axis=0).min())
+        floors.append(np.sqrt(density * 0.5 * rate * width))
+    return np.maximum(np.array(floors), 1e-9)
+
+
+def repeat_floor(samples: ArmSamples, residual: Array) -> Array | None:
+    """RMS of half the difference of residuals in repeated trials, times √2: ``(n_joints,)`` or None.
+
+    Differences of residuals, not of torques: the same command does not give quite the same motion.
+    """
+    values = [residual[:, samples.trial_of_row == k] for k in range(len(samples.trials))]
+    both = [on_the_clock_of_the_first(repeat, samples.trials, values) for repeat in samples.repeats]
+    squares = np.concatenate([0.5 * (again - first) ** 2 for first, again in both], axis=1) if both else None
+    return None if squares is None or not squares.size else np.sqrt(squares.mean(axis=1))
+
+
+def unrepeated(samples: ArmSamples, noise: Array, rows: NDArray[np.bool_] | None = None) -> Array:
+    """Power of a known noise less what it has in the repeated trials, ``(n_joints,)`` [(N·m)²].
+
+    Where noise grows with the posture's inertia, repeats of one trial do not show that of all.
+
+    Args:
+        samples: the samples.
+        noise: ``(n_joints, n_rows)`` a draw of it [N·m].
+        rows: which rows to tell it of; all by default.
+    """
+    pairs = [(repeat.first, repeat.again) for repeat in samples.repeats]
+    if not pairs:
+        return np.zeros(len(noise))
+    power, shown = noise**2, np.isin(samples.trial_of_row, np.unique(pairs))
+    asked = power if rows is None else power[:, rows]
+    return np.asarray(asked.mean(axis=1) - power[:, shown].mean(axis=1))
+
+
+def other_postures(repeat: Array, more: Array | float) -> Array:
+    """The floor of repeated trials carried over to others, ``(n_joints,)`` [N·m]; no less than half of it.
+
+    Args:
+        repeat: ``(n_joints,)`` floor of the repeated trials [N·m].
+        more: ``(n_joints,)`` power of noise in the others less that in the repeated ones [(N·m)²].
+    """
+    return np.sqrt(np.maximum(repeat**2 + more, 0.25 * repeat**2))

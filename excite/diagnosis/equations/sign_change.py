@@ -1,0 +1,73 @@
+"""How the dry friction of a motor changes sign: with its velocity, or with bristles that bend."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.equations.presliding import bend
+from excite.diagnosis.equations.samples import ArmSamples
+
+# Widths of the sign change of Coulomb friction that are tried [rad/s].
+WIDTHS = (1.5e-3, 3e-3, 6e-3, 12e-3, 25e-3, 50e-3)
+# Deflections over which dry friction builds up before it slips that are tried [rad]; 0: friction of the velocity.
+BREAKAWAYS = (1.5e-4, 5e-4, 1.5e-3, 4e-3)
+# Speeds beyond which bristles are not damped that are tried [rad/s]: never, soon, at any speed.
+_DAMPED_BELOW = (0.0, 0.03, np.inf)
+
+
+class SignChange(NamedTuple):
+    """How dry friction changes sign.
+
+    Attributes:
+        width: of the sign change where friction follows the velocity alone [rad/s].
+        breakaway: deflection over which it builds up [rad] (Dahl 1968); 0 where it follows the velocity.
+        damped_below: speed beyond which the damping of bristles has died out [rad/s]; 0 without damping, infinite
+            where it never does (Canudas de Wit et al. 1995, eqs. 3 and 6).
+    """
+
+    width: float
+    breakaway: float = 0.0
+    damped_below: float = 0.0
+
+    @property
+    def bent(self) -> bool:
+        """Whether there are bristles."""
+        return self.breakaway > 0.0
+
+    @property
+    def damped(self) -> bool:
+        """Whether they are damped."""
+        return self.bent and self.damped_below > 0.0
+
+
+SIGNS = (
+    *(SignChange(width) for width in WIDTHS),
+    *(SignChange(WIDTHS[2], breakaway, speed) for speed in _DAMPED_BELOW for breakaway in BREAKAWAYS),
+)
+
+
+def sign_of_motion(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
+    """What a motor's dry friction follows, ``(n_samples,)``: smoothed sign of its velocity, or with presliding."""
+    v = samples.of_motor("v", motor)
+    return samples.led(bent(samples, v, sign) if sign.bent else np.tanh(v / sign.width))
+
+
+def damping_of_bristles(samples: ArmSamples, motor: int, sign: SignChange) -> Array:
+    """How fast the bristles of a motor bend, ``(n_samples,)`` [1/s], as far as they are damped at its speed."""
+    v = samples.of_motor("v", motor)
+    return samples.led(damped_rate(samples, v, bent(samples, v, sign), sign))
+
+
+def bent(samples: ArmSamples, v: Array, sign: SignChange) -> Array:
+    """How far bristles are bent at velocities ``v (n_samples,)``, as a share of the breakaway."""
+    return bend(np.ascontiguousarray(v), samples.starts, 1.0 / samples.rate_hz, sign.breakaway)
+
+
+def damped_rate(samples: ArmSamples, v: Array, deflection: Array, sign: SignChange) -> Array:
+    """Rate of a deflection ``(n_samples,)`` [1/s] times how much of the damping there is at velocities ``v``."""
+    rate = np.diff(deflection, prepend=0.0) * samples.rate_hz
+    rate[samples.starts] = 0.0
+    return rate * np.exp(-((v / sign.damped_below) ** 2))

@@ -1,0 +1,43 @@
+"""Units of joints that slide instead of turning."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from excite.diagnosis.answer.candidate import Estimate
+from excite.robot.robot import Robot
+
+_OF_SLIDES = {
+    "N·m": "N",
+    "N·m/(N·m)": "N/N",
+    "N·m/rad": "N/m",
+    "N·m/rad²": "N/m²",
+    "N·m/rad³": "N/m³",
+    "N·m·s/rad": "N·s/m",
+    "N·m·s": "N·s",
+    "kg·m²": "kg",
+    "rad": "m",
+    "rad/s": "m/s",
+}
+
+
+def slides(robot: Robot, joint: str | None) -> bool:
+    """Whether a place is a joint that slides."""
+    model = robot.model
+    if joint is None or not model.existJointName(joint):
+        return False
+    return bool(model.joints[model.getJointId(joint)].shortname().startswith("JointModelP"))
+
+
+def force_unit(robot: Robot, joint: str) -> str:
+    """Unit of a joint's torque or force."""
+    return "N" if slides(robot, joint) else "N·m"
+
+
+def at_joint(robot: Robot, joint: str | None, parameters: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Parameters with the units that they have at a joint."""
+    if not slides(robot, joint):
+        return parameters
+    return {
+        name: replace(item, unit=_OF_SLIDES.get(item.unit, item.unit)) for name, item in parameters.items()
+    }

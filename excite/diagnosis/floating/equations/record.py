@@ -1,0 +1,229 @@
+"""A floating-base log prepared for diagnosis: decimated kinematics and sensor readings of all trials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.errors import LogError
+from excite.logs.log import Log, Trial
+from excite.logs.robot import nominal_robot, robot_in_log
+from excite.logs.signals.butterworth import lowpass
+from excite.regressor.tree import KinematicTree, read_tree
+from excite.regressor.wrench import base_wrench
+from excite.robot.robot import Robot
+from excite.rows.kinematics import forces_on_grid, trial_kinematics
+from excite.rows.settings import Filters, ProblemSettings
+
+# Whole-body motion lives below 3 Hz; the filter only has to keep decimation clean.
+CUTOFF_HZ = 8.0
+ROW_RATE_HZ = 25.0
+# Lost to the filters at either end, and what has to be left for the motion to show [s].
+_EDGE_S, _LEAST_S = 0.4, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class FloatingRecord:
+    """All trials of a log, one after the other, at a common low rate.
+
+    Attributes:
+        robot: the nominal robot with the log's sensors.
+        tree: its kinematic tree.
+        rate_hz: rate of the samples [Hz].
+        q: ``(n, nq)`` configurations.
+        v: ``(n, nv)``.
+        a: ``(n, nv)``.
+        readings: by sensor, ``(n, 6)``: what it said [N, N·m], in its frame.
+        readings_rate: by sensor, time derivative of the same, ``(n, 6)`` per second.
+        spans: samples of each trial.
+        trials: names of the trials.
+        validation: by trial, whether it is for validation.
+        repeats: pairs of indices of trials that ran the same command.
+        unmeasured: segments beyond the sensors.
+        sensor_noise: ``(6, 6)`` covariance of the measured base wrench's white noise, a sample of the full
+            rate, learnt above the motion's band.
+        full_rate_hz: that rate [Hz].
+        inertials_free: whether ``modelled`` asks for the rigid body's parameters to be identified.
+    """
+
+    robot: Robot
+    tree: KinematicTree
+    rate_hz: float
+    q: Array
+    v: Array
+    a: Array
+    readings: dict[str, Array]
+    readings_rate: dict[str, Array]
+    spans: tuple[slice, ...]
+    trials: tuple[str, ...]
+    validation: tuple[bool, ...]
+    repeats: tuple[tuple[int, int], ...]
+    unmeasured: tuple[int, ...]
+    sensor_noise: Array
+    full_rate_hz: float
+    inertials_free: bool
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples of all trials."""
+        return len(self.q)
+
+    @property
+    def time(self) -> Array:
+        """``(n,)`` time within each trial [s]."""
+        return np.concatenate([np.arange(s.stop - s.start) for s in self.spans]) / self.rate_hz
+
+    @property
+    def every_other(self) -> NDArray[np.int64]:
+        """Indices of every other sample of each trial."""
+        return np.concatenate([np.arange(span.start, span.stop, 2) for span in self.spans])
+
+    def thinned(self) -> FloatingRecord:
+        """Every other sample; still more than the band of the likelihood needs."""
+        keep = self.every_other
+        ends = np.cumsum([0, *((span.stop - span.start + 1) // 2 for span in self.spans)])
+        return replace(
+            self,
+            rate_hz=0.5 * self.rate_hz,
+            q=self.q[keep],
+            v=self.v[keep],
+            a=self.a[keep],
+            readings={name: values[keep] for name, values in self.readings.items()},
+            readings_rate={name: values[keep] for name, values in self.readings_rate.items()},
+            spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(ends)),
+        )
+
+    def validation_samples(self) -> NDArray[np.bool_]:
+        """``(n,)`` which samples are of validation trials."""
+        mask = np.zeros(self.n_samples, dtype=bool)
+        for span, held_out in zip(self.spans, self.validation, strict=True):
+            mask[span] = held_out
+        return mask
+
+
+def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
+    """Filter, differentiate and decimate every trial.
+
+    Args:
+        log: a floating-base log with contact wrenches and base pose.
+        robot: the nominal robot; None reads the one that the log names.
+
+    Raises:
+        LogError: the log has a fixed base, or lacks base pose or wrenches.
+    """
+    header = log.header
+    if header.base == "fixed" or not header.sensors:
+        raise LogError("has no floating base with contact sensors", source=log.folder, field="base")
+    robot = nominal_robot(log) if robot is None else robot_in_log(robot, header, log.folder)
+    settings = ProblemSettings()
+    filters = Filters(CUTOFF_HZ, CUTOFF_HZ, 4, ROW_RATE_HZ)
+    parts = [_prepare_trial(robot, log, trial, settings, filters) for trial in log.trials]
+    lengths = np.cumsum([0, *(len(part.q) for part in parts)])
+    names = [trial.name for trial in log.trials]
+    return FloatingRecord(
+        robot=robot,
+        tree=read_tree(robot.model),
+        rate_hz=parts[0].rate_hz,
+        q=np.concatenate([part.q for part in parts]),
+        v=np.concatenate([part.v for part in parts]),
+        a=np.concatenate([part.a for part in parts]),
+        readings={s.name: np.concatenate([part.readings[s.name] for part in parts]) for s in robot.sensors},
+        readings_rate={s.name: np.concatenate([part.rates[s.name] for part in parts]) for s in robot.sensors},
+        spans=tuple(slice(int(lo), int(hi)) for lo, hi in pairwise(lengths)),
+        trials=tuple(names),
+        validation=tuple(trial.role == "validation" for trial in log.trials),
+        repeats=tuple(
+            (names.index(trial.repeats), i) for i, trial in enumerate(log.trials) if trial.repeats in names
+        ),
+        unmeasured=tuple(sorted({segment for s in robot.sensors for segment in s.excludes})),
+        sensor_noise=robust_covariance(np.concatenate([part.above_band for part in parts])),
+        full_rate_hz=header.rate_hz,
+        inertials_free="rigid_body" in header.modelled,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _TrialPart:
+    rate_hz: float
+    q: Array
+    v: Array
+    a: Array
+    readings: dict[str, Array]
+    rates: dict[str, Array]
+    above_band: Array
+
+
+def _prepare_trial(
+    robot: Robot, log: Log, trial: Trial, settings: ProblemSettings, filters: Filters
+) -> _TrialPart:
+    missing = [s.name for s in robot.sensors if s.name not in trial.wrenches]
+    if missing or trial.base is None:
+        raise LogError(
+            "is missing",
+            source=trial.name,
+            field=f"wrench.{missing[0]}" if missing else "base",
+            remedy="log it",
+        )
+    k = trial_kinematics(robot, log.header, trial, settings, filters)
+    raw = {name: forces_on_grid(trial.time, values, k.time) for name, values in trial.wrenches.items()}
+    edge = round(_EDGE_S * k.rate_hz)
+    if len(k.time) < 2 * edge + _LEAST_S * k.rate_hz:
+        raise LogError(
+            f"lasts {len(k.time) / k.rate_hz:.2g} s, of which filters take {2.0 * _EDGE_S:g}",
+            source=trial.name,
+            field="time",
+            remedy=f"record trials of {2.0 * _EDGE_S + _LEAST_S:g} s and more, or leave it out",
+        )
+    step = max(1, round(k.rate_hz / ROW_RATE_HZ))
+    keep = slice(edge, len(k.time) - edge, step)
+    smooth = {name: lowpass(values, k.rate_hz, CUTOFF_HZ) for name, values in raw.items()}
+    rates = {name: np.gradient(values, 1.0 / k.rate_hz, axis=0) for name, values in smooth.items()}
+    base = base_wrench(robot, k.q, raw)
+    return _TrialPart(
+        rate_hz=k.rate_hz / step,
+        q=k.q[keep],
+        v=k.v[keep],
+        a=k.a[keep],
+        readings={name: values[keep] for name, values in smooth.items()},
+        rates={name: values[keep] for name, values in rates.items()},
+        above_band=_above_band(base, k.rate_hz)[edge:-edge],
+    )
+
+
+def _above_band(values: Array, rate_hz: float) -> Array:
+    """What is left between 9 and 15 Hz, scaled so that white noise keeps its variance."""
+    low, high = min(9.0, 0.2 * rate_hz), min(15.0, 0.35 * rate_hz)
+    share = _difference_bandwidth(rate_hz, low, high)
+    return (lowpass(values, rate_hz, high, 6) - lowpass(values, rate_hz, low, 6)) / np.sqrt(share)
+
+
+def _difference_bandwidth(rate_hz: float, low: float, high: float, order: int = 6) -> float:
+    """Share of white noise's power in the difference of two zero-phase Butterworth filters."""
+    angle = np.tan(0.5 * np.pi * (np.arange(4096) + 0.5) / 4096)
+    gains = [
+        1.0 / (1.0 + (angle / np.tan(np.pi * corner / rate_hz)) ** (2 * order)) for corner in (high, low)
+    ]
+    return float(((gains[0] - gains[1]) ** 2).mean())
+
+
+def robust_covariance(values: Array, kept: float = 0.9, rounds: int = 5) -> Array:
+    """Covariance of the bulk of ``values (n, k)``: the most distant tenth is left out, its absence made good.
+
+    Impacts are short and large; noise is always there (a trimmed form of the minimum covariance determinant,
+    Rousseeuw and Van Driessen 1999).
+    """
+    from scipy.stats import chi2
+
+    dimension = values.shape[1]
+    limit = chi2.ppf(kept, dimension)
+    consistency = kept / chi2.cdf(limit, dimension + 2)
+    covariance = values.T @ values / len(values)
+    for _ in range(rounds):
+        distance = np.einsum("ni,ij,nj->n", values, np.linalg.inv(covariance), values)
+        inside = values[distance <= np.quantile(distance, kept)]
+        covariance = consistency * inside.T @ inside / len(inside)
+    return covariance

@@ -1,0 +1,178 @@
+"""Gauss-Newton on the full equations: what a hypothesis of one or more effects can really explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.floating.effects.effect import FloatingEffect
+from excite.diagnosis.floating.equations.problem import Problem
+from excite.diagnosis.floating.equations.state import State
+from excite.diagnosis.floating.search.screening import effect_columns
+
+_MAX_STEPS = 8
+_CONVERGED_NATS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """An effect at a place."""
+
+    effect: FloatingEffect
+    location: str
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A hypothesis fitted to all trials.
+
+    Attributes:
+        placed: its effects.
+        theta: parameters of each effect, in their units.
+        std: standard deviations of the same.
+        delta: errors of the inertial parameters, ``(10·n_segments,)``.
+        power: sum of squares that it leaves, priors included.
+        evidence: log Bayes factor against the baseline for unit noise [nats].
+        price: the part of it that its parameters cost [nats].
+    """
+
+    placed: tuple[Placed, ...]
+    theta: tuple[Array, ...]
+    std: tuple[Array, ...]
+    delta: Array
+    power: float
+    evidence: float
+    price: float
+
+
+def nominal_fit(problem: Problem) -> Fitted:
+    """The baseline alone."""
+    rows = problem.nominal_rows
+    return Fitted((), (), (), problem.baseline_parameters(rows), problem.power(rows), 0.0, 0.0)
+
+
+def apply_all(state: State, placed: tuple[Placed, ...], theta: tuple[Array, ...]) -> State:
+    """The state with all effects in it, in order."""
+    for item, values in zip(placed, theta, strict=True):
+        state = item.effect.apply(state, item.location, values)
+    return state
+
+
+def explained_state(problem: Problem, fitted: Fitted) -> State:
+    """The record's state with a fit's inertials and effects."""
+    state = problem.state(fitted.delta)
+    return apply_all(state, fitted.placed, fitted.theta)
+
+
+def refine(
+    problem: Problem,
+    placed: tuple[Placed, ...],
+    start: tuple[Array, ...],
+    before: Fitted,
+    steps: int = _MAX_STEPS,
+) -> Fitted:
+    """Iterate linearised fits until they gain nothing.
+
+    Args:
+        problem: the problem.
+        placed: the effects.
+        start: their parameters to begin with.
+        before: a fit whose inertial parameters to begin with.
+        steps: at most.
+
+    Returns:
+        The best point that was evaluated in full.
+    """
+    counts = [len(values) for values in start]
+    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in placed])
+    theta, delta = np.concatenate(start), before.delta
+    state = problem.state(delta)
+    rows = _rows(problem, state, placed, theta, counts)
+    cost = _cost(problem, rows, theta / scales, delta)
+    price, std = 0.0, np.zeros_like(theta)
+    for _ in range(steps):
+        columns = _columns(problem, state, placed, theta, counts)
+        target = rows + problem.baseline_rows(delta) + columns @ (theta / scales)
+        fit = problem.fit(target, columns)
+        price, std = fit.gain - fit.evidence, scales * np.sqrt(np.diag(fit.covariance))
+        step, best = 1.0, None
+        aim = scales * fit.theta
+        aim_delta = problem.baseline_parameters(target - columns @ fit.theta)
+        while step > 0.05:
+            trial, trial_delta = theta + step * (aim - theta), delta + step * (aim_delta - delta)
+            trial_state = problem.state(trial_delta)
+            trial_rows = _rows(problem, trial_state, placed, trial, counts)
+            trial_cost = _cost(problem, trial_rows, trial / scales, trial_delta)
+            if trial_cost < cost:
+                best = (trial, trial_delta, trial_state, trial_rows, trial_cost)
+                break
+            step *= 0.4
+        if best is None:
+            break
+        gained = 0.5 * (cost - best[-1])
+        theta, delta, state, rows, cost = best
+        if gained < _CONVERGED_NATS * max(1.0, cost / len(rows)):
+            break
+    null = nominal_fit(problem).power
+    price += sum(item.effect.price for item in placed)
+    parts = _split(theta, counts)
+    return Fitted(placed, parts, _split(std, counts), delta, cost, 0.5 * (null - cost) - price, price)
+
+
+def linearised(problem: Problem, fitted: Fitted) -> tuple[Problem, State, Array]:
+    """What a further effect is to be fitted to, when those of a fit are free to give way.
+
+    Returns:
+        The problem with the fit's effects integrated out as well; the state with them in it; whitened rows.
+    """
+    state = explained_state(problem, fitted)
+    rows = problem.rows(state) + problem.baseline_rows(fitted.delta)
+    if not fitted.placed:
+        return problem, state, rows
+    columns, theta = columns_of(problem, fitted), np.concatenate(fitted.theta)
+    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
+    return problem.beside(columns), state, rows + columns @ (theta / scales)
+
+
+def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
+    """A fit, as it is, judged by another problem, as one with more samples of the same record."""
+    if not fitted.placed:
+        return nominal_fit(problem)
+    counts = [len(values) for values in fitted.theta]
+    scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
+    theta = np.concatenate(fitted.theta)
+    rows = _rows(problem, problem.state(fitted.delta), fitted.placed, theta, counts)
+    return replace(fitted, power=_cost(problem, rows, theta / scales, fitted.delta))
+
+
+def columns_of(problem: Problem, fitted: Fitted) -> Array:
+    """``(m, k)`` whitened columns of a fit's effects at their parameters, in units of their scales."""
+    counts, theta = [len(values) for values in fitted.theta], np.concatenate(fitted.theta)
+    return _columns(problem, problem.state(fitted.delta), fitted.placed, theta, counts)
+
+
+def _rows(
+    problem: Problem, state: State, placed: tuple[Placed, ...], theta: Array, counts: list[int]
+) -> Array:
+    return problem.rows(apply_all(state, placed, _split(theta, counts)))
+
+
+def _columns(
+    problem: Problem, state: State, placed: tuple[Placed, ...], theta: Array, counts: list[int]
+) -> Array:
+    columns, parts = [], _split(theta, counts)
+    for item, values in zip(placed, parts, strict=True):
+        columns.append(effect_columns(problem, state, item.effect, item.location, values))
+        state = item.effect.apply(state, item.location, values)
+    return np.hstack(columns)
+
+
+def _cost(problem: Problem, rows: Array, scaled: Array, delta: Array) -> float:
+    base = delta[problem.index] / problem.scales if len(problem.index) else np.zeros(0)
+    return float(rows @ rows + scaled @ scaled + base @ base)
+
+
+def _split(values: Array, counts: list[int]) -> tuple[Array, ...]:
+    return tuple(np.split(values, np.cumsum(counts)[:-1]))

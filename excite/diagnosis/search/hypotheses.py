@@ -1,0 +1,184 @@
+"""Every effect at every place, fitted: grids of non-linear parameters first, then a local search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.joint_torque import Fit, Solver
+from excite.diagnosis.search.simplex import nelder_mead
+
+# Standard deviations, by which trials disagree, that an effect's columns together have to be.
+_SIGNIFICANT = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A shape at the rows.
+
+    Attributes:
+        extra: ``(n_joints, n_rows, n_linear)`` or None.
+        offset: ``(n_joints, n_rows)`` or None.
+    """
+
+    extra: Array | None
+    offset: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """An effect at a place at its best parameters.
+
+    Attributes:
+        effect: the effect.
+        location: the place.
+        theta: non-linear parameters.
+        columns: at the rows.
+        fit: the fit with it.
+        baseline: what it was fitted on; its sign changes may differ from those that the search began with.
+    """
+
+    effect: Effect
+    location: str
+    theta: Theta
+    columns: Columns
+    fit: Fit
+    baseline: Baseline
+
+    @property
+    def loss(self) -> float:
+        """``Σ_j log σ_j``: what the search makes small."""
+        return float(np.log(self.fit.sigma).sum())
+
+    @property
+    def physical(self) -> bool:
+        """Whether its fit says something that can be."""
+        return self.effect.physical(Context(self.baseline), self.location, self.fit)
+
+    @property
+    def settled(self) -> bool:
+        """Whether its search ended within what its name stands for."""
+        return self.effect.settled(Context(self.baseline), self.location, self.theta, self.fit)
+
+    @property
+    def significant(self) -> bool:
+        """Whether a column of its own is needed, not only the sign change that was searched along with it."""
+        return len(self.fit.extra) == 0 or self.baseline.solver.times_std(self.fit) > _SIGNIFICANT
+
+    @property
+    def told(self) -> Fit:
+        """The fit with the deviations that are told: those by which trials disagree."""
+        return replace(
+            self.fit, extra_std=self.baseline.solver.std_between_trials(self.fit, self.effect.widths)
+        )
+
+    @property
+    def n_parameters(self) -> int:
+        """Linear and non-linear parameters."""
+        return len(self.effect.linear) + len(self.effect.searched)
+
+
+def at_rows(context: Context, shape: Shape) -> Columns:
+    """Filter a shape and keep it at the rows, weighted as they are."""
+    samples = context.baseline.samples
+    n_rows = sum(len(t.rows) for t in samples.trials)
+    extra = offset = None
+    root = context.baseline.root_weight
+    if shape.columns:
+        keys = sorted(shape.columns)
+        m = shape.columns[keys[0]].shape[1]
+        stacked = samples.rows(np.concatenate([shape.columns[k] for k in keys], axis=1))
+        extra = np.zeros((len(context.joints), n_rows, m))
+        for place, k in enumerate(keys):
+            extra[k] = stacked[:, m * place : m * (place + 1)] * root[k][:, None]
+    if shape.offset:
+        keys = sorted(shape.offset)
+        stacked = samples.rows(np.column_stack([shape.offset[k] for k in keys]))
+        offset = np.zeros((len(context.joints), n_rows))
+        offset[keys] = stacked.T * root[keys]
+    return Columns(extra, offset)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Fits effects against one baseline.
+
+    Attributes:
+        context: the context.
+        solver: the equations.
+        kept: columns of earlier coarse searches: those of a later one hardly differ, its refinement's do.
+    """
+
+    context: Context
+    solver: Solver
+    kept: dict[tuple[type[Effect], str, Theta, float, tuple[bool, ...]], Columns] = field(
+        default_factory=dict
+    )
+
+    def try_at(
+        self, effect: Effect, location: str, theta: Theta, iterations: int = 6, *, keep: bool = False
+    ) -> Hypothesis | None:
+        """One fit; None where its linear parameters are not physical, or no joint feels it, or it is not finite."""
+        base = self.context.baseline
+        key = (type(effect), location, theta, base.samples.lead, tuple(sign.bent for sign in base.signs))
+        if keep and key in self.kept:
+            columns = self.kept[key]
+        else:
+            columns = at_rows(self.context, effect.shape(self.context, location, theta))
+            if keep:
+                self.kept[key] = columns
+        if effect.linear and columns.extra is None:
+            return None
+        for values in (columns.extra, columns.offset):
+            if values is not None and not np.isfinite(values).all():
+                return None
+        fit = self.solver.fit(columns.extra, columns.offset, iterations, effect.widths)
+        if not effect.admissible(self.context, location, theta, fit.extra):
+            return None
+        return Hypothesis(effect, location, theta, columns, fit, self.context.baseline)
+
+    def coarse(self, effect: Effect, location: str) -> Hypothesis | None:
+        """The best of the grids of the effect and its other forms."""
+        tried = (
+            self.try_at(form, location, theta, 3, keep=True)
+            for form in (effect, *effect.forms)
+            for theta in form.grid(self.context, location)
+        )
+        found = [item for item in tried if item is not None]
+        return min(found, key=lambda item: item.loss, default=None)
+
+    def refine(self, start: Hypothesis, evaluations: int = 14, step: float = 0.25) -> Hypothesis:
+        """Local search of the non-linear parameters on a logarithmic scale (Nelder, Mead 1965).
+
+        Args:
+            start: where from.
+            evaluations: fits at most, for each parameter.
+            step: size of the first simplex, relative.
+
+        Returns:
+            The best found, ``start`` itself where nothing is better.
+        """
+        best = self.try_at(start.effect, start.location, start.theta) or start
+        searched, n = start.effect.searched, len(start.theta)
+        if n == 0:
+            return best
+        origin = np.log(best.theta)
+
+        def loss(point: Array) -> float:
+            nonlocal best
+            low, high = (np.log([getattr(p, side) for p in searched]) for side in ("low", "high"))
+            inside = np.clip(point, low, high)
+            item = self.try_at(start.effect, start.location, tuple(np.exp(inside).tolist()))
+            if item is None:
+                return best.loss + 1.0
+            if item.loss < best.loss:
+                best = item
+            return item.loss + float(np.abs(point - inside).sum())
+
+        simplex = origin + np.vstack([np.zeros(n), step * np.eye(n)])
+        nelder_mead(loss, simplex, evaluations * n, near=0.01, flat=1e-4)
+        return best

@@ -1,0 +1,174 @@
+"""Gains of one form of servo, fitted together with what they drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.diagnosis.servo.servo import Servo, Signals
+from excite.logs.log import Log
+from excite.logs.signals.butterworth import lowpass
+from excite.regressor.kernels import joint_torque_regressor
+from excite.robot.robot import Robot
+
+_ROWS_HZ = 25.0
+_WIDTH = 6e-3
+# A priori deviation of a body's mass from nominal, and of a joint's equation, relative to its torque.
+_MASS, _EQUATION = 0.15, 0.03
+# Rows that count as one: residuals are correlated.
+_CORRELATED = 10.0
+_ROUNDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Filtered signals ``(n, n_joints)`` by name, and columns of the inertial parameters ``(n, n_joints, p)``."""
+
+    signals: dict[str, Array]
+    bodies: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One form of the servo, fitted.
+
+    Attributes:
+        servo: the servo; a gain that is not to be had is not positive.
+        loss: ``(n_joints,)`` logarithm of what is left of each joint's position error; where no gain is had, of what
+            friction, rotor inertia and a constant of any size leave.
+    """
+
+    servo: Servo
+    loss: Array
+
+    @property
+    def sound(self) -> NDArray[np.bool_]:
+        """Joints with a gain."""
+        return np.asarray((self.servo.kp > 0.0) & np.isfinite(self.servo.kp))
+
+
+def gain_rows(robot: Robot, log: Log, trials: list[tuple[Signals, Array]], cut_hz: float) -> Rows:
+    """Rows that gains are fitted to.
+
+    Args:
+        robot: the nominal model.
+        log: the log.
+        trials: signals, and what a gain is of: position errors or currents ``(n, n_joints)``.
+        cut_hz: cut-off of the low-pass on all of them [Hz].
+    """
+    rate = log.header.rate_hz
+    edge = round(0.3 * rate)
+    take = slice(edge, -edge, max(1, round(rate / _ROWS_HZ)))
+    index = [robot.joint_index(name) for name in log.header.joints]
+    stacked: dict[str, list[Array]] = {}
+    bodies = []
+    phi = robot.nominal_parameters
+    for s, asked in trials:
+        made = {
+            "e": asked,
+            "vc": s.commanded.first,
+            "v": s.measured.first,
+            "a": s.measured.second,
+            "sign": np.tanh(s.measured.first / _WIDTH),
+            "gravity": s.gravity,
+            "inverse_dynamics": s.dynamics,
+            "nominal": s.nominal,
+        }
+        for name, values in made.items():
+            stacked.setdefault(name, []).append(lowpass(values, rate, min(cut_hz, 0.2 * rate))[take])
+        motion: list[Array] = []
+        for values in (s.measured.value, s.measured.first, s.measured.second):
+            full = (
+                np.tile(robot.rest, (len(values), 1))
+                if not motion
+                else np.zeros((len(values), robot.model.nv))
+            )
+            full[:, index] = values
+            motion.append(full[take])
+        bodies.append(joint_torque_regressor(robot.model, *motion)[:, index])
+    mass = np.maximum(phi.reshape(-1, 10)[:, 0], 0.02)
+    size = (mass[:, None] * 0.15 ** np.array([0] + [1] * 3 + [2] * 6)).ravel()
+    return Rows({k: np.concatenate(v) for k, v in stacked.items()}, np.concatenate(bodies) * size * _MASS)
+
+
+def fitted_servo(rows: Rows, kp: Array, kd: Array, kind: str, follows: bool) -> Tried:
+    """Gains where they are not known, in turn with the inertial parameters.
+
+    Residuals are compared as position errors, torques over kp: what friction the model has not is then an error of
+    the position, and a smaller scale of all torques, gains and friction together gains nothing.
+    """
+    x = rows.signals
+    rate = (x["vc"] if follows else 0.0) - x["v"]
+    before = x["nominal"] - (x[kind] if kind != "none" else 0.0)
+    delta, found = np.zeros(rows.bodies.shape[2]), (kp, kd)
+    rest, sound = before, np.zeros(len(kp), dtype=np.bool_)
+    for _ in range(_ROUNDS):
+        need = before + rows.bodies @ delta
+        found = _gains(x, need, rate, kp, kd, follows)
+        sound = found[0] > 0.0
+        if not sound.any():
+            break
+        asked = found[0] * x["e"] + found[1] * rate - before
+        delta, rest = _bodies(rows, x, asked, sound)
+    bare = [e - b @ _least_squares(b, e) for e, b in ((x["e"][:, j], _beside(x, j)) for j in range(len(kp)))]
+    left = np.where(sound, rest.std(axis=0) / found[0], np.std(bare, axis=1))
+    loss = np.log(np.maximum(left, 1e-15))
+    return Tried(Servo(*found, kind, follows), loss)
+
+
+def _beside(x: dict[str, Array], j: int) -> Array:
+    """Friction, rotor inertia and a constant of a joint, ``(n, 4)``."""
+    ones = np.ones(len(x["v"]))
+    return np.column_stack([x["sign"][:, j], x["v"][:, j], x["a"][:, j], ones])
+
+
+def _gains(
+    x: dict[str, Array], need: Array, rate: Array, kp: Array, kd: Array, follows: bool
+) -> tuple[Array, Array]:
+    """Gains given the torque that the bodies need: ``e = (need − kd·rate + friction)/kp``.
+
+    Damping of the velocity itself and viscous friction are one; it is a servo's that has no other damping.
+    """
+    kp, kd = kp.copy(), kd.copy()
+    for j in range(len(kp)):
+        e, beside = x["e"][:, j], _beside(x, j)
+        if not follows and np.isnan(kd[j]):
+            beside = beside[:, [0, 2, 3]]
+        if not np.isnan(kp[j]):
+            if np.isnan(kd[j]):
+                columns = np.column_stack([rate[:, j], beside])
+                kd[j] = max(float(_least_squares(columns, need[:, j] - kp[j] * e)[0]), 0.0)
+            continue
+        if np.isnan(kd[j]):
+            found = _least_squares(np.column_stack([need[:, j], -rate[:, j], beside]), e)
+            ratio = max(float(found[1]), 0.0)
+        else:
+            found = _least_squares(np.column_stack([need[:, j] - kd[j] * rate[:, j], beside]), e)
+            ratio = None
+        kp[j] = 1.0 / found[0] if found[0] != 0.0 else np.inf
+        kd[j] = kd[j] if ratio is None else ratio * kp[j]
+    return kp, kd
+
+
+def _bodies(rows: Rows, x: dict[str, Array], asked: Array, sound: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Change of the inertial parameters that the asked torques of sound joints speak for, and what is left of them."""
+    size = rows.bodies.shape[2]
+    gram, right = np.eye(size), np.zeros(size)
+    beside = [np.linalg.qr(_beside(x, j))[0] for j in range(asked.shape[1])]
+    for j in np.flatnonzero(sound):
+        q = beside[j]
+        scale = np.sqrt(_CORRELATED) * _EQUATION * max(float(x["nominal"][:, j].std()), 1e-9)
+        a = (rows.bodies[:, j] - q @ (q.T @ rows.bodies[:, j])) / scale
+        gram += a.T @ a
+        right += a.T @ (asked[:, j] - q @ (q.T @ asked[:, j])) / scale
+    delta = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
+    rest = asked - rows.bodies @ delta
+    return delta, np.column_stack([r - q @ (q.T @ r) for r, q in zip(rest.T, beside, strict=True)])
+
+
+def _least_squares(columns: Array, target: Array) -> Array:
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    return np.linalg.lstsq(columns / size, target, rcond=1e-10)[0] / size

@@ -1,0 +1,112 @@
+"""Inertial parameters and drive terms that a simulator accepts, as near to a fit as its rows can tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.drive_terms import own_names
+from excite.diagnosis.equations.sign_change import sign_of_motion
+from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies
+from excite.regressor.kernels import joint_torque_regressor
+
+_ROWS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A rigid-body arm with friction and rotor inertia.
+
+    Attributes:
+        phi: ``(10·n_segments,)`` inertial parameters, every segment a physical body.
+        viscous: ``(n_joints,)`` viscous friction [N·m·s/rad], not negative.
+        coulomb: ``(n_joints,)`` Coulomb friction [N·m], not negative.
+        armature: ``(n_joints,)`` rotor inertia [kg·m²], not negative.
+        bias: ``(n_joints,)`` constant of the torque channels [N·m].
+        mismatch: RMS over rows and joints of the torque by which it differs from the fit, each joint in units of
+            the fit's own residual.
+    """
+
+    phi: Array
+    viscous: Array
+    coulomb: Array
+    armature: Array
+    bias: Array
+    mismatch: float = 0.0
+
+
+def fitted_plant(baseline: Baseline) -> Plant:
+    """The plant as fitted: possibly no physical one."""
+    own = dict.fromkeys(("viscous_friction", "coulomb_friction", "armature", "torque_bias"))
+    names = own_names(baseline.modelled)
+    values = np.array([o[: len(names)] for o in baseline.fit.own]).reshape(baseline.n_joints, len(names))
+    found = {name: values[:, names.index(name)] if name in names else np.zeros(len(values)) for name in own}
+    return Plant(
+        baseline.phi,
+        found["viscous_friction"],
+        found["coulomb_friction"],
+        found["armature"],
+        found["torque_bias"],
+    )
+
+
+def physical_plant(baseline: Baseline, wanted: Plant, gravity: Array | None = None) -> Plant:
+    """The nearest physical plant: torques at the identification rows weigh, nominal values break ties.
+
+    Args:
+        baseline: the fitted baseline: its samples and each joint's residual σ.
+        wanted: x̂.
+        gravity: ``(3,)`` [m/s²] where it is not the log's.
+
+    Returns:
+        The plant, ``wanted`` itself where that is physical.
+    """
+    model = baseline.samples.robot.model
+    n_phi, n = len(wanted.phi), baseline.n_joints
+    nominal_phi = np.concatenate([model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)])
+    set_of = PhysicalBodies(nominal_phi, _drive_units(baseline, wanted))
+    drives = np.concatenate([wanted.viscous, wanted.coulomb, wanted.armature])
+    wish = set_of.coordinates(np.concatenate([wanted.phi, drives]))
+    if set_of.holds(wish):
+        return wanted
+    middle = set_of.coordinates(np.concatenate([nominal_phi, np.maximum(drives, 0.0)]))
+    rows = _rows(baseline, gravity).reshape(-1, len(wish)) @ set_of.map
+    z, off = nearest_bodies(set_of, rows, wish, middle)
+    found = set_of.map @ z
+    viscous, coulomb, armature = found[n_phi:].reshape(3, n)
+    return Plant(found[:n_phi], viscous, coulomb, armature, wanted.bias, off)
+
+
+def _drive_units(baseline: Baseline, wanted: Plant) -> Array:
+    """Sizes of viscous, Coulomb and rotor terms, ``(3·n_joints,)``."""
+    sizes = [np.abs(v).max(initial=0.0) for v in (wanted.viscous, wanted.coulomb, wanted.armature)]
+    return np.repeat(np.maximum(np.array(sizes), 1e-3), baseline.n_joints)
+
+
+def _rows(baseline: Baseline, gravity: Array | None) -> Array:
+    """Torque per unit of every parameter in units of each joint's residual, ``(n_rows, n_joints, n)``."""
+    s = baseline.samples
+    q, v, a = (
+        np.concatenate([getattr(t, name)[t.rows] for t in s.trials if t.identification])
+        for name in ("q", "v", "a")
+    )
+    take = slice(None, None, max(1, len(q) // _ROWS))
+    q, v, a = q[take], v[take], a[take]
+    index = list(s.index)
+    n = len(index)
+    model = s.robot.model
+    if gravity is not None:
+        model = model.copy()
+        model.gravity.linear = gravity
+    bodies = joint_torque_regressor(model, q, v, a)[:, index]
+    drives = np.zeros((len(q), n, 3, n))
+    for j, i in enumerate(index):
+        signs = s.split(sign_of_motion(s, j, baseline.signs[j]))
+        dry = np.concatenate([x[t.rows] for x, t in zip(signs, s.trials, strict=True) if t.identification])
+        drives[:, j, 0, j], drives[:, j, 1, j] = v[:, i], dry[take]
+        drives[:, j, 2, j] = a[:, i]
+    rows = np.concatenate([bodies, drives.reshape(len(q), n, 3 * n)], axis=2)
+    return rows / baseline.fit.sigma[None, :, None]

@@ -1,0 +1,228 @@
+"""Runs an augmented model: MuJoCo for what its XML says, this runner for the effects noted in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.simulator.augmented_effects import DEFLECTION
+from excite.diagnosis.simulator.model_text import load_model, model_notes
+from excite.diagnosis.simulator.rollout_deflection import resting_deflection
+from excite.diagnosis.simulator.rollout_drives import Drive, LoggedTorque, PositionServo, Window
+from excite.diagnosis.simulator.rollout_friction import DryFriction
+from excite.divergence import diverged, without_log_file
+
+if TYPE_CHECKING:
+    import mujoco
+
+_FRICTION = {"stribeck", "load_dependent_friction", "friction_drift", "presliding", "joint_spring"}
+
+
+class Simulator:
+    """A loaded model.
+
+    The runner applies, at every step: Stribeck and load-dependent friction, friction that drifts and friction that
+    builds up over a deflection, by setting ``dof_frictionloss`` and ``dof_damping``; periodic torques (ripple; a
+    tilted base's part on the first joint) and springs that harden in ``qfrc_applied``; a delay of the torque
+    channel, by taking the logged torque of a later time; an offset of the log's positions that a servo does not have.
+    """
+
+    def __init__(self, xml: str, joints: tuple[str, ...]):
+        """Load a model.
+
+        Args:
+            xml: the model's text.
+            joints: joints in the order of all arrays.
+        """
+        import mujoco
+
+        self.model = load_model(xml)
+        self.data = mujoco.MjData(self.model)
+        self.joints = joints
+        self._qpos = np.array([self.model.joint(name).qposadr[0] for name in joints])
+        self._dof = np.array([self.model.joint(name).dofadr[0] for name in joints])
+        self._motor = np.array([self.model.actuator(name).id for name in joints])
+        self._friction = self.model.dof_frictionloss.copy()
+        self._damping = self.model.dof_damping.copy()
+        # MuJoCo's own arrays: asking for them at every step would take as long as the step.
+        self._levels, self._dampings = self.model.dof_frictionloss, self.model.dof_damping
+        self._applied = self.data.qfrc_applied
+        every = _notes(self.model)
+        self._notes = [item for item in every if item[0] != "time_delay" and item[1] in joints]
+        self._delay = sum(v["delay"] for effect, _, v in every if effect == "time_delay")
+        self._before = sum(v["before"] for e, _, v in every if e == "actuator_lag")
+        logged = {place: v["in_log_only"] for e, place, v in every if e == "encoder_offset"}
+        self._logged = np.array([logged.get(name, 0.0) for name in joints])
+        self._stepwise = any(_acts(effect, values) for effect, _, values in self._notes)
+        self._dry = DryFriction([item for item in self._notes if item[0] in _FRICTION], joints)
+        self._load = np.zeros(len(joints))
+
+    def run(self, window: Window, drive: Drive, keep: int) -> Array:
+        """Positions at the window's start and after every ``keep`` steps, ``(n_kept, n_joints)`` [rad].
+
+        The step is symplectic, so that velocities belong half a step before positions; the first ones are put
+        there. A run that diverges ends in what is not finite.
+        """
+        import mujoco
+
+        model, data = self.model, self.data
+        mujoco.mj_resetData(model, data)
+        model.opt.timestep = float(window.time[1] - window.time[0])
+        data.qpos[self._qpos], data.qvel[self._dof] = window.q, window.v
+        self._load = window.load.copy()
+        self._deflect(window)
+        self._dry.start(window)
+        delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
+        filtered, lagged = self._filtered(window, drive, delay)
+        if model.na:
+            data.act[:] = lagged[: model.na]
+        # Damping by the servo is part of the implicit step where no lag stands between it and the joint.
+        implicit = isinstance(drive, PositionServo) and model.na == 0
+        added = np.zeros(model.nv)
+        if isinstance(drive, PositionServo) and implicit:
+            added[self._dof] = drive.kd * model.actuator_gainprm[self._motor, 0]
+            drive = replace(drive, undamped=True)
+        held = self._damping + added
+        model.dof_damping[:] = held
+        share = _share(model.opt.timestep, self._before)
+        with without_log_file():
+            offered = drive.offers(window.time + delay)
+            if isinstance(drive, LoggedTorque) and not self._stepwise:
+                return self._open_loop(window, offered, filtered, share, keep)
+            kept, positions, velocities = [window.q], data.qpos, data.qvel
+            for step, time in enumerate(window.time):
+                q, v = positions[self._qpos], velocities[self._dof]
+                asked = drive.answer(offered[step], q - self._logged, v)
+                filtered = filtered + share * (asked - filtered)
+                data.ctrl[self._motor] = filtered
+                if self._stepwise:
+                    self._apply(q, v, window, float(time - window.time[0]), held)
+                mujoco.mj_step(model, data)
+                if self._dry.bristles:
+                    self._dry.move(velocities[self._dof], model.opt.timestep)
+                if (step + 1) % keep == 0:
+                    kept.append(positions[self._qpos])
+        if diverged(data):
+            kept[-1] = np.full(len(self.joints), np.nan)
+        return np.array(kept)
+
+    def _open_loop(self, window: Window, torques: Array, filtered: Array, share: float, keep: int) -> Array:
+        """:meth:`run` where nothing has to be looked at on the way: all steps at once."""
+        import mujoco
+        from mujoco.rollout import rollout
+
+        control = np.zeros((len(torques), self.model.nu))
+        for k, torque in enumerate(torques):
+            filtered = filtered + share * (torque - filtered)
+            control[k, self._motor] = filtered
+        whole = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        start = np.empty(mujoco.mj_stateSize(self.model, whole))
+        mujoco.mj_getState(self.model, self.data, start, whole)
+        states, _ = rollout(self.model, self.data, start, control)
+        # A state is the time, then the positions.
+        kept = np.vstack([window.q, states[0][keep - 1 :: keep][:, 1 + self._qpos]])
+        if diverged(self.data):
+            kept[-1] = np.nan
+        return kept
+
+    def _filtered(self, window: Window, drive: Drive, delay: float) -> tuple[Array, Array]:
+        """What the two filters of a lag have come to at the window's start: before the motor, in the motor."""
+        past = window.past
+        slow = float(self.model.actuator_dynprm[self._motor[0], 0]) if self.model.na else 0.0
+        if past is None or not self.model.na:
+            now = drive.answer(drive.offers(window.time[:1] + delay)[0], window.q, window.v)
+            return now, now
+        period = float(past.time[1] - past.time[0])
+        first, second = _share(period, self._before), _share(period, slow)
+        one = two = drive.answer(drive.offers(past.time[:1] + delay)[0], past.q[0], past.v[0])
+        # Half a period on: the command of an interval, not of its start.
+        times = past.time[:-1] + 0.5 * period + delay
+        for torque in drive.answer(drive.offers(times), past.q[:-1], past.v[:-1]):
+            one = one + first * (torque - one)
+            two = two + second * (one - two)
+        return one, two
+
+    def _deflect(self, window: Window) -> None:
+        """Soft and loose gears start as they are said to swing, or where their load puts them."""
+        for effect, place, values in self._notes:
+            if effect not in {"joint_elasticity", "backlash"}:
+                continue
+            joint, torque = self.model.joint(place + DEFLECTION), float(window.load[self.joints.index(place)])
+            angle, speed = window.deflected.get(place, (resting_deflection(values, torque), 0.0))
+            self.data.qpos[joint.qposadr[0]], self.data.qvel[joint.dofadr[0]] = angle, speed
+
+    def _apply(self, q: Array, v: Array, window: Window, elapsed: float, held: Array) -> None:
+        """Set friction and torques of the coming step; ``held`` is the damping that does not change."""
+        dof, bent = self._dof, np.zeros(len(self.joints))
+        if self._dry.acts:
+            carried = self._carried() if self._dry.loaded else self._load
+            level, viscous = self._dry.levels(self._friction[dof], v, carried, self._growth(window, elapsed))
+            bent, stiff = self._dry.bent(level, v, self.model.opt.timestep)
+            self._levels[dof] = level
+            self._dampings[:] = held
+            self._dampings[dof] += viscous + stiff
+        self._applied[:] = 0.0
+        self._applied[dof] = bent
+        for effect, place, p in self._notes:
+            j = self.joints.index(place)
+            if "periods_per_rev" in p:
+                self._applied[dof[j]] -= self._wave(j, q[j], p)
+            elif effect == "joint_spring":
+                self._applied[dof[j]] -= p.get("quadratic", 0.0) * q[j] ** 2 + p.get("cubic", 0.0) * q[j] ** 3
+
+    def _growth(self, window: Window, elapsed: float) -> dict[str, float]:
+        """How far friction that drifts has come, by joint."""
+        found = {}
+        for effect, place, p in self._notes:
+            if effect == "friction_drift":
+                start = float(window.time[0]) if "in_each_trial" in p else window.session_s
+                session, slow = start + elapsed, p["time_constant"]
+                clock = np.expm1(-session / slow) / np.expm1(-p["session_end"] / slow)
+                # Held at what it was when a window began, unless it may be over by its end.
+                known = {} if "in_each_trial" in p else window.growth
+                found[place] = float(known.get(place, clock))
+        return found
+
+    def _wave(self, j: int, q: float, p: dict[str, float]) -> float:
+        """Periodic torque of a joint, with its second harmonic and the part that grows with the load."""
+        phase = p["periods_per_rev"] * q
+        c, s = np.cos(phase), np.sin(phase)
+        wave = p["cosine"] * c + p["sine"] * s
+        if "cosine_2" in p:
+            wave += p["cosine_2"] * np.cos(2.0 * phase) + p["sine_2"] * np.sin(2.0 * phase)
+            wave += abs(self._carried()[j]) * (p["cosine_load"] * c + p["sine_load"] * s)
+        return float(wave)
+
+    def _carried(self) -> Array:
+        """Torques that the gears carry: what the last step's motors gave less friction and rotors."""
+        data, dof = self.data, self._dof
+        if data.time == 0.0:
+            return self._load
+        force = data.qfrc_actuator[dof] + data.qfrc_passive[dof] + data.qfrc_constraint[dof]
+        return force + data.qfrc_applied[dof] - self.model.dof_armature[dof] * data.qacc[dof]
+
+
+def _acts(effect: str, values: dict[str, float]) -> bool:
+    """Whether the runner has to see to an effect at every step: not where the model's own text says it all."""
+    if effect == "joint_spring":
+        return not values.keys().isdisjoint({"quadratic", "cubic", "breakaway"})
+    return effect in _FRICTION or "periods_per_rev" in values
+
+
+def _share(period: float, time_constant: float) -> float:
+    """Share of a step that a first-order filter follows within a period."""
+    return float(-np.expm1(-period / time_constant)) if time_constant > 0.0 else 1.0
+
+
+def _notes(model: mujoco.MjModel) -> list[tuple[str, str, dict[str, float]]]:
+    """Effects noted in a model: name, place, values."""
+    found = []
+    for rest, data in model_notes(model):
+        effect, _, place = rest.partition(".")
+        if place:
+            pairs = (item.split("=") for item in data.split())
+            found.append((effect, place, {key: float(value) for key, value in pairs}))
+    return found

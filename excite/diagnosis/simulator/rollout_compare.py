@@ -1,0 +1,199 @@
+"""Roll-outs of validation trials with the simulator as it was and with the effects in it, against the record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.atomic import write_text
+from excite.diagnosis.answer.result import Rollout
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.diagnosis.search.attribution import Attribution
+from excite.diagnosis.simulator.accepted_values import drift_growth, found_effects, gear_deflections
+from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
+from excite.diagnosis.simulator.augmented_effects import Found
+from excite.diagnosis.simulator.model_text import LOUDER, MODEL, AugmentedModel, ignored, without
+from excite.diagnosis.simulator.rollout import Simulator
+from excite.diagnosis.simulator.rollout_floor import replicated
+from excite.diagnosis.simulator.rollout_windows import HORIZON_S, Plan, pieces, torque_plan
+from excite.errors import InputError
+
+# Simulated time on identification trials, where it is decided whether the effects help at all [s].
+_CHECKED_S = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Roll-outs before and after effects.
+
+    Attributes:
+        rollout: their errors; the model is not written.
+        xml: the model with the effects that help.
+        kept: how many of the accepted effects, the first ones, are in it.
+        errors: without and with the effects (all accepted ones where the plan asks for these, else the kept):
+            simulated less recorded positions,
+            ``(n_windows, n_kept, n_joints)`` each [rad]; None where there are no effects.
+    """
+
+    rollout: Rollout
+    xml: str
+    kept: int
+    errors: tuple[Array, Array] | None = None
+
+
+def simulated(attribution: Attribution, baseline: Baseline, out: Path | None) -> Rollout:
+    """Roll-outs before and after the accepted effects; the augmented model is written where there is a folder."""
+    try:
+        comparison = compared(attribution, baseline)
+    except InputError as error:
+        # A joint that no simulator has, or a log that leaves joints out, is no reason to say nothing else.
+        return Rollout({}, {}, HORIZON_S, None, warnings=(f"no roll-outs: {error}",))
+    if out is None:
+        return comparison.rollout
+    write_text(out / MODEL, comparison.xml)
+    return replace(comparison.rollout, model=MODEL)
+
+
+def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = None) -> Comparison:
+    """Roll-outs before and after the accepted effects.
+
+    Every roll-out starts from the record's positions and velocities. By default it runs for half a second with
+    the logged torques and no feedback, which would hide the gap. Effects that bring the roll-outs of the
+    identification trials no nearer to the record are left out of the model, the last accepted first, and a
+    warning says so.
+
+    Args:
+        attribution: the attribution.
+        baseline: the baseline before it.
+        plan: horizon and drives, where they are others.
+
+    Returns:
+        The comparison.
+
+    Raises:
+        InputError: the log or the model gives no roll-outs, or those of the nominal simulator diverge.
+    """
+    if len(baseline.samples.joints) < baseline.samples.robot.n_joints:
+        raise InputError(
+            "some joints of the robot have no torque in the log",
+            field="joints",
+            remedy="log them all, or give a model without them",
+        )
+    if baseline.samples.coupled:
+        raise InputError(
+            "motors turn with several joints, and the simulator's turn with one",
+            field="coupling",
+            remedy="judge by the torques",
+        )
+    samples, effects = baseline.samples, found_effects(attribution)
+    plan = replace(
+        plan or torque_plan(samples),
+        growth=drift_growth(attribution),
+        deflections=gear_deflections(attribution),
+    )
+    before = baseline_model(baseline)
+    plain = errors(before.xml, samples, baseline.rigid, plan)
+    if not np.isfinite(plain).all():
+        raise InputError("roll-outs of the nominal simulator diverge", remedy="judge by the torques")
+    after, final, kept, whole = _helpful(attribution, baseline, before, effects, plan)
+    augmented = errors(after.xml, samples, final.rigid, plan) if kept else plain
+    with_all = augmented
+    if len(kept) < len(effects) and plan.all_effects:
+        with_all = errors(whole.xml, samples, attribution.final.rigid, plan)
+    left = [f"{e.effect} at {e.location}" for e in effects[len(kept) :]]
+    warnings = (*after.warnings, *unheard(final, kept, after.xml, plan), *without(left))
+    rollout = Rollout(
+        before=_rms(plain, samples.joints),
+        after=_rms(augmented, samples.joints),
+        horizon_s=plan.horizon_s,
+        model=None,
+        driven_by=plan.driven_by,
+        warnings=warnings,
+        floor=_floor(before.xml, baseline, plan, plain),
+    )
+    return Comparison(rollout, after.xml, len(kept), (plain, with_all) if effects else None)
+
+
+def _floor(xml: str, baseline: Baseline, plan: Plan, plain: Array) -> dict[str, float]:
+    """RMS by which replicas of the nominal simulator differ from it, by joint [rad]."""
+    samples, noisy = replicated(baseline.samples, plan, np.random.default_rng(0))
+    return _rms(errors(xml, samples, baseline.rigid, noisy) - plain, samples.joints)
+
+
+def _helpful(
+    attribution: Attribution,
+    baseline: Baseline,
+    before: AugmentedModel,
+    effects: tuple[Found, ...],
+    plan: Plan,
+) -> tuple[AugmentedModel, Baseline, tuple[Found, ...], AugmentedModel]:
+    """The model with as many effects as bring roll-outs of the identification trials nearer to the record.
+
+    The last of them has to do so as well. With it comes the model that has all of them.
+    """
+    if not effects:
+        return before, baseline, (), before
+    samples, check = baseline.samples, replace(plan, fitted=True, total_s=min(plan.total_s, _CHECKED_S))
+
+    def left(model: AugmentedModel, rigid: Array) -> Array:
+        return np.asarray((errors(model.xml, samples, rigid, check) ** 2).mean(axis=(0, 1)))
+
+    made = [(before, baseline, left(before, baseline.rigid))]
+    for count in range(1, len(effects) + 1):
+        final = attribution.final if count == len(effects) else attribution.stages[count].context.baseline
+        model = augmented_model(final, effects[:count])
+        made.append((model, final, left(model, final.rigid)))
+    for count in range(len(effects), 0, -1):
+        model, final, most = made[count]
+        gain = plan.least_gain if count > 1 else 0.0
+        if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], gain):
+            return model, final, effects[:count], made[-1][0]
+    return before, baseline, (), made[-1][0]
+
+
+def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:
+    """Whether squared errors ``(n_joints,)`` are smaller, on some joint by a share ``gain`` of them.
+
+    In all, and relative to each joint's own error: a joint that moves little counts as well.
+    """
+    ratio = after / before
+    less = after.sum() < before.sum() and float(ratio.mean()) < 1.0
+    return bool(less and ratio.min() <= 1.0 - gain)
+
+
+def errors(xml: str, samples: ArmSamples, rigid: Array, plan: Plan) -> Array:
+    """Simulated less recorded positions, ``(n_windows, n_kept, n_joints)`` [rad]."""
+    simulator = Simulator(xml, samples.joints)
+    return np.array(
+        [simulator.run(p.window, p.drive, p.keep) - p.recorded for p in pieces(samples, rigid, plan)]
+    )
+
+
+def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) -> tuple[str, ...]:
+    """Effects that the written model, loaded again, ignores: half as large again, they move no roll-out."""
+    samples = baseline.samples
+    few = pieces(samples, baseline.rigid, replace(plan, horizon_s=HORIZON_S, total_s=3.0 * HORIZON_S))
+    said = []
+    here = Simulator(xml, samples.joints)
+    runs = [here.run(p.window, p.drive, p.keep) for p in few] if effects else []
+    for k, item in enumerate(effects):
+        bigger = replace(item, values={n: LOUDER * v for n, v in item.values.items()})
+        other = augmented_model(baseline, [*effects[:k], bigger, *effects[k + 1 :]])
+        moved = Simulator(other.xml, samples.joints)
+        change = max(
+            float(np.abs(moved.run(p.window, p.drive, p.keep) - r).max())
+            for p, r in zip(few, runs, strict=True)
+        )
+        if not change > 0.0:
+            said.append(ignored(item.effect, item.location))
+    return tuple(said)
+
+
+def _rms(error: Array, joints: Sequence[str]) -> dict[str, float]:
+    values = np.sqrt((error**2).mean(axis=(0, 1)))
+    return {name: float(v) for name, v in zip(joints, values, strict=True)}

@@ -1,0 +1,197 @@
+"""Postures of a whole trial: gaps bridged, exchanged labels put back, filtered."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from excite.arrays import Array
+from excite.errors import LogError
+from excite.finding import Finding
+from excite.human.markers.calibration import Calibration
+from excite.human.markers.first_poses import first_poses
+from excite.human.markers.inverse_kinematics import MarkerModel, Solution, solve_poses
+from excite.human.posture.between_poses import interpolated
+from excite.human.posture.exchanged_labels import FAR, label_findings, unswapped
+from excite.human.posture.skeleton import DESCENDANTS, N_SEGMENTS, Pose
+from excite.human.recording import Recording
+from excite.human.segments import NAMES
+from excite.logs.signals.butterworth import lowpass, settling_samples
+
+_LONGEST_FILL_S = 0.2
+_STRIDE = 4
+_REPAIRS, _FAR_MARKERS = 4, 2
+_HELD = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class TrialPoses:
+    """Postures of a trial and how well they fit.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        pose: postures.
+        residual: distance of each marker from its predicted place ``(n, m)`` [m], NaN where it is missing.
+        labels: the ``m`` labels.
+        findings: what was odd.
+    """
+
+    time: Array
+    pose: Pose
+    residual: Array
+    labels: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def marker_rms(self) -> Mapping[str, float]:
+        """RMS distance by marker [m]; markers that were never seen are left out."""
+        seen = np.asarray(np.isfinite(self.residual).any(axis=0))
+        return {
+            label: float(np.sqrt(np.nanmean(self.residual[:, i] ** 2)))
+            for i, label in enumerate(self.labels)
+            if seen[i]
+        }
+
+
+def trial_poses(calibration: Calibration, recording: Recording, cutoff_hz: float | None = 6.0) -> TrialPoses:
+    """Postures of every frame.
+
+    Marker positions are low-pass filtered (third order, forwards and backwards) as in Jovic et al., T-RO 2016,
+    section VI, after short gaps have been bridged and exchanged labels put back.
+
+    Args:
+        calibration: the subject's body.
+        recording: markers in a world with z up.
+        cutoff_hz: None leaves the markers as they are.
+
+    Raises:
+        LogError: pelvis or torso are never seen, or the trial is too short to filter.
+    """
+    model = calibration.model
+    points = _matrix(recording, model.labels)
+    if not np.isfinite(points).all(axis=2).any():
+        raise LogError("shows no marker of the body", source=recording.source)
+    rough = _coarse(model, points)
+    swapped: Counter[tuple[str, str]] = Counter()
+    for _ in range(_REPAIRS):
+        points, found = unswapped(model, points, rough)
+        swapped.update(found)
+        if not found:
+            break
+        rough = _repaired(model, points, solve_poses(model, points, rough.pose, steps=8))
+    predicted = model.predicted(rough.pose)
+    findings = label_findings(swapped, points, predicted, model.labels, recording)
+    if cutoff_hz is not None:
+        points = _filtered(points, predicted, recording, cutoff_hz)
+    prior, weight, lost = _prior(model, points, rough.pose, recording.time)
+    solution = solve_poses(model, points, rough.pose, steps=10, prior=prior, prior_weight=weight)
+    return TrialPoses(recording.time, solution.pose, solution.residual, model.labels, (*findings, *lost))
+
+
+def _matrix(recording: Recording, labels: tuple[str, ...]) -> Array:
+    nothing = np.full((len(recording.time), 3), np.nan)
+    return np.stack([recording.markers.get(label, nothing) for label in labels], axis=1)
+
+
+def _coarse(model: MarkerModel, points: Array) -> Solution:
+    """Postures of every few frames from scratch, then all frames from these, then bad ones from good neighbours."""
+    frames = np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1))
+    few = _repaired(model, points[frames], first_poses(model, points[frames]))
+    start = interpolated(frames.astype(float), few.pose, np.arange(len(points)).astype(float))
+    return _repaired(model, points, solve_poses(model, points, start, steps=6))
+
+
+def _repaired(model: MarkerModel, points: Array, solution: Solution) -> Solution:
+    """Solve frames with far markers again from postures between good frames; the better answer stays.
+
+    A limb can be found folded the wrong way where it is solved on its own; its neighbours in time know better.
+    """
+    pose, cost, residual = solution.pose, solution.cost, solution.residual
+    for _ in range(_REPAIRS):
+        far = (np.nan_to_num(residual) > FAR).sum(axis=1) >= _FAR_MARKERS
+        good, bad = np.flatnonzero(~far), np.flatnonzero(far)
+        if not len(bad) or not len(good):
+            break
+        start = interpolated(good.astype(float), pose[good], bad.astype(float))
+        rough = solve_poses(model, points[bad], start, steps=15, robust=False)
+        again = solve_poses(model, points[bad], rough.pose, steps=10)
+        better = bad[again.cost < cost[bad] * 0.999]
+        chosen = again.cost < cost[bad] * 0.999
+        if not len(better):
+            break
+        pose.position[better], pose.rotation[better] = (
+            again.pose.position[chosen],
+            again.pose.rotation[chosen],
+        )
+        cost[better], residual[better] = again.cost[chosen], again.residual[chosen]
+    return Solution(pose, residual, cost)
+
+
+def _filtered(points: Array, predicted: Array, recording: Recording, cutoff_hz: float) -> Array:
+    """Low-pass each marker; gaps are bridged by the body's motion while it is filtered, and stay if long."""
+    rate = recording.rate_hz
+    if len(points) <= settling_samples(rate, cutoff_hz):
+        raise LogError(
+            f"{len(points)} frames are too few for a {cutoff_hz:g} Hz filter at {rate:g} Hz",
+            source=recording.source,
+            remedy="record longer, or give a higher --cutoff",
+        )
+    filled = points.copy()
+    shown = np.asarray(np.isfinite(points).all(axis=2))
+    frames = np.arange(len(points))
+    for m in np.flatnonzero(shown.any(axis=0) & ~shown.all(axis=0)):
+        missing = ~shown[:, m]
+        offset = points[shown[:, m], m] - predicted[shown[:, m], m]
+        bridge = np.column_stack([np.interp(frames, frames[shown[:, m]], offset[:, i]) for i in range(3)])
+        filled[missing, m] = predicted[missing, m] + bridge[missing]
+    some = shown.any(axis=0)
+    filled[:, some] = lowpass(filled[:, some], rate, cutoff_hz, 3)
+    for m in np.flatnonzero(some):
+        filled[_in_long_gap(shown[:, m], round(_LONGEST_FILL_S * rate)), m] = np.nan
+    filled[:, ~some] = np.nan
+    return filled
+
+
+def _in_long_gap(shown: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
+    """Frames that lie in a run of missing ones longer than ``longest``."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~shown, [False]]).astype(int)))
+    long = np.zeros(len(shown), dtype=bool)
+    for start, stop in edges.reshape(-1, 2):
+        if stop - start > longest:
+            long[start:stop] = True
+    return long
+
+
+def _prior(
+    model: MarkerModel, points: Array, pose: Pose, time: Array
+) -> tuple[Pose | None, Array | None, list[Finding]]:
+    """Where markers of a joint's whole outer limb are lost for a while, its posture is interpolated and held."""
+    shown = np.asarray(np.isfinite(points).all(axis=2))
+    usual = shown.any(axis=0)
+    weight = np.full((len(points), N_SEGMENTS), 0.5)
+    rotation = pose.rotation.copy()
+    standing = np.tile(np.eye(3), (len(points), N_SEGMENTS, 1, 1))
+    lost: list[Finding] = []
+    for k in range(1, N_SEGMENTS):
+        outer = np.isin(model.segment, DESCENDANTS[k]) & usual
+        own = (model.segment == k) & usual
+        if not outer.any():
+            continue
+        enough = shown[:, own].sum(axis=1) >= min(2, own.sum()) if own.any() else shown[:, outer].any(axis=1)
+        if enough.all() or not enough.any():
+            continue
+        good = np.flatnonzero(enough)
+        if len(good) > 1:
+            slerp = Slerp(good.astype(float), Rotation.from_matrix(rotation[good, k]))
+            places = np.clip(np.flatnonzero(~enough), good[0], good[-1]).astype(float)
+            standing[~enough, k] = slerp(places).as_matrix()
+            weight[~enough, k] = _HELD
+        seconds = float((~enough).sum() * np.median(np.diff(time)))
+        text = f"{NAMES[k]}: too few of its markers for {seconds:.2f} s; its posture is interpolated there"
+        lost.append(Finding("lost_segment", text, {"seconds": seconds}, (NAMES[k],)))
+    return Pose(pose.position, standing), weight, lost

@@ -1,0 +1,137 @@
+"""Where a weight is worn, and how heavy it is, from trials without and with it.
+
+The trials without say what the body is like, as far as its motions show it and the tables elsewhere; the trials
+with it are then explained by that body and one more mass on one segment. The body's parameters are eliminated, so
+that whatever is as wrong with the one as with the other - skin, joints, filters - does not look like a weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
+
+from excite.arrays import Array
+from excite.errors import LogError
+from excite.human.segments import NAMES
+from excite.human.weight.weight_candidate import AddedMass, best_fit, candidate
+from excite.identification.problem import IdentificationProblem, build_problem
+from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.logs.log import Log
+from excite.logs.robot import robot_in_log
+from excite.robot.robot import Robot
+from excite.rows.filtered_rows import filtered_rows
+from excite.rows.kinematics import trial_kinematics
+from excite.rows.settings import ProblemSettings
+from excite.threads import one_blas_thread
+
+_PRIOR_SPREAD = 0.3
+# Plates' zeros wander from trial to trial by about this much, in force [N] and moment [N·m].
+_ZERO = np.repeat([3.0, 1.0], 3)
+
+
+@one_blas_thread
+def locate_added_mass(
+    robot: Robot,
+    without: Log,
+    loaded: Log,
+    boxes: Array,
+    *,
+    settings: ProblemSettings | None = None,
+    segments: Sequence[str] = NAMES,
+) -> AddedMass:
+    """Find the weight that makes two logs of one person agree.
+
+    Args:
+        robot: the person's model, calibrated.
+        without: trials without the weight.
+        loaded: trials with it, the same motions for the best result.
+        boxes: where the weight's centre may lie on each of the robot's segments, joint frames
+            ``(n_segments, 2, 3)`` [m].
+        settings: filters.
+        segments: links that may carry it.
+
+    Raises:
+        LogError: a log leaves no rows, or no segment may carry the weight.
+    """
+    first = build_problem(robot, without, settings, role=None)
+    second = build_problem(robot, loaded, settings, role=None)
+    std = np.asarray(iterate_weights(regression(first)).std)
+    rows_without, rows_loaded = (
+        _condensed(problem, std, _zeros(robot, log, settings))
+        for problem, log in ((first, without), (second, loaded))
+    )
+    projected, target = _eliminated(first, rows_without, rows_loaded)
+    links = [segment.link for segment in robot.segments]
+    carriers = [k for k, link in enumerate(links) if link in segments]
+    if not carriers:
+        raise LogError("no segment may carry the weight", field="segments")
+    fits = {k: best_fit(projected[:, 10 * k : 10 * k + 10], target, boxes[k], robot.mass) for k in carriers}
+    degrees = max(len(target) - 4, 1)
+    noise = max(1.0, min(2.0 * fit.cost for fit in fits.values()) / degrees)
+    found = [candidate(links[k], fit, boxes[k], noise) for k, fit in fits.items()]
+    ranked = tuple(sorted(found, key=lambda item: -item.evidence))
+    return AddedMass(ranked[0], ranked, float(target @ target))
+
+
+def _condensed(problem: IdentificationProblem, std: Array, zeros: Array) -> Array:
+    """Triangular factor of weighted rows: body's columns, measurement, the plates' zeros eliminated."""
+    rows = np.column_stack([zeros, problem.Y, problem.y]) / std[problem.channel, None]
+    n = zeros.shape[1]
+    known = np.hstack([np.eye(n), np.zeros((n, rows.shape[1] - n))])
+    r = np.asarray(np.linalg.qr(np.vstack([known, rows]), mode="r"))
+    return r[n:, n:]
+
+
+def _zeros(robot: Robot, log: Log, settings: ProblemSettings | None) -> Array:
+    """What wrong zeros of the plates add to each row, six columns a trial, in units of their usual size.
+
+    All plates stand still in one world, so their zeros together are one constant wrench.
+    """
+    settings = settings or ProblemSettings()
+    filters = settings.filters(floating=True, lowpass_hz=log.header.lowpass_hz)
+    inside = robot_in_log(robot, log.header, log.folder)
+    place = np.asarray(inside.sensors[0].placement.translation)
+    blocks = []
+    for trial in log.trials:
+        k = trial_kinematics(inside, log.header, trial, settings, filters)
+        columns = _constant_wrench(k.q[:, :7], place) * _ZERO
+        use = np.repeat(k.valid[:, None], 6, axis=1)
+        rows = filtered_rows(columns.__getitem__, k, filters, use)
+        blocks.append(rows.values[rows.use])
+    return np.asarray(block_diag(*blocks))
+
+
+def _constant_wrench(base: Array, place: Array) -> Array:
+    """Each component of a wrench at a place in the world, about the base in its axes, ``(n, 6, 6)``."""
+    turn = Rotation.from_quat(base[:, 3:]).as_matrix().transpose(0, 2, 1)
+    x, y, z = (place - base[:, :3]).T
+    lever = np.zeros((len(base), 3, 3))
+    lever[:, 0, 1], lever[:, 0, 2], lever[:, 1, 2] = -z, y, -x
+    lever -= lever.transpose(0, 2, 1)
+    columns = np.zeros((len(base), 6, 6))
+    columns[:, :3, :3] = columns[:, 3:, 3:] = turn
+    columns[:, 3:, :3] = turn @ lever
+    return columns
+
+
+def _eliminated(problem: IdentificationProblem, without: Array, loaded: Array) -> tuple[Array, Array]:
+    """Rows of the loaded trials with the body's parameters eliminated: columns and target."""
+    scale = prior_std(problem, _PRIOR_SPREAD)
+    for k in problem.unmeasured:
+        scale[10 * k : 10 * k + 10] = 1e-9
+    n = problem.n_params
+    body = np.vstack([np.eye(n), without[:, :n] * scale, loaded[:, :n] * scale])
+    measured = np.concatenate(
+        [
+            np.zeros(n),
+            without[:, n] - without[:, :n] @ problem.prior,
+            loaded[:, n] - loaded[:, :n] @ problem.prior,
+        ]
+    )
+    extra = np.vstack([np.zeros((n + len(without), n)), loaded[:, :n]])
+    q, _ = np.linalg.qr(body, mode="complete")
+    rest = q[:, n:]
+    return rest.T @ extra, rest.T @ measured

@@ -1,0 +1,57 @@
+"""How well each standard parameter is known from the data and the nominal model together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from excite.arrays import Array
+from excite.identification.judgement.statistics import BaseStatistics
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import prior_std
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterUncertainty:
+    """Standard deviations of the standard parameters, each ``(n_params,)``.
+
+    Attributes:
+        std: of each parameter, given the data and the spread that the nominal model is granted [SI].
+        determined: share of that spread's variance that the data have taken away, 0 to 1: near 0 the value is
+            the nominal model's and the constraints' choice, near 1 it was measured.
+    """
+
+    std: Array
+    determined: Array
+
+
+def parameter_uncertainty(
+    problem: IdentificationProblem, statistics: BaseStatistics, spread: Array
+) -> ParameterUncertainty:
+    """Posterior of the standard parameters of a Gaussian prior about the nominal model.
+
+    With ``P`` the prior's covariance, ``K`` the base parameters as combinations of the standard ones and ``C``
+    their covariance, ``P − P Kᵀ (K P Kᵀ + C)⁻¹ K P``. Directions outside ``K`` no motion shows: there the
+    prior stays. Inequalities (positive masses, physical consistency) are not used and could only narrow it.
+
+    Args:
+        problem: the rows.
+        statistics: base parameters and their covariance.
+        spread: spread of each segment's mass about nominal as share of it, ``(n_segments,)``, as
+            :func:`~excite.identification.regression.prior_std` takes it.
+
+    Returns:
+        Standard deviations and shares.
+    """
+    prior = prior_std(problem, spread)
+    scaled = statistics.base.matrix * prior
+    # In units of the measurement's own deviations, so that combinations of all sizes count alike.
+    own = np.sqrt(np.diag(statistics.covariance))
+    own = np.maximum(own, 1e-12 * np.linalg.norm(scaled, axis=1))
+    scaled, noise = scaled / own[:, None], statistics.covariance / np.outer(own, own)
+    factor = cho_factor(scaled @ scaled.T + noise)
+    taken = np.einsum("bn,bn->n", scaled, cho_solve(factor, scaled))
+    determined = np.clip(taken, 0.0, 1.0)
+    return ParameterUncertainty(prior * np.sqrt(1.0 - determined), determined)

@@ -1,0 +1,119 @@
+"""What a careful reader of an identification should know."""
+
+from __future__ import annotations
+
+from excite.finding import Finding, listed
+from excite.identification.estimators.registry import ESTIMATORS
+from excite.identification.result import Identification
+
+_POOR_RSD = 30.0
+_LARGE_DISPERSION = 4.0
+_MASS_DISAGREES = 0.01
+# Unmodelled equipment weighs less than this share.
+_MASS_FAR = 0.4
+_WORSE_ON_VALIDATION = 2.0
+_MOST_NAMED = 5
+
+
+def find_warnings(result: Identification) -> tuple[Finding, ...]:
+    """Findings on data, solution and validation, in this order; empty where all is well."""
+    return (*_of_data(result), *_of_solution(result), *_of_prediction(result))
+
+
+def _of_data(result: Identification) -> list[Finding]:
+    found = []
+    if result.unmeasured:
+        text = f"not seen by the sensors, kept nominal: {', '.join(result.unmeasured)}"
+        found.append(Finding("unmeasured", text, places=result.unmeasured))
+    missing = 0 if result.structural_rank is None else result.structural_rank - len(result.base)
+    if missing > 0:
+        text = f"the motions leave {missing} of {result.structural_rank} base parameters without excitation"
+        found.append(Finding("rank", text, {"missing": float(missing)}))
+    poor = tuple(item.name for item in result.base if item.rsd_percent > _POOR_RSD)
+    if poor:
+        text = f"{len(poor)} of {len(result.base)} base parameters have an RSD above {_POOR_RSD:.0f} %"
+        found.append(Finding("poor_rsd", text, {"parameters": float(len(poor))}, poor))
+    return [*found, *_of_mass(result)]
+
+
+def _of_mass(result: Identification) -> list[Finding]:
+    """The measured forces against a weighed mass, or roughly against the model's."""
+    mass = result.total_mass
+    if mass.measured is None:
+        return []
+    known, name, tolerance = mass.nominal, "the model", _MASS_FAR
+    if mass.weighed is not None:
+        known, name, tolerance = mass.weighed, "the scale", _MASS_DISAGREES
+    share = mass.measured / known - 1.0
+    if abs(share) <= tolerance:
+        return []
+    cause = "check the force sensors' gain and zero"
+    if share < -1.0:
+        cause = "the wrenches look like those that the robot exerts, not those on the robot"
+    text = f"the forces say {mass.measured:.2f} kg, {name} {known:.2f} kg ({100 * share:+.1f} %): {cause}"
+    return [Finding("force_scale", text, {"measured_kg": mass.measured, "known_kg": known})]
+
+
+def _of_solution(result: Identification) -> list[Finding]:
+    found = []
+    bad = tuple(result.consistency.inconsistent)
+    if bad:
+        consistent = next(name for name, kind in ESTIMATORS.items() if kind.consistent)
+        text = (
+            f"no body has the parameters of {listed(bad, _MOST_NAMED)}; method {consistent} gives ones that "
+            "exist"
+        )
+        found.append(Finding("inconsistent", text, {"segments": float(len(bad))}, bad))
+    broken = () if result.bounds is None else result.bounds.broken
+    if broken:
+        names = tuple(item.name for item in broken)
+        text = (
+            f"outside the stated bounds: {listed(names, _MOST_NAMED)}; method physical keeps all of them, except "
+            "of links that the sensors do not see"
+        )
+        found.append(Finding("outside_bounds", text, {"parameters": float(len(names))}, names))
+    found += _weightless(result)
+    dispersion = result.changes.dispersion
+    if result.changes.segments and dispersion > _LARGE_DISPERSION:
+        text = (
+            "the changed segments do not explain everything: what is left is "
+            f"{dispersion:.0f} times the noise per base parameter"
+        )
+        found.append(Finding("unexplained", text, {"dispersion": dispersion}))
+    return found
+
+
+def _weightless(result: Identification) -> list[Finding]:
+    """Changed segments that would weigh less than nothing: a scapegoat for something else."""
+    nominal = dict(zip(result.links, result.nominal[::10].tolist(), strict=True))
+    light = {
+        item.link: (item.mass_change_kg, nominal[item.link])
+        for item in result.changes.segments
+        if item.mass_change_kg + 2.0 * item.std_kg < -nominal[item.link]
+    }
+    if not light:
+        return []
+    said = [f"{link} ({change:+.2f} kg of {mass:.2f} kg)" for link, (change, mass) in light.items()]
+    text = (
+        f"named as changed, {listed(said)} would weigh less than nothing: no body has changed there, the torque "
+        "scale, the drives or the nominal model's geometry are off"
+    )
+    return [Finding("weightless", text, {"segments": float(len(light))}, tuple(light))]
+
+
+def _of_prediction(result: Identification) -> list[Finding]:
+    if not result.validation:
+        return [Finding("no_validation", "no validation trials: the fit says nothing about other motions")]
+    found = []
+    for name, fit in result.validation.items():
+        figures = {"validation_rmse": fit.rmse, "fit_rmse": result.fit[name].rmse}
+        if fit.rmse >= fit.reference_rmse:
+            text = f"{name}: no better than the nominal model on the validation trials"
+            found.append(Finding("no_better", text, figures, (name,)))
+        elif fit.rmse > _WORSE_ON_VALIDATION * result.fit[name].rmse:
+            text = (
+                f"{name}: residual {fit.rmse / result.fit[name].rmse:.1f} times larger on validation trials "
+                "than on those identified from; excite more, or look for what the model lacks"
+            )
+            found.append(Finding("validation_gap", text, figures, (name,)))
+    return found

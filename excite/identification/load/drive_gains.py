@@ -1,0 +1,190 @@
+"""Torque per ampere of every joint from the same robot with and without a load of known mass.
+
+Logged torques whose scale is not trusted are treated alike: their gains have no unit and are near one.
+
+Motor currents alone give a robot's parameters up to the drives' gains. A load whose mass is known makes the
+gains of all joints that carry it known too (Gautier and Briot, 2014); its centre of mass and inertia are found
+on the way. Noise is in the currents, so these are what is predicted: dividing the equation by the gain keeps
+the least-squares estimate free of the attenuation that currents in the regressor bring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from excite.arrays import Array
+from excite.errors import InputError, LogError
+from excite.identification.load.load_pair import Condensed, LoadPair, load_pair, together
+from excite.identification.regression import minimum_norm
+from excite.logs.log import Log
+from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
+from excite.threads import one_blas_thread
+
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class DriveGains:
+    """Drive gains and the load that they were found with.
+
+    Attributes:
+        joints: names of the joints.
+        gains: ``(n_joints,)`` torque per ampere [N·m/A or N/A], or true torque per logged torque [1].
+        gains_std: ``(n_joints,)`` standard deviations, from leaving out one stretch of the logs at a time.
+        load: ``(10,)`` the load's parameters about the last joint's frame, pinocchio's order [SI].
+        load_std: ``(10,)`` standard deviations; zero where known.
+        residual: ``(n_joints,)`` root mean square of what is left of the currents [A], or torques.
+        signal: ``(n_joints,)`` standard deviation of the currents [A], or torques.
+        unit: of the gains.
+    """
+
+    joints: tuple[str, ...]
+    gains: Array
+    gains_std: Array
+    load: Array
+    load_std: Array
+    residual: Array
+    signal: Array
+    unit: str = "N·m/A"
+
+    @property
+    def by_joint(self) -> dict[str, float]:
+        """As ``drive_gains`` of the problem settings takes them."""
+        return dict(zip(self.joints, self.gains.tolist(), strict=True))
+
+    def summary(self) -> str:
+        """A line for each joint and one for the load."""
+        rows = zip(self.joints, self.gains, self.gains_std, self.residual / self.signal, strict=True)
+        lines = []
+        for name, gain, std, left in rows:
+            said = f"{gain:.3f} ± {std:.3f} {self.unit}" if std < gain else "not determined by this load"
+            lines.append(f"{name}: {said}, {100 * left:.1f} % left")
+        return "\n".join([*lines, f"load: {self.load[0]:.3f} ± {self.load_std[0]:.3f} kg"])
+
+
+@one_blas_thread
+def identify_drive_gains(
+    robot: Robot, unloaded: Log, loaded: Log, load_mass: float, settings: ProblemSettings | None = None
+) -> DriveGains:
+    """Drive gains from a log without and one with a load on the last link, of known mass.
+
+    Args:
+        robot: the robot without load.
+        unloaded: log of currents or torques; all its trials are used.
+        loaded: the like with the load, joints in the same order, best the same motions.
+        load_mass: [kg].
+        settings: filters and drive terms; its drive gains are not used.
+
+    Raises:
+        InputError: the mass is not positive.
+        LogError: the logs do not both hold currents, or torques, the joints differ, or a joint does not feel the load.
+    """
+    if not 0.0 < load_mass < np.inf:
+        raise InputError(f"is {load_mass!r}", source="load", field="mass", remedy="weigh it [kg]")
+    pair = load_pair(robot, unloaded, loaded, settings)
+    return _with_spread(pair, lambda condensed: _solve(condensed, load_mass, None))
+
+
+@one_blas_thread
+def identify_load(
+    robot: Robot,
+    unloaded: Log,
+    loaded: Log,
+    gains: Mapping[str, float],
+    settings: ProblemSettings | None = None,
+) -> DriveGains:
+    """A load of unknown mass from the same two logs, the gains being known.
+
+    Raises:
+        LogError: as of :func:`identify_drive_gains`, or a joint's gain is missing.
+    """
+    pair = load_pair(robot, unloaded, loaded, settings)
+    missing = [name for name in pair.joints if name not in gains]
+    if missing:
+        raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
+    known = np.array([gains[name] for name in pair.joints])
+    return _with_spread(pair, lambda condensed: _solve(condensed, None, known))
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    gains: Array
+    load: Array
+    residual: Array
+
+
+def _with_spread(pair: LoadPair, solve) -> DriveGains:
+    """The solution, with standard deviations by leaving out one stretch at a time (the jackknife)."""
+    whole = solve(together(pair, range(len(pair.factors))))
+    n = len(pair.factors)
+    rest = [solve(together(pair, [k for k in range(n) if k != left])) for left in range(n)]
+
+    def spread(values: Array) -> Array:
+        return np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
+
+    return DriveGains(
+        joints=pair.joints,
+        gains=whole.gains,
+        gains_std=spread(np.array([item.gains for item in rest])),
+        load=whole.load,
+        load_std=spread(np.array([item.load for item in rest])),
+        residual=whole.residual,
+        signal=pair.signal,
+        unit=pair.unit,
+    )
+
+
+def _solve(condensed: Condensed, load_mass: float | None, gains: Array | None) -> _Solution:
+    """Least squares on the currents; gains are searched, all else is linear given them (variable projection)."""
+    n = len(condensed.factors)
+    std = np.ones(n)
+    inverse = np.full(n, 0.1) if gains is None else 1.0 / gains
+    for _ in range(_ROUNDS):
+        if gains is None:
+            # Gains are positive and of any size: search their logarithms.
+            found = least_squares(
+                lambda x, std=std: _linear(condensed, np.exp(x), std, load_mass).rest, np.log(inverse)
+            )
+            inverse = np.exp(found.x)
+        inner = _linear(condensed, inverse, std, load_mass)
+        left = inner.rest.reshape(n, -1) * std[:, None]
+        rms = np.sqrt((left**2).sum(axis=1) / np.maximum(condensed.counts, 1))
+        std = np.maximum(rms, 1e-6 * rms.max())
+    return _Solution(1.0 / inverse, inner.load, rms)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    rest: Array
+    load: Array
+
+
+def _linear(condensed: Condensed, inverse: Array, std: Array, load_mass: float | None) -> _Linear:
+    """Base parameters, load and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
+    factors, base = condensed.factors, condensed.n_base
+    n, width, _ = factors.shape
+    n_drive = width - 1 - base - 10
+    # Load first: its mass is known or not; then base parameters; then each joint's drive by itself.
+    matrix = np.zeros((n * width, 10 + base + n * n_drive))
+    target = np.zeros(n * width)
+    for c in range(n):
+        rows = slice(c * width, (c + 1) * width)
+        r = factors[c] / std[c]
+        matrix[rows, :10] = inverse[c] * r[:, base : base + 10]
+        matrix[rows, 10 : 10 + base] = inverse[c] * r[:, :base]
+        start = 10 + base + c * n_drive
+        matrix[rows, start : start + n_drive] = r[:, base + 10 : -1]
+        target[rows] = r[:, -1]
+    known = 0
+    if load_mass is not None:
+        target, known = target - load_mass * matrix[:, 0], 1
+    free = matrix[:, known:]
+    scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
+    solution = minimum_norm(free / scale, target) / scale
+    load = solution[:10] if load_mass is None else np.concatenate([[load_mass], solution[:9]])
+    return _Linear(target - free @ solution, load)

@@ -1,0 +1,223 @@
+"""Logs of several days, gains or speeds: what they agree on and what changes between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.errors import LogError
+from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.judgement.ranges import (
+    ParameterRange,
+    parameter_ranges,
+    ranges_document,
+    write_document,
+)
+from excite.identification.judgement.statistics import base_statistics, parameter_labels
+from excite.identification.problem import build_problem
+from excite.identification.regression import RANK_TOLERANCE, Regression, iterate_weights, regression
+from excite.identification.sessions.pooling import Pooled, pool
+from excite.logs.log import Log
+from excite.regressor.base_parameters import BaseParameters, base_parameters
+from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
+from excite.threads import one_blas_thread
+
+
+@dataclass(frozen=True, eq=False)
+class Sessions:
+    """Base parameters of every session and of all together.
+
+    Attributes:
+        names: of the sessions.
+        base: base parameters that every session determines.
+        values: ``(n_sessions, n_base)`` least-squares values [SI].
+        std: ``(n_sessions, n_base)`` standard deviations within the sessions.
+        pooled: over the sessions.
+        ranges: for domain randomisation: parameters of links and drives in a session yet to come.
+        left_out: sessions whose motions do not determine all of them, with the number that they do.
+    """
+
+    names: tuple[str, ...]
+    base: BaseParameters
+    values: Array
+    std: Array
+    pooled: Pooled
+    ranges: tuple[ParameterRange, ...]
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """``{"names", "left_out", "level", "parameters": […], "ranges": […]}``."""
+        pooled = self.pooled
+        parameters = [
+            {
+                "name": label,
+                "expression": self.base.expressions[i],
+                "value": float(pooled.mean[i]),
+                "std": float(np.sqrt(pooled.covariance[i, i])),
+                "between_std": float(pooled.between[i]),
+                "inconsistency": float(pooled.inconsistency[i]),
+                "mean_low": float(pooled.mean_interval[0, i]),
+                "mean_high": float(pooled.mean_interval[1, i]),
+                "low": float(pooled.next_interval[0, i]),
+                "high": float(pooled.next_interval[1, i]),
+                "by_session": {
+                    name: {"value": float(self.values[s, i]), "std": float(self.std[s, i])}
+                    for s, name in enumerate(self.names)
+                },
+            }
+            for i, label in enumerate(self.base.labels)
+        ]
+        return {
+            "names": list(self.names),
+            "left_out": dict(self.left_out),
+            "level": pooled.level,
+            "parameters": parameters,
+            "ranges": [item.to_json() for item in self.ranges],
+        }
+
+    def summary(self) -> str:
+        """How many parameters differ between sessions, and the worst, in units of their noise."""
+        between, within = self.pooled.between, np.median(self.std, axis=0)
+        ratio = between / np.maximum(within, 1e-300)
+        differing = int((self.pooled.inconsistency > 0.5).sum())
+        lines = [
+            f"{len(self.names)} sessions ({', '.join(self.names)}): {differing} of {len(between)} base "
+            "parameters differ between them by more than noise"
+        ]
+        lines += [
+            f"  left out: {name}, whose motions determine {own} of the {len(between)}"
+            for name, own in self.left_out.items()
+        ]
+        for i in np.argsort(-ratio, kind="stable")[:5]:
+            low, high = self.pooled.next_interval[:, i]
+            lines.append(
+                f"  {self.base.labels[i]}: {self.pooled.mean[i]:.4g}, sessions differ by {between[i]:.2g} "
+                f"(noise of one {within[i]:.2g}); the next lies in {low:.4g} … {high:.4g}"
+            )
+        return "\n".join(lines)
+
+
+def write_ranges(sessions: Sessions, path: Path) -> Path:
+    """Write what the next session may bring, for domain randomisation (``excite.ranges/1``, YAML or JSON).
+
+    Links' quantities are not independent of each other: what the data fix are the base parameters, whose
+    ranges stand beside. Those with a small share ``measured`` are the nominal model's spread.
+    """
+    document = ranges_document(sessions.ranges, sessions.pooled.level)
+    low, high = sessions.pooled.next_interval
+    document["base_parameters"] = {
+        label: {
+            "low": float(low[i]),
+            "high": float(high[i]),
+            "value": float(sessions.pooled.mean[i]),
+            "expression": sessions.base.expressions[i],
+        }
+        for i, label in enumerate(sessions.base.labels)
+    }
+    return write_document(document, path)
+
+
+def split_sessions(logs: Sequence[Log]) -> dict[str, Log]:
+    """Logs by session: trials that name one go there, the rest of each log is a session of its own.
+
+    Sessions of the same name in several logs are told apart by the logs' folders.
+
+    Raises:
+        LogError: the logs hold fewer than two sessions.
+    """
+    sessions: dict[str, Log] = {}
+    for number, log in enumerate(logs, start=1):
+        own = log.folder.name if log.folder else f"log_{number}"
+        keys = [trial.session or own for trial in log.trials]
+        for key in dict.fromkeys(keys):
+            name = f"{own}/{key}" if key in sessions else key
+            chosen = [i for i, other in enumerate(keys) if other == key]
+            header = log.header.model_copy(update={"trials": tuple(log.header.trials[i] for i in chosen)})
+            sessions[name] = replace(log, header=header, trials=tuple(log.trials[i] for i in chosen))
+    if len(sessions) < 2:
+        raise LogError(
+            "holds one session",
+            source=logs[0].folder if logs else None,
+            field="trials",
+            remedy="name sessions in log.yaml, or give several logs",
+        )
+    return sessions
+
+
+@one_blas_thread
+def identify_sessions(
+    robot: Robot,
+    sessions: Mapping[str, Log],
+    *,
+    settings: EstimatorSettings | None = None,
+    problem_settings: ProblemSettings | None = None,
+    level: float = 0.95,
+) -> Sessions:
+    """Identify every session by itself and pool the base parameters by random effects.
+
+    All trials of a session are used, whatever their role. A session that leaves parameters undetermined which the
+    others show is left out, as long as two remain.
+
+    Args:
+        robot: the robot.
+        sessions: a log for each session, of the same joints and channels.
+        settings: spreads of the nominal model, for the links' ranges.
+        problem_settings: filters and drive terms.
+        level: of the intervals and ranges.
+
+    Raises:
+        LogError: robot and logs do not fit, or fewer than two sessions determine all that they show together.
+        InputError: fewer than two sessions.
+    """
+    rows = {
+        name: iterate_weights(regression(build_problem(robot, log, problem_settings, role=None)))
+        for name, log in sessions.items()
+    }
+    base = _common_base(rows)
+    left_out = _poorer(rows, base)
+    if len(rows) - len(left_out) < 2:
+        name, own = next(iter(left_out.items()))
+        raise LogError(
+            f"determines {own} of the {base.rank} base parameters that the sessions show together",
+            source=f"session {name!r}",
+            field="trials",
+            remedy="record richer motions in every session, or leave this one out",
+        )
+    rows = {name: item for name, item in rows.items() if name not in left_out}
+    found = [base_statistics(item, base) for item in rows.values()]
+    values = np.array([item.estimate for item in found])
+    pooled = pool(values, np.array([item.covariance for item in found]), level)
+    problem = next(iter(rows.values())).problem
+    spreads = (settings or EstimatorSettings()).spreads(problem.robot)
+    return Sessions(
+        names=tuple(rows),
+        base=base,
+        values=values,
+        std=np.array([item.std for item in found]),
+        pooled=pooled,
+        ranges=parameter_ranges(problem, base, pooled, spreads),
+        left_out=left_out,
+    )
+
+
+def _common_base(rows: Mapping[str, Regression]) -> BaseParameters:
+    """Base parameters of all sessions together."""
+    problem = next(iter(rows.values())).problem
+    n, labels = problem.n_params, parameter_labels(problem)
+    stacked = np.vstack([item.factor[:, :n] for item in rows.values()])
+    return base_parameters(stacked, labels, RANK_TOLERANCE)
+
+
+def _poorer(rows: Mapping[str, Regression], base: BaseParameters) -> dict[str, int]:
+    """Sessions that do not determine all of the base parameters, with the number that they do."""
+    ranks = {
+        name: base_parameters(item.factor[:, base.independent], base.labels, RANK_TOLERANCE).rank
+        for name, item in rows.items()
+    }
+    return {name: rank for name, rank in ranks.items() if rank < base.rank}

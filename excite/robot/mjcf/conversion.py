@@ -1,0 +1,240 @@
+"""From a MuJoCo model file (MJCF) to a URDF: what can be said in one is, what cannot is refused by name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+
+from excite.atomic import write_bytes, write_text
+from excite.errors import InputError, RobotError
+from excite.reading.child import in_child
+from excite.reading.xml_document import read_xml
+from excite.robot.mjcf.scan import scan_mjcf
+from excite.robot.mjcf.urdf import Mimic, UrdfWriter
+
+if TYPE_CHECKING:
+    import mujoco
+
+# The largest model known, a humanoid with hands and 60 meshes, takes 3 s and 0.6 GB.
+COMPILE_SECONDS = 40.0
+COMPILE_MEMORY_GB = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfConversion:
+    """A MuJoCo model as a URDF.
+
+    Attributes:
+        name: of the model.
+        floating: whether its base has a free joint.
+        urdf: the URDF's text; mesh paths are relative to its file.
+        meshes: STL files by relative path.
+        notes: what the URDF leaves out or says differently.
+    """
+
+    name: str
+    floating: bool
+    urdf: str
+    meshes: Mapping[str, bytes]
+    notes: tuple[str, ...]
+
+    def write(self, path: Path) -> Path:
+        """Write the URDF to ``path`` and the meshes beside it."""
+        for name, content in self.meshes.items():
+            write_bytes(path.parent / name, content)
+        return write_text(path, self.urdf)
+
+
+def is_mjcf(path: Path) -> bool:
+    """Whether a file is a MuJoCo model: XML whose outermost element is ``mujoco``; False if it cannot be read."""
+    try:
+        return read_xml(path).tag == "mujoco"
+    except InputError:
+        return False
+
+
+def convert_mjcf(path: Path) -> MjcfConversion:
+    """Read a MuJoCo model and write it as a URDF.
+
+    The model is compiled by MuJoCo, in a process of its own, so defaults, includes, orientations of every kind
+    and inertias that follow from geometry are as MuJoCo understands them. Bodies, hinges and slides, inertials,
+    primitive solids and meshes are carried over; a joint coupled to another by a linear equality becomes a mimic joint.
+
+    Args:
+        path: the MJCF file.
+
+    Returns:
+        The conversion.
+
+    Raises:
+        RobotError: MuJoCo cannot compile it, or it holds what no tree of hinges and slides can say: ball
+            joints, free joints other than the base's, tendons, deformable bodies, closed loops, several robots,
+            or a mesh that is not there although a body's inertia depends on it; or it is too large, or makes
+            MuJoCo crash, hang or take all memory.
+    """
+    path = Path(path)
+    scan_mjcf(path)
+    conversion: MjcfConversion = in_child(
+        "excite.robot.mjcf.conversion:compile_mjcf",
+        path,
+        source=path,
+        error=RobotError,
+        seconds=COMPILE_SECONDS,
+        memory_gb=COMPILE_MEMORY_GB,
+    )
+    return conversion
+
+
+def compile_mjcf(path: Path) -> MjcfConversion:
+    """As :func:`convert_mjcf`, in this process and without looking through the file first."""
+    import mujoco
+
+    # MuJoCo writes warnings to a file in the current folder.
+    mujoco.set_mju_user_warning(lambda _: None)
+    notes: list[str] = []
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        _strip_missing_meshes(spec, path, notes)
+        model = spec.compile()
+    except (ValueError, OSError, RuntimeError) as error:
+        line = " ".join(str(error).split())
+        raise RobotError(f"MuJoCo cannot compile it ({line})", source=path, remedy="mend it there") from error
+    _refuse(model, path)
+    root = _root(model, path)
+    bodies = _subtree(model, root) if root else tuple(range(1, model.nbody))
+    writer = UrdfWriter(model, bodies, _mimics(model, path), _torque_limits(model))
+    robot = writer.robot(spec.modelname or path.stem, root)
+    if model.dof_armature[6 if root else 0 :].any():
+        notes.append("rotor inertia (armature) is not in the URDF; put it under drives in robot.yaml")
+    text = '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
+    return MjcfConversion(
+        spec.modelname or path.stem, root != 0, text, writer.meshes, (*notes, *writer.notes)
+    )
+
+
+def _strip_missing_meshes(spec: mujoco.MjSpec, path: Path, notes: list[str]) -> None:
+    """Take geoms out whose mesh file is not there, where no inertia depends on them."""
+    folder = path.parent / (spec.meshdir or "")
+    missing = {
+        mesh.name: mesh for mesh in spec.meshes if mesh.file and not os.path.isfile(folder / mesh.file)
+    }
+    if not missing:
+        return
+    for geom in list(spec.geoms):
+        if geom.meshname not in missing:
+            continue
+        if geom.parent.name != "world" and not geom.parent.explicitinertial:
+            raise RobotError(
+                f"mesh file {missing[geom.meshname].file!r} is not there, and the inertia of body"
+                f" {geom.parent.name!r} follows from it",
+                source=path,
+                field=f"mesh {geom.meshname!r}",
+                remedy="put the file there or give the body an <inertial>",
+            )
+        spec.delete(geom)
+    for mesh in missing.values():
+        spec.delete(mesh)
+    names = ", ".join(sorted(missing)[:4]) + (", …" if len(missing) > 4 else "")
+    notes.append(f"{len(missing)} mesh files are not there and left out ({names})")
+
+
+def _refuse(model: mujoco.MjModel, path: Path) -> None:
+    """Refuse what is not a tree of one-coordinate joints."""
+    import mujoco
+
+    for joint in range(model.njnt):
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
+            raise RobotError(
+                "is a ball joint; only joints with one coordinate are modelled",
+                source=path,
+                field=f"joint {model.joint(joint).name!r}",
+                remedy="make it three hinges",
+            )
+    if model.ntendon:
+        raise RobotError(
+            "is a tendon, which a URDF does not have",
+            source=path,
+            field=f"tendon {model.tendon(0).name!r}",
+            remedy="remove it, or hold still what it drives",
+        )
+    if model.nflex:
+        raise RobotError("is deformable", source=path, field="flex", remedy="remove it")
+
+
+def _root(model: mujoco.MjModel, path: Path) -> int:
+    """Body that floats, 0 for a robot that is bolted down."""
+    import mujoco
+
+    free = [
+        int(model.jnt_bodyid[j]) for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE
+    ]
+    if not free:
+        return 0
+    moving = sorted({int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt)})
+    if len(moving) > 1:
+        names = ", ".join(repr(model.body(body).name) for body in moving)
+        raise RobotError(
+            f"holds {len(moving)} bodies that move on their own: {names}",
+            source=path,
+            field="worldbody",
+            remedy="keep the robot alone",
+        )
+    return free[0]
+
+
+def _subtree(model: mujoco.MjModel, root: int) -> tuple[int, ...]:
+    return tuple(body for body in range(1, model.nbody) if model.body_rootid[body] == root)
+
+
+def _mimics(model: mujoco.MjModel, path: Path) -> dict[int, Mimic]:
+    """Joints that a linear equality ties to another; any other equality closes a loop and is refused."""
+    import mujoco
+
+    mimics: dict[int, Mimic] = {}
+    for number in np.flatnonzero(model.eq_active0):
+        kind, data = model.eq_type[number], model.eq_data[number]
+        follower, master = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+        couples = kind == mujoco.mjtEq.mjEQ_JOINT and master >= 0 and not np.any(data[2:5])
+        if not couples or follower in mimics:
+            words = {
+                mujoco.mjtEq.mjEQ_CONNECT: "connects two bodies (a closed loop)",
+                mujoco.mjtEq.mjEQ_WELD: "welds two bodies (a closed loop)",
+            }
+            raise RobotError(
+                words.get(mujoco.mjtEq(int(kind)), "is an equality that a URDF does not have"),
+                source=path,
+                field=f"equality {model.equality(int(number)).name or number}",
+                remedy="remove it; closed loops are not modelled",
+            )
+        # MuJoCo couples differences from the reference positions, which are zero in the URDF.
+        mimics[follower] = Mimic(master, float(data[1]), float(data[0]))
+    return mimics
+
+
+def _torque_limits(model: mujoco.MjModel) -> dict[int, float]:
+    """Largest torque of each joint: its own force range, else its motor's."""
+    import mujoco
+
+    limits: dict[int, float] = {}
+    for joint in range(model.njnt):
+        if model.jnt_actfrclimited[joint]:
+            limits[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+        if not on_joint or joint in limits:
+            continue
+        gear = abs(float(model.actuator_gear[actuator, 0]))
+        plain = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        if model.actuator_forcelimited[actuator]:
+            limits[joint] = gear * float(np.abs(model.actuator_forcerange[actuator]).max())
+        elif plain and model.actuator_ctrllimited[actuator]:
+            gain = abs(float(model.actuator_gainprm[actuator, 0]))
+            limits[joint] = gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max())
+    return limits

@@ -1,0 +1,153 @@
+"""MuJoCo model files looked through before MuJoCo sees them: what they include, how large they become, their numbers.
+
+A line of MJCF can stand for a billion bodies (``replicate``, ``composite``, ``flexcomp``), name a pipe as a mesh, or
+include itself; MuJoCo then takes all memory, waits for ever, or ends the process.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+from excite.errors import RobotError
+from excite.reading.file import check_file, unreadable_file
+from excite.reading.xml_document import read_xml
+from excite.robot.mjcf.numbers import check_numbers, count
+
+# The largest model known, a rodent with muscles and skin, has 4 000 elements in 5 files, 30 deep.
+MAX_EXPANDED = 100_000
+MAX_DEPTH = 100
+MAX_FILES = 200
+# The largest mesh known has 29 MB; MuJoCo itself refuses meshes of more than 16 000 000 corners.
+MAX_ASSET_BYTES = 256 * 1024 * 1024
+
+_MULTIPLIERS = ("replicate", "composite", "flexcomp")
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
+_ASSETS = ("mesh", "texture", "hfield", "skin", "flexcomp", "composite", "plugin")
+
+
+def scan_mjcf(path: Path) -> None:
+    """Refuse a MuJoCo model that would be too large, includes what is no file, or holds numbers that are none.
+
+    Raises:
+        RobotError: names file, element and what to do.
+    """
+    scan = _Scan(path.parent)
+    root = scan.read(path)
+    if root.tag != "mujoco":
+        raise RobotError(
+            f"is no MuJoCo model: its outermost element is <{root.tag[:60]}>, not <mujoco>",
+            source=path,
+            remedy="give an MJCF file",
+        )
+    scan.size(root, (path,), 0)
+    scan.check_assets()
+
+
+@dataclass
+class _Scan:
+    """What was seen so far.
+
+    Attributes:
+        folder: folder of the model's main file, to which all paths are relative.
+        files: how many files were read.
+        folders: folders that the model names for its assets.
+        assets: files that it names, with the element that names them.
+        models: size of each model that may be attached, by name.
+    """
+
+    folder: Path
+    files: int = 0
+    folders: set[str] = field(default_factory=lambda: {""})
+    assets: list[tuple[str, str]] = field(default_factory=list)
+    models: dict[str, int] = field(default_factory=dict)
+
+    def read(self, path: Path) -> ElementTree.Element:
+        self.files += 1
+        if self.files > MAX_FILES:
+            raise RobotError(
+                f"is made of more than {MAX_FILES} files", source=path, remedy="reduce what it includes"
+            )
+        root = read_xml(path, error=RobotError, max_depth=MAX_DEPTH)
+        # Attached models may be named before or after the place where they are used.
+        for model in root.iter("model"):
+            self.models.setdefault(_name(model), 0)
+        return root
+
+    def size(self, element: ElementTree.Element, files: tuple[Path, ...], depth: int) -> int:
+        """Number of elements that an element becomes; checks everything below it."""
+        path, tag = files[-1], element.tag
+        if depth > MAX_DEPTH:
+            raise RobotError(
+                f"elements are nested more than {MAX_DEPTH} deep",
+                source=path,
+                field=tag[:60],
+                remedy="flatten it",
+            )
+        check_numbers(element, path)
+        below = 1
+        if tag == "include" or (tag == "model" and "file" in element.attrib):
+            below += self._other(element, files, depth)
+        elif tag == "compiler":
+            self.folders |= {element.get(key, "") for key in _FOLDERS}
+        elif tag in _ASSETS:
+            self.assets += [(value, tag) for key, value in element.items() if key.startswith("file")]
+        if tag == "attach":
+            below += self.models.get(element.get("model", ""), 0)
+        # Assets come first, so that models are known where they are attached.
+        for child in sorted(element, key=lambda child: child.tag not in {"compiler", "asset"}):
+            below += self.size(child, files, depth + 1)
+        total = below * (count(element, path) if tag in _MULTIPLIERS else 1)
+        if total > MAX_EXPANDED:
+            raise RobotError(
+                f"stands for more than {MAX_EXPANDED} elements",
+                source=path,
+                field=f"{tag}@count" if tag in _MULTIPLIERS else tag,
+                remedy="repeat less",
+            )
+        return total
+
+    def _other(self, element: ElementTree.Element, files: tuple[Path, ...], depth: int) -> int:
+        """Size of another file that an element brings in."""
+        named = element.get("file", "")
+        if not named:
+            raise RobotError("is missing", source=files[-1], field=f"{element.tag}@file", remedy="name it")
+        other = self._found(named, files[-1])
+        same = [file for file in files if other.exists() and file.exists() and file.samefile(other)]
+        if same:
+            raise RobotError(
+                f"includes itself through {named!r}",
+                source=files[-1],
+                field=f"{element.tag}@file",
+                remedy="remove it",
+            )
+        size = self.size(self.read(other), (*files, other), depth + 1)
+        if element.tag == "model":
+            name = _name(element)
+            self.models[name] = max(self.models.get(name, 0), size)
+        return size
+
+    def _found(self, named: str, by: Path) -> Path:
+        """File of that name; MuJoCo takes it relative to the main file, other tools to the one that names it."""
+        places = [self.folder / named, by.parent / named]
+        return next((place for place in places if os.path.exists(place)), places[0])
+
+    def check_assets(self) -> None:
+        """Refuse meshes and pictures that are no files or too large; those that are not there are the compiler's."""
+        for named, tag in self.assets:
+            for folder in self.folders:
+                file = self.folder / folder / named
+                try:
+                    file.stat()
+                except (FileNotFoundError, NotADirectoryError):
+                    continue
+                except (OSError, ValueError) as reason:
+                    raise unreadable_file(file, reason, RobotError) from reason
+                if named and not (folder and file.is_dir() and tag == "plugin"):
+                    check_file(file, limit=MAX_ASSET_BYTES, error=RobotError)
+
+
+def _name(model: ElementTree.Element) -> str:
+    return model.get("name") or Path(model.get("file", "")).stem

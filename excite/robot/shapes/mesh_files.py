@@ -1,0 +1,137 @@
+"""Corners of mesh files, in STL, Collada and OBJ, also of damaged ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.errors import RobotError
+from excite.reading.child import in_child
+from excite.reading.file import check_file, read_bytes
+
+Array = NDArray[np.float64]
+
+# The largest mesh known, the trunk of a quadruped in Collada, has 29 MB.
+MAX_MESH_BYTES = 256 * 1024 * 1024
+# A part of 1 km in micrometres.
+MAX_COORDINATE = 1e9
+# That trunk takes 6 s. Of 300 damaged Collada files four kept the loader busy without end, so that the search for the
+# one among many shall not take a minute.
+BATCH_SECONDS = 20.0
+MESH_SECONDS = 12.0
+SECONDS_A_MEGABYTE = 0.7
+LOADING_MEMORY_GB = 8.0
+
+_BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_DAMAGED = "it is damaged: export it again"
+
+
+def mesh_points(path: Path) -> Array:
+    """Corners of a mesh file, ``(n, 3)``, in its own unit and frame; shared corners may be repeated.
+
+    STL is read here; any other format (Collada, OBJ) goes through coal's loader, in a process of its own.
+
+    Raises:
+        RobotError: the file is missing, unreadable, damaged or too large, or holds no finite point.
+    """
+    return read_meshes([path])[path]
+
+
+def read_meshes(paths: Iterable[Path]) -> dict[Path, Array]:
+    """Corners of several mesh files by path; arguments and errors as for :func:`mesh_points`."""
+    found: dict[Path, Array] = {}
+    others: list[Path] = []
+    for path in dict.fromkeys(paths):
+        if path.suffix.lower() == ".stl":
+            found[path] = _checked(_stl_points(path), path)
+        else:
+            others.append(check_file(path, limit=MAX_MESH_BYTES, error=RobotError))
+    found |= {path: _checked(points, path) for path, points in _loaded(others).items()}
+    return found
+
+
+def load_points(paths: tuple[Path, ...]) -> list[Array]:
+    """Corners of mesh files as coal loads them, in this process: a damaged file may take it down."""
+    import coal
+
+    loaded = []
+    for path in paths:
+        try:
+            loaded.append(np.array(coal.MeshLoader().load(str(path), np.ones(3)).vertices()).reshape(-1, 3))
+        except (RuntimeError, ValueError) as error:
+            reason = " ".join(str(error).split())
+            what = f"mesh cannot be read ({reason[:160]})"
+            raise RobotError(what, source=path, remedy="check the mesh's format") from error
+    return loaded
+
+
+def _loaded(paths: list[Path]) -> dict[Path, Array]:
+    """All in one process, since starting it takes longer than most meshes."""
+    if not paths:
+        return {}
+    try:
+        return _in_child(paths, BATCH_SECONDS)
+    except RobotError:
+        if len(paths) == 1:
+            raise
+    # A child that hangs or crashes does not say at which of them.
+    found: dict[Path, Array] = {}
+    for path in paths:
+        found |= _in_child([path], MESH_SECONDS)
+    return found
+
+
+def _in_child(paths: list[Path], seconds: float) -> dict[Path, Array]:
+    megabytes = sum(path.stat().st_size for path in paths) / 1e6
+    points = in_child(
+        "excite.robot.shapes.mesh_files:load_points",
+        tuple(paths),
+        source=paths[0],
+        error=RobotError,
+        seconds=seconds + SECONDS_A_MEGABYTE * megabytes,
+        memory_gb=LOADING_MEMORY_GB,
+    )
+    return dict(zip(paths, points, strict=True))
+
+
+def _checked(points: Array, path: Path) -> Array:
+    if len(points) == 0 or not np.isfinite(points).all():
+        raise RobotError(
+            "mesh has no corners or one that is not finite", source=path, remedy="export it again"
+        )
+    if np.abs(points).max() > MAX_COORDINATE:
+        raise RobotError(
+            f"mesh has a corner {np.abs(points).max():.3g} from its origin", source=path, remedy=_DAMAGED
+        )
+    return points
+
+
+def _stl_points(path: Path) -> Array:
+    content = read_bytes(path, limit=MAX_MESH_BYTES, error=RobotError)
+    n_triangles = int.from_bytes(content[80:84], "little") if len(content) >= 84 else -1
+    if len(content) == 84 + 50 * n_triangles:
+        triangles = np.frombuffer(content, _BINARY_STL, n_triangles, offset=84)
+        return triangles["corners"].reshape(-1, 3).astype(np.float64)
+    # What begins so is text, unless it holds what no text does.
+    if content[:5].lower() == b"solid" and b"\0" not in content:
+        return _text_points(content, path)
+    what = f"has {len(content)} bytes"
+    if n_triangles >= 0:
+        what += f", and its {n_triangles} triangles take {84 + 50 * n_triangles}"
+    raise RobotError(f"mesh is no whole STL file: it {what}", source=path, remedy=_DAMAGED)
+
+
+def _text_points(content: bytes, path: Path) -> Array:
+    text = content.decode("ascii", "replace")
+    rows = [line.split()[1:] for line in text.splitlines() if line.lstrip().startswith("vertex")]
+    whole = text.rstrip().splitlines()[-1].lstrip().lower().startswith("endsolid") and len(rows) % 3 == 0
+    if not whole or any(len(row) != 3 for row in rows):
+        raise RobotError("mesh is no whole STL file: its text ends early", source=path, remedy=_DAMAGED)
+    try:
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise RobotError(f"mesh is no STL file ({reason[:100]})", source=path, remedy=_DAMAGED) from error

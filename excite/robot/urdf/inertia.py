@@ -1,0 +1,198 @@
+"""Inertials of a URDF: every body that moves has mass, and no body is impossible."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.errors import RobotError
+from excite.robot.urdf.numbers import numbers
+
+TOLERANCE = 1e-6
+"""How far, relative to the largest principal moment, a moment may break the triangle inequality."""
+
+MAX_GYRATION = 20.0
+"""Largest radius of gyration of a link [m].
+
+Twice what the most careless of 1181 published models has, which put in moments of 1 or 100 for want of better; the
+boom of a crane, 60 m, has 17. Moments in kg·mm² make it a thousand times what it is.
+"""
+
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+@dataclass(frozen=True, eq=False)
+class _Inertial:
+    mass: float
+    centre: NDArray[np.float64]
+    moments: NDArray[np.float64]
+
+
+def check_inertials(
+    root: ElementTree.Element,
+    joints: dict[str, ElementTree.Element],
+    floating: bool,
+    acknowledged: Mapping[str, str],
+    path: Path,
+) -> None:
+    """Check the inertial of every link, and that every rigid body that moves has mass and inertia.
+
+    A link without mass is a frame: allowed where it is fixed to a link that has mass. Principal moments
+    about the CoM must not be negative and must obey the triangle inequality, with equality allowed on
+    links of a larger body; the moments of each whole moving body must be positive.
+
+    Args:
+        root: the ``robot`` element.
+        joints: its joints by name, locked ones already fixed.
+        floating: whether the root body moves.
+        acknowledged: links whose fault ``robot.yaml`` accepts, with the reason.
+        path: file, for the error.
+
+    Raises:
+        RobotError: names the link and what to do.
+    """
+    faults = inertial_faults(root, joints, floating, path)
+    for name, error in faults.items():
+        if name not in acknowledged:
+            raise error
+    for name in acknowledged:
+        if name not in faults:
+            raise RobotError(
+                "needs no acknowledgement: its inertia is sound or it does not exist",
+                source=path,
+                field=f"link {name!r}",
+                remedy="remove it from model.acknowledged in robot.yaml",
+            )
+
+
+def inertial_faults(
+    root: ElementTree.Element, joints: dict[str, ElementTree.Element], floating: bool, path: Path
+) -> dict[str, RobotError]:
+    """Links whose inertial is missing or impossible and may be acknowledged, with the error each would raise.
+
+    Arguments as for :func:`check_inertials`.
+
+    Raises:
+        RobotError: a fault that cannot be acknowledged: a number that is none, a negative mass.
+    """
+    inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    faults: dict[str, RobotError] = {}
+    for name, inertial in inertials.items():
+        fault = None if inertial is None else _impossible(inertial.moments, strict=False)
+        if fault:
+            remedy = _remedy(name, "correct the moments")
+            faults[name] = RobotError(
+                fault, source=path, field=f"link {name!r}/inertial/inertia", remedy=remedy
+            )
+    for name, members in _bodies(inertials, joints, floating).items():
+        fault = _body_fault([inertials[member] for member in members])
+        if fault and not faults.keys() & set(members):
+            remedy = _remedy(name, "give the link an <inertial> with mass and moments")
+            faults[name] = RobotError(fault, source=path, field=f"link {name!r}/inertial", remedy=remedy)
+    return faults
+
+
+def resting_faults(
+    root: ElementTree.Element, joints: dict[str, ElementTree.Element], path: Path
+) -> tuple[str, ...]:
+    """Links with an impossible inertial that no joint moves on a fixed base: their inertia acts on nothing.
+
+    Arguments as for :func:`check_inertials`.
+    """
+    inertials = {link.get("name", ""): _inertial(link, path) for link in root.findall("link")}
+    moved = {name for members in _bodies(inertials, joints, floating=False).values() for name in members}
+    return tuple(name for name in inertial_faults(root, joints, False, path) if name not in moved)
+
+
+def _remedy(link: str, mend: str) -> str:
+    return f"{mend}, or acknowledge it under model.acknowledged.{link} in robot.yaml with the reason"
+
+
+def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
+    elements = link.findall("inertial")
+    where = f"link {link.get('name')!r}/inertial"
+    if not elements:
+        return None
+    if len(elements) > 1:
+        raise RobotError("occurs twice", source=path, field=where, remedy="keep one")
+    mass_element, inertia = elements[0].find("mass"), elements[0].find("inertia")
+    if mass_element is None:
+        raise RobotError("has no <mass>", source=path, field=where, remedy="give the mass in kilograms")
+    if inertia is None:
+        raise RobotError(
+            "has no <inertia>", source=path, field=where, remedy="give the moments about the CoM"
+        )
+    (mass,) = numbers(mass_element, "value", 1, path, f"{where}/mass")
+    origin = elements[0].find("origin")
+    pose = ElementTree.Element("origin") if origin is None else origin
+    centre, rpy = (numbers(pose, key, 3, path, f"{where}/origin", default="0 0 0") for key in ("xyz", "rpy"))
+    values = [numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in _MOMENTS]
+    if mass < 0.0 or (mass == 0.0 and any(values)):
+        remedy = "give a positive mass in kilograms"
+        raise RobotError(f"is {mass}", source=path, field=f"{where}/mass@value", remedy=remedy)
+    radius = math.sqrt(max(map(abs, values)) / mass) if mass > 0.0 else 0.0
+    if radius > MAX_GYRATION:
+        raise RobotError(
+            f"spreads {mass:g} kg over a radius of {radius:.3g} m",
+            source=path,
+            field=f"{where}/inertia",
+            remedy="write moments in kg·m² and masses in kg",
+        )
+    xx, xy, xz, yy, yz, zz = values
+    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    rotation = pin.rpy.rpyToMatrix(*rpy)
+    # A frame: mass and moments all zero.
+    return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T) if mass > 0.0 else None
+
+
+def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:
+    """What is wrong with moments about the CoM, in words; None if nothing is."""
+    low, middle, high = (float(value) for value in np.linalg.eigvalsh(moments))
+    if low < -TOLERANCE * max(high, 0.0) or high < 0.0 or (strict and low <= 0.0):
+        return f"is not positive definite (smallest principal moment {low:.3g})"
+    if low + middle < high * (1.0 - TOLERANCE):
+        return f"breaks the triangle inequality ({low:.3g} + {middle:.3g} < {high:.3g})"
+    return None
+
+
+def _bodies(
+    inertials: dict[str, _Inertial | None], joints: dict[str, ElementTree.Element], floating: bool
+) -> dict[str, list[str]]:
+    """Links of each moving rigid body, by the link that its joint carries."""
+    fixed: dict[str, str] = {}
+    moving: set[str] = set()
+    for joint in joints.values():
+        parent, child = (str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
+        if joint.get("type") == "fixed":
+            fixed[child] = parent
+        else:
+            moving.add(child)
+    members: dict[str, list[str]] = {}
+    for link in inertials:
+        head = link
+        while head in fixed:
+            head = fixed[head]
+        if floating or head in moving:
+            members.setdefault(head, []).append(link)
+    return members
+
+
+def _body_fault(parts: list[_Inertial | None]) -> str | None:
+    """Whether links that move as one body have mass and positive moments together.
+
+    Where the links' own orientations would matter, the parts are taken one by one: several links with mass
+    always sum to a possible body when each is possible, and a fixed pair of point masses is accepted.
+    """
+    solid = [part for part in parts if part is not None]
+    if not solid:
+        return "moves and has no mass"
+    if len(solid) == 1:
+        return _impossible(solid[0].moments, strict=True)
+    return None

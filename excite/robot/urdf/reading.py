@@ -1,0 +1,213 @@
+"""Strict reading of URDF files: what is missing or absurd is one clear error before pinocchio sees it.
+
+pinocchio takes the mass ``1,5`` for 0, accepts zero axes and negative inertia, and dies on endless chains
+without a message; so everything that it would swallow is checked here.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import RobotError
+from excite.reading.xml_document import read_xml
+from excite.robot.joint_values import check_range
+from excite.robot.urdf.inertia import check_inertials
+from excite.robot.urdf.numbers import numbers
+from excite.robot.urdf.tree import MOVING, check_tree
+
+# The deepest element known, a mesh of a link, is the sixth.
+MAX_NESTING = 32
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a ``robot.yaml`` says about joints and links that changes how the URDF is read.
+
+    Attributes:
+        floating: whether the base moves, so that the root link needs mass.
+        locked: joints that are held, with their value [rad or m].
+        limits: position limits by joint, where ``robot.yaml`` states them [rad or m].
+        acknowledged: links whose missing or impossible inertia is accepted, with the reason.
+    """
+
+    floating: bool = False
+    locked: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    acknowledged: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_urdf(path: Path, stated: Stated | None = None) -> str:
+    """Read a URDF, check it, and rewrite it so that every reader understands it alike.
+
+    Mesh paths become absolute where the file is found; locked joints, and mimic joints that follow a
+    locked one, become fixed at their value; continuous joints become revolute within the limits that
+    ``stated`` gives, so that each joint has one coordinate.
+
+    Args:
+        path: the URDF file.
+        stated: what the robot's description says; by default a fixed base and nothing else.
+
+    Returns:
+        URDF text that pinocchio can load.
+
+    Raises:
+        RobotError: the file is missing or something in it is absurd; names element and remedy.
+    """
+    stated = stated or Stated()
+    root = parse_urdf(path)
+    joints = check_tree(root, path)
+    _lock(joints, stated, path)
+    for joint in joints.values():
+        _one_coordinate(joint, stated, path)
+    check_inertials(root, joints, stated.floating, stated.acknowledged, path)
+    _absolute_meshes(root, path)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def parse_urdf(path: Path) -> ElementTree.Element:
+    """The ``robot`` element of a URDF file.
+
+    Raises:
+        RobotError: the file is missing, is no XML, hides entities, or is another format.
+    """
+    root = read_xml(path, error=RobotError, max_depth=MAX_NESTING)
+    if root.tag != "robot":
+        known = {"mujoco": "a MuJoCo model", "sdf": "an SDF model"}
+        what = f"is {known.get(root.tag, 'no URDF')}: its outermost element is <{root.tag}>, not <robot>"
+        raise RobotError(
+            what,
+            source=path,
+            field=root.tag,
+            remedy="export it as URDF; excite init-robot does so for MuJoCo",
+        )
+    return root
+
+
+def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) -> None:
+    values = dict(stated.locked)
+    for name in values:
+        if name not in joints:
+            raise RobotError(
+                f"no joint {name!r} in the model",
+                source=path,
+                field="locked_joints",
+                remedy="the model has " + ", ".join(n for n, j in joints.items() if j.get("type") in MOVING),
+            )
+        check_range(
+            name, (values[name],), joints[name].get("type") == "prismatic", f"locked_joints.{name}", path
+        )
+    for name, joint in joints.items():
+        mimic = joint.find("mimic")
+        if mimic is None or joint.get("type") == "fixed":
+            continue
+        where = f"joint {name!r}/mimic"
+        master = mimic.get("joint", "")
+        (factor,) = numbers(mimic, "multiplier", 1, path, where, default="1")
+        (offset,) = numbers(mimic, "offset", 1, path, where, default="0")
+        if master not in stated.locked:
+            raise RobotError(
+                f"follows joint {master!r}, and coupled joints are not modelled",
+                source=path,
+                field=where,
+                remedy=f"hold {master!r} still under locked_joints in robot.yaml",
+            )
+        values.setdefault(name, factor * stated.locked[master] + offset)
+        joint.remove(mimic)
+    for name, value in values.items():
+        _fix(joints[name], value, path)
+
+
+def _fix(joint: ElementTree.Element, value: float, path: Path) -> None:
+    """Turn a moving joint into a fixed one at ``value``."""
+    where = f"joint {joint.get('name')!r}"
+    if joint.get("type") == "fixed":
+        raise RobotError("is fixed already", source=path, field=where, remedy="remove it from locked_joints")
+    origin = joint.find("origin")
+    if origin is None:
+        origin = ElementTree.SubElement(joint, "origin")
+    pose = pin.SE3(
+        pin.rpy.rpyToMatrix(*numbers(origin, "rpy", 3, path, where, default="0 0 0")),
+        np.array(numbers(origin, "xyz", 3, path, where, default="0 0 0")),
+    )
+    axis = joint.find("axis")
+    direction = np.array([1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, path, where))
+    direction /= np.linalg.norm(direction)
+    if joint.get("type") == "prismatic":
+        pose = pose * pin.SE3(np.eye(3), value * direction)
+    else:
+        pose = pose * pin.SE3(pin.exp3(value * direction), np.zeros(3))
+    origin.set("xyz", " ".join(repr(float(x)) for x in pose.translation))
+    origin.set("rpy", " ".join(repr(float(x)) for x in pin.rpy.matrixToRpy(pose.rotation)))
+    joint.set("type", "fixed")
+
+
+def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> None:
+    """Make a continuous joint revolute and give every moving joint a complete ``limit`` element."""
+    name, kind = joint.get("name", ""), joint.get("type")
+    if kind not in MOVING:
+        return
+    limit = joint.find("limit")
+    has_limits = limit is not None and "lower" in limit.attrib and "upper" in limit.attrib
+    if name in stated.limits:
+        lower, upper = stated.limits[name]
+    elif kind != "continuous" and limit is not None and has_limits:
+        lower, upper = (
+            numbers(limit, side, 1, path, f"joint {name!r}/limit")[0] for side in ("lower", "upper")
+        )
+    else:
+        raise RobotError(
+            "turns without end" if kind == "continuous" else "has no position limits",
+            source=path,
+            field=f"joint {name!r}/limit",
+            remedy=f"state limits.position.joints.{name} in robot.yaml",
+        )
+    if limit is None:
+        limit = ElementTree.SubElement(joint, "limit")
+    if kind == "continuous":
+        joint.set("type", "revolute")
+    limit.set("lower", repr(lower))
+    limit.set("upper", repr(upper))
+    # Absent or 0: refused later unless robot.yaml states them.
+    limit.set("effort", limit.get("effort", "0"))
+    limit.set("velocity", limit.get("velocity", "0"))
+
+
+def _absolute_meshes(root: ElementTree.Element, path: Path) -> None:
+    for mesh in root.iter("mesh"):
+        found = find_mesh(mesh.get("filename", ""), path)
+        if found is not None:
+            mesh.set("filename", str(found))
+
+
+def find_mesh(name: str, urdf: Path) -> Path | None:
+    """File that a mesh's ``filename`` means, or None if there is none.
+
+    ``package://NAME/…`` is looked for in the folders above the URDF and in ``$ROS_PACKAGE_PATH``;
+    other names are relative to the URDF.
+    """
+    folder = urdf.resolve().parent
+    if "\0" in name:
+        return None
+    if not name.startswith("package://"):
+        file = folder / name.removeprefix("file://")
+        # Also what is no file, whose reader says so.
+        return file.resolve() if name and os.path.exists(file) else None
+    relative = Path(name.removeprefix("package://").lstrip("/"))
+    roots = [folder, *folder.parents]
+    roots += [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
+    for root in roots:
+        inside = root / relative
+        if os.path.isfile(inside):
+            return inside.resolve()
+        # $ROS_PACKAGE_PATH may name the package's own folder.
+        below = root.joinpath(*relative.parts[1:])
+        if relative.parts and root.name == relative.parts[0] and os.path.isfile(below):
+            return below.resolve()
+    return None

@@ -1,0 +1,238 @@
+"""Links and joints of a URDF: names, types, axes and limits, and that they form one tree."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from excite.errors import RobotError
+from excite.robot.joint_values import check_range
+from excite.robot.quantities import MAX_ANGLE
+from excite.robot.urdf.geometry import check_geometry, check_origin
+from excite.robot.urdf.numbers import numbers, shorten
+
+MOVING = ("revolute", "continuous", "prismatic")
+MAX_LINKS = 2000
+# The largest known, a mobile robot with two arms and hands, has 101 and 112; every solid is compared with every
+# other one, in 100 postures: these bounds keep that below half a minute.
+MAX_MOVING = 200
+MAX_SOLIDS = 400
+MAX_DEPTH = 200
+# Names become parts of columns, file names and lines of text.
+MAX_NAME = 200
+# Readers take the first or the last of what stands twice, each its own.
+_ONCE = {
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics"),
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "collision": ("origin", "geometry"),
+    "visual": ("origin", "geometry"),
+}
+
+
+def check_tree(root: ElementTree.Element, path: Path) -> dict[str, ElementTree.Element]:
+    """Check links and joints of a ``robot`` element.
+
+    Returns:
+        The joints by name, in the file's order.
+
+    Raises:
+        RobotError: duplicated or missing names, unknown links or joint types, an impossible axis, origin
+            or limit, several roots, closed loops, or a tree too large or too deep.
+    """
+    if not root.get("name", "").strip():
+        raise RobotError("is missing", source=path, field="robot@name", remedy="name the robot")
+    _check_name(root.get("name", ""), "robot@name", path)
+    links = _named(root, "link", path)
+    joints = _named(root, "joint", path)
+    if not links:
+        raise RobotError("has no <link>", source=path, field="robot", remedy="describe at least one")
+    if len(links) > MAX_LINKS:
+        what = f"has {len(links)} links, more than {MAX_LINKS}"
+        raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+    for kind, elements in (("link", links), ("joint", joints)):
+        for name, element in elements.items():
+            _check_once(element, f"{kind} {name!r}", path)
+            _check_flat(element, f"{kind} {name!r}", path)
+    parents: dict[str, str] = {}
+    carriers: dict[str, str] = {}
+    for name, joint in joints.items():
+        parent, child = (_end(joint, name, end, links, path) for end in ("parent", "child"))
+        if child in carriers:
+            raise RobotError(
+                f"is the child of two joints, {carriers[child]!r} and {name!r}: a closed loop",
+                source=path,
+                field=f"link {child!r}",
+                remedy="cut the loop by removing one of them; closed loops are not modelled",
+            )
+        parents[child], carriers[child] = parent, name
+        _check_joint(joint, name, path)
+    _check_roots(links, parents, path)
+    _check_count(root, path)
+    for name, link in links.items():
+        check_geometry(link, name, path)
+    return joints
+
+
+def _named(root: ElementTree.Element, tag: str, path: Path) -> dict[str, ElementTree.Element]:
+    found: dict[str, ElementTree.Element] = {}
+    for number, element in enumerate(root.findall(tag)):
+        name = element.get("name", "")
+        if not name.strip():
+            raise RobotError("has no name", source=path, field=f"{tag} {number}", remedy="name it")
+        _check_name(name, f"{tag} {number}", path)
+        if name in found:
+            raise RobotError(
+                "occurs twice", source=path, field=f"{tag} {name!r}", remedy="rename one of them"
+            )
+        found[name] = element
+    return found
+
+
+def _check_count(root: ElementTree.Element, path: Path) -> None:
+    moving = sum(joint.get("type") in MOVING for joint in root.findall("joint"))
+    solids = {kind: len(root.findall(f"link/{kind}")) for kind in ("collision", "visual")}
+    for what, number, most in (
+        ("joints that move", moving, MAX_MOVING),
+        *((f"{kind} elements", number, MAX_SOLIDS) for kind, number in solids.items()),
+    ):
+        if number > most:
+            what = f"has {number} {what}, more than {most}"
+            raise RobotError(what, source=path, field="robot", remedy="reduce the model")
+
+
+def _check_name(name: str, where: str, path: Path) -> None:
+    if len(name) > MAX_NAME or not name.isprintable():
+        what = f"has the name {shorten(name)!r}"
+        remedy = f"give it a name of at most {MAX_NAME} printable characters"
+        raise RobotError(what, source=path, field=where, remedy=remedy)
+
+
+def _check_once(element: ElementTree.Element, where: str, path: Path) -> None:
+    for tag in _ONCE.get(element.tag, ()):
+        found = element.findall(tag)
+        # Published models of real arms have a mount with two: where that stands changes no torque.
+        mount = tag == "origin" and element.tag == "joint" and element.get("type") == "fixed"
+        if len(found) > 1 and not mount:
+            raise RobotError("occurs twice", source=path, field=f"{where}/{tag}", remedy="keep one")
+    for child in element:
+        if child.tag in _ONCE:
+            _check_once(child, f"{where}/{child.tag}", path)
+        elif child.tag == "geometry" and len(child) - len(child.findall("material")) > 1:
+            raise RobotError(
+                f"holds {len(child)} solids",
+                source=path,
+                field=f"{where}/geometry",
+                remedy=f"give each a <{element.tag}> of its own",
+            )
+
+
+def _check_flat(element: ElementTree.Element, where: str, path: Path) -> None:
+    """Readers pass over a link or joint inside another one."""
+    for inside in element.iter():
+        if inside is not element and inside.tag in {"link", "joint"}:
+            what = f"holds the {inside.tag} {shorten(inside.get('name', ''))!r}"
+            raise RobotError(what, source=path, field=where, remedy="put it beside, not inside")
+
+
+def _end(
+    joint: ElementTree.Element, name: str, end: str, links: dict[str, ElementTree.Element], path: Path
+) -> str:
+    element = joint.find(end)
+    link = None if element is None else element.get("link")
+    where = f"joint {name!r}/{end}"
+    if link is None:
+        raise RobotError("is missing", source=path, field=where, remedy=f"name the {end} link")
+    if link not in links:
+        raise RobotError(
+            f"unknown link {link!r}", source=path, field=where, remedy=f"define the link {link!r}"
+        )
+    return link
+
+
+def _check_joint(joint: ElementTree.Element, name: str, path: Path) -> None:
+    where, kind = f"joint {name!r}", joint.get("type")
+    if kind in {"floating", "planar"}:
+        what = f"is {kind}; only joints with one coordinate are modelled"
+        raise RobotError(
+            what, source=path, field=where, remedy="fix it, or let the base float with base: floating"
+        )
+    if kind != "fixed" and kind not in MOVING:
+        raise RobotError(
+            f"has the type {kind!r}",
+            source=path,
+            field=where,
+            remedy="use one of fixed, " + ", ".join(MOVING),
+        )
+    check_origin(joint, where, path)
+    if kind == "fixed":
+        return
+    axis = joint.find("axis")
+    if axis is not None:
+        direction = np.array(numbers(axis, "xyz", 3, path, f"{where}/axis"))
+        if not 1e-6 < np.linalg.norm(direction) < 1e6:
+            what = f"is {axis.get('xyz')!r}, which is no direction"
+            raise RobotError(what, source=path, field=f"{where}/axis", remedy="give a vector of length 1")
+    dynamics = joint.find("dynamics")
+    if dynamics is not None:
+        for attribute in ("damping", "friction"):
+            numbers(dynamics, attribute, 1, path, f"{where}/dynamics", default="0")
+    limit = joint.find("limit")
+    if limit is not None:
+        _check_limit(joint, limit, f"{where}/limit", path)
+
+
+def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: str, path: Path) -> None:
+    for attribute in ("effort", "velocity"):
+        (value,) = numbers(limit, attribute, 1, path, where, default="0")
+        if value < 0.0:
+            remedy = "give a positive number"
+            raise RobotError(f"is {value}", source=path, field=f"{where}@{attribute}", remedy=remedy)
+    lower, upper = (numbers(limit, side, 1, path, where, default="0")[0] for side in ("lower", "upper"))
+    if lower > upper:
+        what = f"lower {lower} is above upper {upper}"
+        raise RobotError(what, source=path, field=where, remedy="exchange or correct them")
+    if joint.get("type") == "continuous":
+        return
+    if joint.get("type") == "revolute" and max(-lower, upper) > MAX_ANGLE:
+        # How exporters say that it turns without end.
+        joint.set("type", "continuous")
+    else:
+        check_range(joint.get("name", ""), (lower, upper), joint.get("type") == "prismatic", where, path)
+
+
+def _check_roots(links: dict[str, ElementTree.Element], parents: dict[str, str], path: Path) -> None:
+    depth: dict[str, int] = {}
+    for link in links:
+        chain: list[str] = []
+        seen: set[str] = set()
+        while link in parents and link not in depth and link not in seen:
+            chain.append(link)
+            seen.add(link)
+            link = parents[link]
+        if link in seen:
+            loop = chain[chain.index(link) :]
+            names = ", ".join(loop[:5]) + (", …" if len(loop) > 5 else "")
+            raise RobotError(
+                f"is its own ancestor (closed loop of {names})",
+                source=path,
+                field=f"link {link!r}",
+                remedy="cut the loop; closed loops are not modelled",
+            )
+        start = depth.setdefault(link, 0)
+        for steps, above in enumerate(reversed(chain), start=1):
+            depth[above] = start + steps
+    roots = [link for link in links if link not in parents]
+    if len(roots) > 1:
+        raise RobotError(
+            f"has {len(roots)} root links: {', '.join(roots[:5])}",
+            source=path,
+            field="robot",
+            remedy="join them by a fixed joint or remove the loose ones",
+        )
+    deepest = max(depth, key=lambda link: depth[link])
+    if depth[deepest] > MAX_DEPTH:
+        what = f"lies {depth[deepest]} joints from the root, more than {MAX_DEPTH}"
+        raise RobotError(what, source=path, field=f"link {deepest!r}", remedy="shorten the chain")

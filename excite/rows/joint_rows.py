@@ -1,0 +1,187 @@
+"""Rows of the joint torque equation: rigid bodies and drives against measured torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.errors import LogError
+from excite.logs.log import LogHeader, Trial
+from excite.logs.signals.coupling import coupling_matrix, joint_torques
+from excite.logs.signals.trim import long_standstill
+from excite.regressor.kernels import joint_torque_regressor
+from excite.robot.joint_values import per_joint
+from excite.robot.robot import Robot
+from excite.rows.drive_terms import DRIVE_TERMS, JointSamples, slides
+from excite.rows.filtered_rows import TrialRows, filtered_rows
+from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
+from excite.rows.settings import Filters, ProblemSettings
+
+SHARED_GEAR_TERMS = ("joint_viscous", "joint_coulomb", "joint_armature")
+"""Drive terms of a gear that two motors drive."""
+
+STANDS_FOR_S = 0.25
+"""Stretches of standstill that are at least this long are left out [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """Builds rows ``τ = Y φ + drives`` of the joints in a log.
+
+    Attributes:
+        robot: the robot in the log.
+        header: the log's header.
+        settings: drive terms and gains, standstill, gaps.
+        filters: filters.
+        terms: names of the drive terms.
+    """
+
+    robot: Robot
+    header: LogHeader
+    settings: ProblemSettings
+    filters: Filters
+    terms: tuple[str, ...]
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """The log's joints that have a torque."""
+        return self.header.torque_joints
+
+    @property
+    def channel_units(self) -> tuple[str, ...]:
+        """``N`` for joints that slide, ``N·m`` for those that turn."""
+        model = self.robot.model
+        columns = (model.idx_vs[model.getJointId(name)] for name in self.channel_names)
+        return tuple("N" if slides(model, column) else "N·m" for column in columns)
+
+    @property
+    def drive_names(self) -> tuple[str, ...]:
+        """Names of the drive parameters, term by term."""
+        return tuple(
+            name for term in self.terms for name in DRIVE_TERMS[term].parameter_names(self.channel_names)
+        )
+
+    @property
+    def drive_prior(self) -> Array:
+        """What the robot's description says of its drives, zero where it is silent, ``(n_drive,)``."""
+        drives, names = self.robot.description.drives, self.channel_names
+        stated = {"viscous": drives.viscous, "coulomb": drives.coulomb, "armature": drives.armature}
+        parts = [np.zeros(0)]
+        for term in self.terms:
+            nothing = np.zeros(len(DRIVE_TERMS[term].parameter_names(names)))
+            parts.append(per_joint(stated[term], names, nothing) if term in stated else nothing)
+        return np.concatenate(parts)
+
+    @property
+    def drive_spread(self) -> Array:
+        """Standard deviation expected of each drive parameter, NaN where anything goes, ``(n_drive,)``."""
+        parts = [np.zeros(0)]
+        for term in self.terms:
+            spread = DRIVE_TERMS[term].spread
+            count = len(DRIVE_TERMS[term].parameter_names(self.channel_names))
+            parts.append(np.full(count, np.nan if spread is None else spread))
+        return np.concatenate(parts)
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation of each joint's torque noise at full rate, 1 where it is not stated [N·m]."""
+        return per_joint(
+            self.robot.description.sensors.noise_torque, self.channel_names, np.ones(len(self.channel_names))
+        )
+
+    def rows(self, trial: Trial) -> TrialRows:
+        """Rows of one trial.
+
+        Raises:
+            LogError: the trial has no torques, is too short, or stands still.
+        """
+        k = trial_kinematics(self.robot, self.header, trial, self.settings, self.filters)
+        torque = forces_on_grid(trial.time, self.torque(trial), k.time)
+        joints = self._joints()
+
+        def source(part: slice) -> Array:
+            body = joint_torque_regressor(self.robot.model, k.q[part], k.v[part], k.a[part])[:, joints]
+            samples = JointSamples(
+                self.robot, k.q[part], k.v[part], k.a[part], joints, self.settings.coulomb_width, self.motors
+            )
+            drives = [DRIVE_TERMS[term].columns(samples) for term in self.terms]
+            return np.concatenate([body, *drives, torque[part, :, None]], axis=2)
+
+        return filtered_rows(source, k, self.filters, self._usable(k, joints))
+
+    def measurement(self, trial: Trial, k: TrialKinematics) -> TrialRows:
+        """Only the measured side of :meth:`rows`, ``values`` ``(m, n_joints, 1)``, for kinematics ``k``."""
+        torque = forces_on_grid(trial.time, self.torque(trial), k.time)
+        return filtered_rows(
+            lambda part: torque[part, :, None], k, self.filters, self._usable(k, self._joints())
+        )
+
+    @cached_property
+    def motors(self) -> Array | None:
+        """Matrix from joint to motor velocities, None where each joint has its own motor."""
+        coupling = self.settings.coupling or self.header.coupling
+        return coupling_matrix(self.channel_names, coupling) if coupling else None
+
+    def _joints(self) -> list[int]:
+        return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.channel_names]
+
+    def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
+        """Samples inside the motion at which the joint itself moves: where it stands, stiction rules."""
+        use = np.repeat(k.valid[:, None], len(joints), axis=1)
+        use[: k.moving.start] = use[k.moving.stop :] = False
+        if "coulomb" in self.terms:
+            shortest = max(2, round(STANDS_FOR_S * k.rate_hz))
+            use &= ~long_standstill(k.v[:, joints], self.settings.standstill_velocity, shortest)
+        return use
+
+    def torque(self, trial: Trial) -> Array:
+        """Torques of the joints that have one ``(n, n_channels)`` [N·m]; raises LogError where there are none."""
+        motor = self._motor_torque(trial)
+        return motor if self.motors is None else joint_torques(motor, self.motors)
+
+    @property
+    def _measured(self) -> list[int]:
+        """Columns of the joints that have a torque."""
+        return [self.header.joints.index(joint) for joint in self.channel_names]
+
+    def _motor_torque(self, trial: Trial) -> Array:
+        if self.header.torque in {"motor_side", "link_side"} and trial.tau is not None:
+            return trial.tau[:, self._measured]
+        if self.header.torque != "current" or trial.current is None:
+            raise LogError(
+                "has no torques",
+                source=trial.name,
+                field="torque",
+                remedy="log tau.* or i.* for identification",
+            )
+        gains = {**self.header.torque_constants, **self.settings.drive_gains}
+        missing = [joint for joint in self.channel_names if joint not in gains]
+        if missing:
+            raise LogError(
+                f"no torque per ampere is known for joint {missing[0]!r}",
+                source=trial.name,
+                field="torque",
+                remedy="state torque_constants in log.yaml, or drive_gains in the settings [N·m/A]",
+            )
+        return trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
+
+
+def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:
+    """Drive terms of a log: the settings', else those that ``modelled`` names, else the usual ones."""
+    if settings.drive_terms is not None:
+        return settings.drive_terms
+    named = tuple(
+        name
+        for name, term in DRIVE_TERMS.items()
+        if any(effect in header.modelled for effect in term.effects)
+    )
+    if named:
+        return named
+    usual: tuple[str, ...] = ("viscous", "coulomb", "offset")
+    if header.torque != "link_side":
+        usual = (*usual, "armature")
+    return (*usual, *SHARED_GEAR_TERMS) if settings.coupling or header.coupling else usual

@@ -1,0 +1,119 @@
+"""A trial on a uniform grid, with velocities and accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.logs.log import LogHeader, Trial
+from excite.logs.robot import base_offset
+from excite.logs.signals.base_pose import base_motion, continuous_quaternions
+from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.differentiate import central_differences, wrapped_derivatives
+from excite.logs.signals.resample import (
+    is_uniform,
+    near_samples,
+    resample_noisy,
+    resample_smooth,
+    uniform_grid,
+)
+from excite.logs.signals.trim import moving_span
+from excite.robot.robot import Robot
+from excite.rows.settings import Filters, ProblemSettings
+
+
+@dataclass(frozen=True, eq=False)
+class TrialKinematics:
+    """Filtered kinematics of a trial on a uniform grid.
+
+    Attributes:
+        time: ``(n,)`` [s].
+        rate_hz: its rate.
+        q: ``(n, nq)`` filtered configurations, pinocchio's layout.
+        v: ``(n, nv)``.
+        a: ``(n, nv)``.
+        valid: ``(n,)`` False in gaps and at the ends, where the filter's transient is.
+        moving: span in which a joint moves.
+    """
+
+    time: Array
+    rate_hz: float
+    q: Array
+    v: Array
+    a: Array
+    valid: NDArray[np.bool_]
+    moving: slice
+
+
+def trial_kinematics(
+    robot: Robot, header: LogHeader, trial: Trial, settings: ProblemSettings, filters: Filters
+) -> TrialKinematics:
+    """Resample, filter and differentiate the positions of a trial.
+
+    Args:
+        robot: the robot (joints that the log lacks stay at rest).
+        header: the log's header.
+        trial: the trial.
+        settings: standstill and gaps.
+        filters: the filter before differentiation.
+
+    Returns:
+        The kinematics at the trial's own rate.
+
+    Raises:
+        LogError: too short for the filter, or nothing moves.
+    """
+    rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
+    grid = trial.time if is_uniform(trial.time, rate) else uniform_grid(trial.time, rate)
+    positions = positions_on_grid(trial.time, trial.q, grid)
+    if settings.differentiation == "fourier" and settings.period_s is not None:
+        joints = wrapped_derivatives(positions, rate, round(settings.period_s * rate), cutoff_hz)
+    else:
+        joints = central_differences(lowpass(positions, rate, cutoff_hz, filters.order), rate)
+    n, model = len(grid), robot.model
+    q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
+    columns = [robot.joint_index(name) for name in header.joints]
+    q[:, [robot.n_base_q + i for i in columns]] = joints.value
+    v[:, [robot.n_base_v + i for i in columns]] = joints.first
+    a[:, [robot.n_base_v + i for i in columns]] = joints.second
+    if robot.floating and trial.base is not None:
+        pose = root_pose(trial.base, base_offset(robot, header))
+        base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
+        q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration
+    valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
+    edge = max(3, settling_samples(rate, cutoff_hz))
+    valid[:edge] = valid[n - edge :] = False
+    moving = slice(0, n) if robot.floating else moving_span(joints.first, settings.standstill_velocity)
+    return TrialKinematics(grid, rate, q, v, a, valid, moving)
+
+
+def trial_rate(header: LogHeader, trial: Trial) -> float:
+    """Rate of a trial [Hz]: the header's where the stamps keep to it within 0.1 %, else their own mean."""
+    own = 1.0 / float(np.median(np.diff(trial.time)))
+    if abs(own - header.rate_hz) < 1e-3 * header.rate_hz:
+        return header.rate_hz
+    span = trial.time[-1] - trial.time[0]
+    return (len(trial.time) - 1 + trial.cleaning.missing_rows) / span
+
+
+def positions_on_grid(time: Array, values: Array, grid: Array) -> Array:
+    """Positions at ``grid``; unchanged where the grid is the trial's own."""
+    return values if grid is time else resample_smooth(time, values, grid)
+
+
+def forces_on_grid(time: Array, values: Array, grid: Array) -> Array:
+    """Torques, currents or wrenches at ``grid``; unchanged where the grid is the trial's own."""
+    return values if grid is time else resample_noisy(time, values, grid)
+
+
+def root_pose(pose: Array, offset: pin.SE3) -> Array:
+    """Poses of the free-flyer from poses of a link at ``offset`` on it, ``(n, 7)``, signs continuous."""
+    pose = np.hstack([pose[:, :3], continuous_quaternions(pose[:, 3:])])
+    if offset.isIdentity(1e-12):
+        return pose
+    inverse = offset.inverse()
+    return np.array([pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(row) * inverse) for row in pose])

@@ -1,0 +1,150 @@
+"""How a log is turned into an identification problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+from excite.errors import InputError, UnknownNameError
+from excite.rows.drive_terms import DRIVE_TERMS
+
+_CHOICES = {"clock": ("stamps", "positions"), "differentiation": ("central", "fourier")}
+
+
+def _setting(default: float | int | None, unit: str, low: float, high: float, what: str):
+    """One numeric setting: default, unit, bounds (both allowed) and meaning, declared once."""
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "what": what})
+
+
+@dataclass(frozen=True)
+class Filters:
+    """Filters of a problem, nothing left open.
+
+    Attributes:
+        cutoff_hz: cut-off of the filter on both sides of the regression [Hz].
+        kinematics_cutoff_hz: cut-off before differentiation [Hz].
+        order: order of the single pass of both.
+        rate_hz: rate of the rows after decimation [Hz].
+    """
+
+    cutoff_hz: float
+    kinematics_cutoff_hz: float
+    order: int
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class ProblemSettings:
+    """Settings of :func:`~excite.identification.problem.build_problem`; unit, bounds and meaning are in each
+    field's metadata.
+
+    Kinematics are filtered once before they are differentiated; regressor columns and measurement are then
+    filtered alike and decimated, which keeps the equation exact whatever the second filter does.
+
+    Attributes:
+        cutoff_hz: None takes 5 Hz, some ten times what excitation motions are made of.
+        kinematics_cutoff_hz: None takes ``cutoff_hz`` for a floating base, twice that for joint torques.
+        order: order of the single pass of both Butterworth filters.
+        rate_hz: None takes twice ``cutoff_hz``, at which rows are about independent.
+        coulomb_width: 0 takes the plain sign; joints that slide take a tenth of it [m/s].
+        standstill_velocity: trials are cut to the span in which some joint is faster.
+        longest_gap_s: samples interpolated over longer gaps are left out.
+        drive_terms: names among ``DRIVE_TERMS``; None takes those that ``modelled`` in the log names, else
+            viscous and Coulomb friction and offset, and armature where torques are on the motor's side.
+        drive_gains: torque per ampere by joint [N·m/A], for logs of currents.
+        coupling: how much a motor, named after its joint, turns per turn of other joints, as
+            :func:`~excite.logs.signals.coupling.coupling_matrix` takes it; torques and currents of the log are
+            then the motors', reflected through their own gears. Empty takes what the log says.
+        clock: ``stamps`` takes them as they are, ``positions`` the regular clock behind them where positions
+            say that it fits better.
+        outlier_sigma: samples further from their neighbours are replaced; None leaves all.
+        torque_delay_s: how much later than positions torques (currents, wrenches) were logged.
+        period_s: period of a motion that repeats; whole periods are averaged. None does not.
+        skip_periods: periods that are left out at the start, while transients die down.
+        differentiation: ``central`` differences of filtered positions, or ``fourier`` in the frequency domain,
+            for which a period has to be known.
+    """
+
+    cutoff_hz: float | None = _setting(
+        None, "Hz", 0.05, 1e4, "cut-off of the filter on both sides of the regression"
+    )
+    kinematics_cutoff_hz: float | None = _setting(None, "Hz", 0.05, 1e4, "cut-off before differentiation")
+    order: int = _setting(4, "1", 1, 12, "order of the Butterworth filters")
+    rate_hz: float | None = _setting(None, "Hz", 0.1, 1e5, "rate of the rows after decimation")
+    coulomb_width: float = _setting(
+        0.01, "rad/s", 0.0, 10.0, "velocity over which Coulomb friction changes sign"
+    )
+    standstill_velocity: float = _setting(0.01, "rad/s", 0.0, 10.0, "speed below which a joint stands")
+    longest_gap_s: float = _setting(0.1, "s", 0.0, 1e3, "longest gap that is interpolated")
+    drive_terms: tuple[str, ...] | None = None
+    drive_gains: Mapping[str, float] = field(default_factory=dict)
+    coupling: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    clock: Literal["stamps", "positions"] = "stamps"
+    outlier_sigma: float | None = _setting(
+        None, "1", 2.0, 1e3, "deviations beyond which a sample is replaced"
+    )
+    torque_delay_s: float = _setting(0.0, "s", -10.0, 10.0, "delay of torques behind positions")
+    period_s: float | None = _setting(None, "s", 1e-3, 1e5, "period over which signals are averaged")
+    skip_periods: int = _setting(0, "1", 0, 1000, "periods left out at the start")
+    differentiation: Literal["central", "fourier"] = "central"
+
+    def filters(self, *, floating: bool, lowpass_hz: float | None = None) -> Filters:
+        """The filters, with every None that depends on the robot or on others filled in.
+
+        Args:
+            floating: whether rows are those of a floating base.
+            lowpass_hz: cut-off that all channels of the log went through alike, as those of people do.
+                Positions filtered once more than forces would lose accelerations, so they are not; rows keep
+                up to 6 Hz of it and are twice as dense, as such recordings are short.
+        """
+        cutoff = self.cutoff_hz or min(lowpass_hz or 5.0, 6.0)
+        kinematics = cutoff if floating else 2.0 * cutoff
+        return Filters(
+            cutoff_hz=cutoff,
+            kinematics_cutoff_hz=self.kinematics_cutoff_hz or (math.inf if lowpass_hz else kinematics),
+            order=self.order,
+            rate_hz=self.rate_hz or (4.0 if lowpass_hz else 2.0) * cutoff,
+        )
+
+    def __post_init__(self) -> None:
+        """Check every bound.
+
+        Raises:
+            InputError: a number out of bounds; names the setting.
+            UnknownNameError: an unknown drive term.
+        """
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not item.metadata or value is None:
+                continue
+            low, high, unit = item.metadata["low"], item.metadata["high"], item.metadata["unit"]
+            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+                raise InputError(
+                    f"is {value!r}",
+                    source="settings",
+                    field=item.name,
+                    remedy=f"choose {low:g} … {high:g} {unit}",
+                )
+        _check_choices(self)
+        for name in self.drive_terms or ():
+            if name not in DRIVE_TERMS:
+                raise UnknownNameError("drive term", name, list(DRIVE_TERMS))
+        for joint, gain in self.drive_gains.items():
+            if not (math.isfinite(gain) and gain != 0.0):
+                raise InputError(
+                    f"is {gain!r}", source="settings", field=f"drive_gains.{joint}", remedy="give N·m/A"
+                )
+
+
+def _check_choices(settings: ProblemSettings) -> None:
+    for name, allowed in _CHOICES.items():
+        value = getattr(settings, name)
+        if value not in allowed:
+            remedy = "choose " + " or ".join(allowed)
+            raise InputError(f"is {value!r}", source="settings", field=name, remedy=remedy)
+    if settings.differentiation == "fourier" and settings.period_s is None:
+        raise InputError(
+            "needs a period", source="settings", field="differentiation", remedy="state period_s"
+        )

@@ -1,0 +1,22 @@
+"""Viscous friction in a joint's output bearing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from excite.simulation.effects.forces.joint_torque import JointTorqueEffect
+from excite.simulation.virtual_robot import VirtualRobot
+
+
+class ViscousFriction(JointTorqueEffect):
+    """A torque -d·v on the joint, on the link's side of any torque sensor."""
+
+    name = "viscous_friction"
+    what = "more viscous friction in a joint"
+    unit = "N·m·s/rad"
+    lower, upper = 0.0, 1e4
+
+    def apply(self, virtual: VirtualRobot, location: str, value: float) -> VirtualRobot:
+        friction = virtual.drives.bearing_viscous.copy()
+        friction[virtual.robot.joint_index(location)] += value
+        return replace(virtual, drives=replace(virtual.drives, bearing_viscous=friction))
