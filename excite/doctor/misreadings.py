@@ -70,7 +70,11 @@ def misreadings(
         for mistake, correction in _promising(samples, reading, mistakes):
             then = samples.judged(correction.reading)
             merit = float((left - then).sum()) - LEAST_GAIN * correction.changes
-            if merit > 0.0 and (best is None or merit > best[0]) and _explains(left[:-1], then[:-1]):
+            if (
+                merit > 0.0
+                and (best is None or merit > best[0])
+                and _explains(samples, correction, left, then)
+            ):
                 best = (merit, correction, mistake, then)
             elif correction.surprise is not None:
                 surprising.append((correction.surprise, correction, mistake, then))
@@ -100,7 +104,9 @@ def _promising(
     return chosen
 
 
-def _explains(before: Array, after: Array) -> bool:
-    """Whether channels that gain are explained then."""
+def _explains(samples: Samples, correction: Correction, left: Array, then: Array) -> bool:
+    """Whether channels that gain, and those that were changed, are explained then."""
+    before, after = left[:-1], then[:-1]
     gaining = before - after > _GAINS
-    return bool(gaining.any()) and bool((after[gaining] < 0.5 * np.log(_EXPLAINED)).all())
+    concerned = gaining | np.array([name in correction.places for name in samples.channels])
+    return bool(gaining.any()) and bool((after[concerned] < 0.5 * np.log(_EXPLAINED)).all())

@@ -51,7 +51,9 @@ class Limits(Check):
         # Whole turns are an encoder that counts on.
         turns = _TURN * np.round(0.5 * (reach.low + reach.high - reach.lower - reach.upper) / _TURN)
         counted = (reach.low - turns >= reach.lower) & (reach.high - turns <= reach.upper)
-        beyond = reach.outside & ~counted
+        # What goes round and round is no joint with limits, whatever the model says.
+        round_and_round = reach.high - reach.low > _TURN
+        beyond = reach.outside & ~counted & ~round_and_round
         if beyond.any():
             names = tuple(np.array(log.header.joints)[beyond])
             excess = float(np.maximum(reach.lower - reach.low, reach.high - reach.upper)[beyond].max())

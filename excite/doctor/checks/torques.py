@@ -15,8 +15,12 @@ from excite.robot.robot import Robot
 
 # Nominal masses would have to be five times too large.
 _WEAK = 0.2
+# And no likely body, friction or rotor explains more than a fifth of the torque's power.
+_UNEXPLAINED = 0.8
 _DRIVE_SHARE = 0.15
 _ROTOR_SHARE = 0.3
+# A model without bodies says nothing of rotors beside them [kg·m²].
+_WEIGHTLESS = 1e-7
 
 
 class WeakTorques(Check):
@@ -30,8 +34,7 @@ class WeakTorques(Check):
             return Outcome(log)
         reading = Reading.as_stated(log)
         gains, _ = samples.gains(reading)
-        # Half the nominal torque, the least that is believed, would then miss the measured one by more than nothing.
-        weak = (samples.left(reading) > 0.0) & (np.abs(gains) < _WEAK)
+        weak = (samples.judged(reading)[:-1] > 0.5 * np.log(_UNEXPLAINED)) & (np.abs(gains) < _WEAK)
         if not weak.any() or 2 * weak.sum() > len(weak):
             return Outcome(log)
         names = tuple(name for name, flag in zip(samples.channels, weak, strict=True) if flag)
@@ -97,9 +100,9 @@ def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     model, v, a = samples.predicted(reading)
     torque, own = samples.measured_torque(reading), samples.own_inertia()
     rotors, rubbing = [], 0
-    for j in range(torque.shape[1]):
+    for j in np.flatnonzero(own > _WEIGHTLESS):
         weights, friction = drive_fit(torque[:, j], model[:, j], v[:, j], a[:, j])
         rotors.append(weights[-1] / max(float(own[j]), 1e-12))
         moving = torque[:, j] - torque[:, j].mean()
         rubbing += float(friction @ friction) > _DRIVE_SHARE * float(moving @ moving)
-    return float(np.median(rotors[-max(1, len(rotors) // 2) :])), int(rubbing)
+    return float(np.median(rotors[-max(1, len(rotors) // 2) :])) if rotors else 0.0, int(rubbing)

@@ -30,7 +30,8 @@ class TorqueScale(Mistake[TorqueSamples]):
         gains, shares = samples.gains(reading)
         joints = samples.channels
         told = (shares > _TELLS) & (gains > 0.0)
-        if told.sum() > 1 or len(gains) == 1 == told.sum():
+        # Few joints that are off carry something that the model does not have.
+        if 2 * told.sum() >= len(gains):
             factor = float(np.median(gains[told]))
             spread = float(np.median(np.abs(np.log(gains[told] / factor)))) if factor > 0.0 else np.inf
             if spread < _AGREES and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
