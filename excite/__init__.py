@@ -69,6 +69,9 @@ _PUBLIC = {
     "identify_person": "excite.human.identified",
     "added_mass": "excite.human.identified",
     "identify_wearing": "excite.human.weight.worn_weight",
+    "doctor": "excite.doctor.doctor",
+    "Chart": "excite.doctor.examine",
+    "Finding": "excite.finding",
     "diagnose": "excite.diagnosis.diagnose",
     "Diagnosis": "excite.diagnosis.answer.result",
     "effect_summaries": "excite.diagnosis.answer.effect_summary",
@@ -82,7 +85,7 @@ __all__ = ["__version__", *_PUBLIC]
 
 
 class _Package(ModuleType):
-    """Keeps the verbs ``report`` and ``campaign`` callable although rooms have the same names.
+    """Keeps the verbs ``report``, ``campaign`` and ``doctor`` callable although rooms have the same names.
 
     Importing a module of a room would otherwise bind the room's package over the verb.
     """
