@@ -25,7 +25,7 @@ _PUBLIC = {
     "load_robot": "excite.robot.loading",
     "bundled_robots": "excite.robot.catalogue",
     "robot_summaries": "excite.robot.summary",
-    "scaffold_description": "excite.robot.scaffold.draft",
+    "scaffold_description": "excite.robot.scaffold.description",
     "write_scaffold": "excite.robot.scaffold.files",
     "Motion": "excite.motion.motion",
     "load_motion": "excite.motion.files",

@@ -41,7 +41,7 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
-    from excite.export.export import SCHEMA, export_with_verdicts
+    from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
 
     try:
         written = export_with_verdicts(

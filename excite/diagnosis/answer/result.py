@@ -1,14 +1,16 @@
-"""What a diagnosis says."""
+"""What a diagnosis says: its verdict, gap and effects, as a document, as a sentence and in words for a terminal."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
+from excite.diagnosis.answer.tables import effect_table, gap_table
 
 SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
@@ -194,9 +196,29 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The diagnosis in words and tables, for a terminal; starts with the sentence."""
-        from excite.diagnosis.answer.summary import summary_of
+        lines = [self.sentence(), ""]
+        if len(self.tied_locations) > 1:
+            lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
+        lines += gap_table(self.gap, self.where)
+        lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
+        if self.next_experiment is not None:
+            lines += ["", f"next: {self.next_experiment.why}"]
+        lines += _fault_lines(self.faults)
+        lines += [f"note: {text}" for text in self.warnings]
+        return "\n".join(lines)
 
-        return summary_of(self)
+
+def _fault_lines(faults: Sequence[LogFault]) -> list[str]:
+    """One line a kind of fault: what is wrong with every trial alike need not be said of each."""
+    alike: dict[tuple[str, str, bool], list[LogFault]] = {}
+    for item in faults:
+        alike.setdefault((item.kind, item.cause, item.repaired), []).append(item)
+    lines = []
+    for (_, cause, repaired), items in alike.items():
+        others = f", and {len(items) - 1} more like it" if len(items) > 1 else ""
+        mended = "; repaired" if repaired else ""
+        lines.append(f"log: {items[0].what}{others} ({cause}{mended})")
+    return lines
 
 
 def _follows(item: Where) -> bool:

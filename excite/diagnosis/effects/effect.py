@@ -155,6 +155,7 @@ class Effect(ABC):
         searched: its non-linear parameters, in the order of ``theta``.
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
+        overlaps: effects that this form of one runs into: the same torque within a record, by another name.
         mujoco: how a MuJoCo model expresses it; empty where it cannot.
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
@@ -168,6 +169,7 @@ class Effect(ABC):
     searched: ClassVar[tuple[Parameter, ...]] = ()
     confusable_with: ClassVar[tuple[str, ...]] = ()
     separating_motion: ClassVar[str] = ""
+    overlaps: ClassVar[tuple[str, ...]] = ()
     mujoco: ClassVar[str] = ""
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False
@@ -187,11 +189,6 @@ class Effect(ABC):
     @property
     def richer(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect is named, or where none is."""
-        return ()
-
-    @property
-    def kin(self) -> tuple[Effect, ...]:
-        """Effects that richer forms of this one run into: the same torque within a record, by another name."""
         return ()
 
     @property

@@ -170,7 +170,8 @@ class Attributor:
     def _kin(self, context: Context, item: Hypothesis, scorer: Scorer) -> tuple[Scored, ...]:
         """An effect in a richer form and those that it runs into, the likeliest first; none where it has no kin."""
         search = Search(context, context.baseline.solver, self._kept)
-        kin = [effect for effect in item.effect.kin if effect.offered(self.baseline.modelled)]
+        named = [EFFECTS[name] for name in item.effect.overlaps]
+        kin = [effect for effect in named if effect.offered(self.baseline.modelled)]
         forms = side_by_side(lambda effect: in_richer_forms(search, effect, item.location), kin)
         others = side_by_side(polished, [form for of_one in forms for form in of_one])
         if not others:

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.arm import diagnose_arm, diagnose_torques
+from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.servo.closed_loop import ClosedLoop

@@ -75,4 +75,5 @@ class JointTurn:
 
 def joint_turn(state: State, joint: int) -> JointTurn:
     """Derivatives for one joint (index in the tree); those of a state are computed once."""
-    return state.turns.setdefault(joint, JointTurn(state, joint))
+    kept: JointTurn = state.turns.setdefault(joint, JointTurn(state, joint))
+    return kept

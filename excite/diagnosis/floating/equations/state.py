@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,9 +15,6 @@ from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
 from excite.regressor.tree import KinematicTree
-
-if TYPE_CHECKING:
-    from excite.diagnosis.floating.equations.joint_turns import JointTurn
 
 _MOTION = {"tree", "q"}
 _DEPENDS: dict[str, set[str]] = {
@@ -149,8 +146,8 @@ class State:
         return body
 
     @cached_property
-    def turns(self) -> dict[int, JointTurn]:
-        """By joint, what ``joint_turn`` has found for this motion."""
+    def turns(self) -> dict[int, Any]:
+        """By joint, the derivatives that ``joint_turn`` has found for this motion; a store that it alone reads."""
         return {}
 
     @cached_property
