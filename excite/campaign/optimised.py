@@ -11,7 +11,8 @@ from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.criterion import make_criterion
 from excite.excitation.optimisation.family import FourierFamily
 from excite.excitation.optimisation.limits import JointLimits
-from excite.excitation.optimisation.search import NAME, OptimisedMotion, SearchSettings, optimise
+from excite.excitation.optimisation.sampling import NAME
+from excite.excitation.optimisation.search import OptimisedMotion, SearchSettings, optimise
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
 from excite.motion.generators.candidate import Candidate, SupportPhase

@@ -9,8 +9,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
+from excite.blind.case import recordings_of
 from excite.blind.draw import ROBOTS, draft
-from excite.blind.make import _NOISE_TAU, _prepare, _session, recordings_of
+from excite.blind.make import _NOISE_TAU, _prepare, _session
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.doctor import examine
 from excite.diagnosis.effects.effect import Context

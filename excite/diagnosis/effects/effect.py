@@ -160,8 +160,7 @@ class Effect(ABC):
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
-        smooths: whether it can smooth the model's torque, and the encoders' noise in it, which is no evidence of it
-            where little else is.
+        smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
     """
 
     name: ClassVar[str]

@@ -13,7 +13,8 @@ from excite.excitation.optimisation.objective import Layout, Sampling
 from excite.excitation.optimisation.segments import closest_points
 from excite.regressor.kernels import Placements, forward_kinematics
 from excite.regressor.tree import PRISMATIC, read_tree
-from excite.robot.shapes.collision import TABLE, Shape, collision_model, collision_shapes
+from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes
+from excite.robot.shapes.shape import Shape
 
 # Pairs farther apart than this beyond the margin do not enter [m].
 _NEAR = 0.1

@@ -1,4 +1,4 @@
-"""Trials in HDF5."""
+"""Trials in HDF5 files: one dataset a column."""
 
 from __future__ import annotations
 
