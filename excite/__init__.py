@@ -32,7 +32,7 @@ _PUBLIC = {
     "load_motions": "excite.motion.collection",
     "save_motion": "excite.motion.files",
     "plan": "excite.campaign.plan",
-    "SeriesSettings": "excite.campaign.optimised",
+    "SeriesSettings": "excite.campaign.candidates.series",
     "check": "excite.campaign.check",
     "rank": "excite.campaign.rank",
     "export_motion": "excite.export.export",

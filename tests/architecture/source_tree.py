@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from dataclasses import dataclass, field
 from functools import cache
@@ -19,8 +20,9 @@ class Import:
     Attributes:
         module: what is imported, a module of the package by its full name, any other by its first word.
         line: where it stands.
-        inside: whether it stands in a function, so that it is run when that is called.
+        inside: whether it is run late: it stands in a function, or a string names it.
         typing: whether it stands under ``if TYPE_CHECKING``, so that it is never run.
+        by_name: whether a string names it, ``package.module:Name``, as a registry names its members.
         comment: what the line says behind ``#``, or the line above where that is a comment.
     """
 
@@ -28,6 +30,7 @@ class Import:
     line: int
     inside: bool
     typing: bool
+    by_name: bool
     comment: str
 
 
@@ -115,17 +118,18 @@ def _name(path: Path) -> str:
 def _module(name: str, path: Path, known: frozenset[str]) -> Module:
     text = path.read_text()
     tree = ast.parse(text)
-    found = _Imports(text.splitlines(), known)
+    found = _Imports(name, text.splitlines(), known)
     found.visit(tree)
     lines = len(text.splitlines())
     return Module(name, path, ast.get_docstring(tree), lines, tuple(found.imports))
 
 
 class _Imports(ast.NodeVisitor):
-    """Collects the imports of a module, and whether they stand in functions or are there for types only."""
+    """Collects the imports of a module, and modules that strings name; whether in functions, or for types only."""
 
-    def __init__(self, lines: list[str], known: frozenset[str]) -> None:
+    def __init__(self, own: str, lines: list[str], known: frozenset[str]) -> None:
         self.imports: list[Import] = []
+        self._own = own
         self._lines, self._known = lines, known
         self._inside = self._typing = False
 
@@ -153,9 +157,17 @@ class _Imports(ast.NodeVisitor):
             whole = f"{node.module}.{alias.name}"
             self._add(whole if whole in self._known else str(node.module), node)
 
-    def _add(self, module: str, node: ast.stmt) -> None:
+    def visit_Constant(self, node: ast.Constant) -> None:
+        named = (
+            re.fullmatch(rf"({PACKAGE}(?:\.\w+)+):\w+", node.value) if isinstance(node.value, str) else None
+        )
+        if named is not None and named[1] != self._own:
+            self._add(named[1], node, by_name=True)
+
+    def _add(self, module: str, node: ast.stmt | ast.expr, *, by_name: bool = False) -> None:
         if not module.startswith(f"{PACKAGE}.") and module != PACKAGE:
             module = module.split(".")[0]
         own, above = self._lines[node.lineno - 1], self._lines[node.lineno - 2].strip()
         comment = own.partition("#")[2] or (above[1:] if above.startswith("#") else "")
-        self.imports.append(Import(module, node.lineno, self._inside, self._typing, comment.strip()))
+        inside = self._inside or by_name
+        self.imports.append(Import(module, node.lineno, inside, self._typing, by_name, comment.strip()))

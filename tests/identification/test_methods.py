@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.cli.identify import METHODS
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.bounds import within_bounds
 from excite.identification.constraints.inertia_cone import icosphere
@@ -21,7 +20,6 @@ from excite.identification.constraints.sphere import SphereRows
 from excite.identification.estimators.cls1 import BoundedNearBase
 from excite.identification.estimators.hqp import HierarchicalProgram
 from excite.identification.estimators.projection import ProjectionAnswer, project
-from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.estimators.wls import WeightedLeastSquares
@@ -46,10 +44,6 @@ def standing(g1) -> IdentificationProblem:
     feet = tuple(segment_index(g1, link) for link in FEET)
     true = modified_g1_parameters(g1)
     return wrench_problem(g1, true, seed=1, trials=2, duration=5.0, unmeasured=feet)
-
-
-def test_help_of_the_command_names_every_method():
-    assert METHODS.split(", ") == list(ESTIMATORS)
 
 
 class TestRobust:

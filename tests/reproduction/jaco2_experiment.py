@@ -14,7 +14,7 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import prior_std
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.mixture import plan_candidates
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes

@@ -34,5 +34,5 @@ def read_motion(path: Path, joints: Sequence[str] = ()) -> RawMotion:
     raise MotionError(
         f"unknown format {path.suffix!r}",
         source=path,
-        remedy="use .parquet, .npz, .csv, .mcap, or a ROS 2 bag's folder",
+        remedy="use " + "; ".join(reader.summary for reader in READERS.values()),
     )

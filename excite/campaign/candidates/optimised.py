@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from excite.campaign.candidates.search import Asked, CandidateSearch
+from excite.campaign.candidates.series import HARMONICS, SeriesSettings
 from excite.errors import InputError, NoSolutionError
-from excite.excitation.optimisation.criterion import make_criterion
 from excite.excitation.optimisation.family import FourierFamily
 from excite.excitation.optimisation.limits import JointLimits
 from excite.excitation.optimisation.sampling import NAME
@@ -16,87 +16,43 @@ from excite.excitation.optimisation.search import OptimisedMotion, SearchSetting
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.bodyparts import central_range, free_upper_body, rest_joints
 from excite.motion.generators.candidate import Candidate, SupportPhase
-from excite.parallel.jobs import Jobs
-from excite.progress import Progress, silent
-from excite.reading.number import check_number
 from excite.robot.robot import Robot
 from excite.safety.repairs.shares import Shares
 
-HARMONICS = 5
 # Share of a joint's range that stays on either side of where it rests.
 _ROOM_AT_REST = 0.02
 # Period of the series [s]: the slowest joint's range takes one, within these bounds.
 _PERIODS = (6.0, 20.0)
 
 
-# What no robot's rate allows [s].
-_ANY_PERIOD = (1e-6, 1e6)
-# Numbers of a motion, positions, velocities and accelerations at the robot's rate: 16 MB. Each start samples,
-# differentiates and checks all of it some hundred times; an arm at 1 kHz gets a minute and a half.
-_MOST_NUMBERS = 2_000_000
-
 # Share of their range that the other joints use where some are aimed at: the middle of what random candidates use.
 _OTHERS = 0.4
 
 
-@dataclass(frozen=True)
-class SeriesSettings:
-    """What a plan's optimised series are to be.
-
-    Attributes:
-        criterion: ``condition``, ``log_det`` or ``largest_rsd``.
-        period_s: of the series [s]; what the slowest joint needs for its range, from 6 to 20 s, if None.
-    """
-
-    criterion: str = "condition"
-    period_s: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check the bounds; raises UnknownNameError or InputError."""
-        make_criterion(self.criterion)
-        if self.period_s is not None:
-            check_number(self.period_s, "period", *_ANY_PERIOD, "s")
-
-    def fit(self, robot: Robot) -> None:
-        """Raise InputError where the robot's rate makes too few samples of a period, or more than memory holds."""
-        if self.period_s is None:
-            return
-        rate = robot.description.sensors.rate_hz
-        shortest, longest = (
-            2.0 * HARMONICS / rate,
-            _MOST_NUMBERS / (rate * (robot.model.nq + 2 * robot.model.nv)),
-        )
-        check_number(self.period_s, "period", shortest, longest, "s", source=robot.name)
-
-
-def optimised_candidates(
-    robot: Robot,
-    count: int,
-    seed: int,
-    *,
-    targets: Sequence[str] = (),
-    settings: SeriesSettings | None = None,
-    jobs: Jobs = 1,
-    progress: Progress = silent,
-) -> list[Candidate]:
+class OptimisedSeries(CandidateSearch):
     """Optimised Fourier series within the share of the limits that repairs leave alone.
 
-    Args:
-        robot: an arm, or a robot whose upper body moves while its base stands still.
-        count: number of starts; those that end in no safe motion are left out.
-        seed: of all random numbers.
-        targets: joints to aim at, each with its share of the starts: it has the whole of its range, the others a
-            part of theirs about where they rest. All have the whole, if empty.
-        settings: criterion and period; defaults if None.
-        jobs: number of processes, or an executor; the candidates do not depend on it.
-        progress: told after each solve.
-
-    Raises:
-        NoSolutionError: limits leave no room, or no start ended in a safe motion.
-        UnknownNameError: a target is no joint of the robot.
-        InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
+    Of an arm, or of a robot whose upper body moves while its base stands still. Starts that end in no safe motion are
+    left out. Joints that are aimed at have each their share of the starts: one has the whole of its range, the
+    others a part of theirs about where they rest.
     """
-    settings = settings or SeriesSettings()
+
+    name = NAME
+
+    def candidates(self, asked: Asked, seed: int) -> list[Candidate]:
+        """See :class:`~excite.campaign.candidates.search.CandidateSearch`; one candidate a start.
+
+        Raises:
+            NoSolutionError: limits leave no room, or no start ended in a safe motion.
+            UnknownNameError: a target is no joint of the robot.
+            InputError: a target stands still in these series; the criterion needs noise that the robot does not state.
+        """
+        return _optimised(asked, seed)
+
+
+def _optimised(asked: Asked, seed: int) -> list[Candidate]:
+    robot, count, targets = asked.robot, asked.count, asked.targets
+    settings = asked.series or SeriesSettings()
     settings.fit(robot)
     moved = free_upper_body(robot)
     for joint in targets:
@@ -113,7 +69,9 @@ def optimised_candidates(
         starts = len(range(place, count, len(aims)))
         search = SearchSettings(starts=starts, kicks=1, seed=seed + place)
         try:
-            found = optimise(_task(robot, aim, settings), search, jobs=jobs, progress=progress).found
+            found = optimise(
+                _task(robot, aim, settings), search, jobs=asked.jobs, progress=asked.progress
+            ).found
         except NoSolutionError as error:
             # Other targets may have more room.
             failed = error
