@@ -10,5 +10,8 @@ if TYPE_CHECKING:
     from excite.campaign.candidates.search import CandidateSearch
 
 SEARCHES: Registry[CandidateSearch] = Registry(
-    "generator", {"optimised_fourier": "excite.campaign.candidates.optimised:OptimisedSeries"}
+    "generator",
+    {
+        "optimised_fourier": "excite.campaign.candidates.optimised:OptimisedSeries",
+    },
 )

@@ -1,4 +1,4 @@
-"""The formats of trial files that are known, by name."""
+"""The formats of trial files that are known, by name. A new one is one file beside this one and its line here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ from excite.reading.file import check_file
 _STARTING_S, _BYTES_PER_S = 20.0, 5e6
 
 READERS: dict[str, type[TrialReader]] = {
-    reader.name: reader for reader in (ParquetReader, CsvReader, NpzReader, Hdf5Reader)
+    reader.name: reader
+    for reader in (
+        ParquetReader,
+        CsvReader,
+        NpzReader,
+        Hdf5Reader,
+    )
 }
 
 

@@ -13,7 +13,13 @@ from excite.motion.readers.ros2 import Ros2Reader
 from excite.motion.readers.table import TableReader
 
 READERS: dict[str, type[MotionReader]] = {
-    reader.name: reader for reader in (ParquetReader, NpzReader, TableReader, Ros2Reader)
+    reader.name: reader
+    for reader in (
+        ParquetReader,
+        NpzReader,
+        TableReader,
+        Ros2Reader,
+    )
 }
 
 

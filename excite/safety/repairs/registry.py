@@ -13,7 +13,14 @@ from excite.safety.repairs.waypoints import Waypoints
 from excite.safety.repairs.whole_body import WholeBody
 
 REPAIRS: dict[str, type[Repair]] = {
-    repair.name: repair for repair in (Waypoints, WholeBody, Retiming, TimeScaling, Sampling)
+    repair.name: repair
+    for repair in (
+        Waypoints,
+        WholeBody,
+        Retiming,
+        TimeScaling,
+        Sampling,
+    )
 }
 
 
