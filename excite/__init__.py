@@ -41,6 +41,7 @@ _PUBLIC = {
     "Log": "excite.logs.log",
     "load_log": "excite.logs.files",
     "save_log": "excite.logs.files",
+    "import_recordings": "excite.logs.recordings",
     "robot_for_log": "excite.logs.robot",
     "join_logs": "excite.logs.joined",
     "identify": "excite.identification.identify",

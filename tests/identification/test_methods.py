@@ -24,11 +24,11 @@ from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.estimators.wls import WeightedLeastSquares
 from excite.identification.inertia import inertia_matrices
-from excite.identification.outside_cone import outside_cone
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.loading import load_robot
+from tests.identification.outside_cone import outside_cone
 from tests.identification.synthetic import arm_problem, modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.arm_curves import trial_curves
 from excite.diagnosis.answer.candidate import Candidate
-from excite.diagnosis.answer.gap import Gap, share_closed
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
+from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
 from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
@@ -30,19 +30,15 @@ from excite.diagnosis.equations.noise_floor import (
 )
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.equations.standing_joints import held_power
-from excite.diagnosis.equations.units import at_joint
 from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.search.attribute import Attributor
 from excite.diagnosis.search.attribution import Attribution, Scored
 from excite.diagnosis.search.unnamed import in_words
-from excite.diagnosis.search.verdict import Judgement, judge, probabilities, withdrawn
+from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
 from excite.diagnosis.simulator.accepted_values import found_effects
-from excite.diagnosis.simulator.augmented_effects import Found
 from excite.diagnosis.simulator.rollout_compare import simulated
 from excite.logs.log import Log
 from excite.robot.robot import Robot
-
-_LISTED = 8
 
 
 def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -65,94 +61,96 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
     def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
         return simulated(attribution, baseline, out)
 
-    return diagnose_torques(robot, log, chart, log.header.modelled, rng, simulate, out)
+    return diagnose_torques(TorqueRecord(robot, log, chart, log.header.modelled, out), rng, simulate)
 
 
-def diagnose_torques(
-    robot: Robot,
-    log: Log,
-    chart: Chart,
-    modelled: tuple[str, ...],
-    rng: np.random.Generator,
-    simulate: Callable[[Attribution, Baseline], Rollout | None],
-    out: Path | None = None,
-    floor_of: Callable[[ArmSamples], Array] = spectral_floor,
-    effects_tried: tuple[Effect, ...] | None = None,
-) -> Diagnosis:
-    """Diagnose repaired trials that have torques, measured or reconstructed.
+@dataclass(frozen=True, eq=False)
+class TorqueRecord:
+    """Repaired trials that have torques, measured or reconstructed.
 
-    Args:
+    Attributes:
         robot: the nominal model.
         log: the log, for its header and roles.
         chart: its repaired trials and what was found wrong with them.
         modelled: what the baseline has, and effects that are not to be tried.
+        out: folder for the motion of the next experiment; none is planned without it.
+        reconstructed_noise: noise of torques that were not measured, in the rows' band, ``(n_joints,)`` [N·m]; None
+            where they were, whose noise stands in their spectrum.
+        effects: the library of effects to try.
+    """
+
+    robot: Robot
+    log: Log
+    chart: Chart
+    modelled: tuple[str, ...]
+    out: Path | None = None
+    reconstructed_noise: Callable[[ArmSamples], Array] | None = None
+    effects: tuple[Effect, ...] = field(default_factory=lambda: tuple(EFFECTS.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Attributed:
+    """What the search found in the rows, and the noise by which it was judged.
+
+    Attributes:
+        samples: the repaired trials at one rate.
+        baseline: before the first effect.
+        spectral: noise in the rows' band, positions' share in it, ``(n_joints,)`` [N·m].
+        noise: what noise of the positions leaves in the rows, ``(n_joints, n_rows)`` [N·m].
+        attribution: all steps of the search; withdrawn where nothing is named.
+        judgement: the verdict on it.
+        impossible: the best candidate, where no body could be so.
+    """
+
+    samples: ArmSamples
+    baseline: Baseline
+    spectral: Array
+    noise: Array
+    attribution: Attribution
+    judgement: Judgement
+    impossible: tuple[Scored, ...]
+
+
+def diagnose_torques(
+    record: TorqueRecord,
+    rng: np.random.Generator,
+    simulate: Callable[[Attribution, Baseline], Rollout | None],
+) -> Diagnosis:
+    """Diagnose repaired trials that have torques, measured or reconstructed.
+
+    Args:
+        record: the trials, their model and what to try.
         rng: of the bootstrap.
         simulate: makes the roll-outs from the attribution and the baseline before it.
-        out: folder for the motion of the next experiment; none is planned without it.
-        floor_of: noise of the torques in the rows' band, ``(n_joints,)`` [N·m].
-        effects_tried: the library of effects; all of them where it is None.
 
     Returns:
         The diagnosis.
     """
-    samples = arm_samples(robot, log, chart.trials)
-    spectral = floor_of(samples)
-    # Torques that were not measured are no better further up in the spectrum.
-    least = np.minimum(white_floor(samples), spectral) if floor_of is spectral_floor else spectral
-    baseline = fit_baseline(samples, modelled, least)
-    columns = [log.header.joints.index(name) for name in samples.joints]
-    sigma = position_noise(samples, columns, chart.trials)
-    noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
-    judged = noise * baseline.strict
-    spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
-    library = tuple(EFFECTS.values()) if effects_tried is None else effects_tried
-    attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=library).run()
-    judgement = judge(attribution, spectral)
-    impossible = [item for item in attribution.accepted[:1] if not item.hypothesis.physical]
-    if judgement.verdict == "unknown" and attribution.accepted:
-        attribution = withdrawn(attribution, baseline)
+    found = _attributed(record)
+    samples, baseline, attribution, judgement = (
+        found.samples,
+        found.baseline,
+        found.attribution,
+        found.judgement,
+    )
     first = attribution.stages[0]
-    before, floor = baseline.plain(attribution.before.residual), attribution.floor
-    after = baseline.plain(attribution.after.residual)
-    repeat = repeat_floor(samples, after)
-    outside = ~samples.identification
-    outside = outside if outside.any() else samples.identification
-    if repeat is not None:
-        floor = other_postures(np.maximum(repeat, 0.5 * floor), unrepeated(samples, noise, outside))
-    # Of an unknown gap nobody can say what part of it friction holds.
-    if judgement.verdict != "unknown":
-        floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
+    before, after = (baseline.plain(fit.residual) for fit in (attribution.before, attribution.after))
     closed = after if attribution.accepted else before
-    gap = gap_of(samples, before, closed, floor, attribution.scale, rng)
+    gap = gap_of(samples, before, closed, _floor(found, after), attribution.scale, rng)
     effects = tuple(
-        _together(_candidate(item, Context(item.hypothesis.baseline), gap, attribution, tied), found)
-        for item, tied, found in zip(
+        beside_others(candidate_of(item, Context(item.hypothesis.baseline), gap, attribution, tied), values)
+        for item, tied, values in zip(
             attribution.accepted, judgement.tied, found_effects(attribution), strict=True
         )
     )
-    listed, n_tied = _listed(attribution, judgement, gap, effects)
+    listed, n_tied = listed_candidates(attribution, judgement, gap, effects)
     # What does not repeat is a gap all the same: the map heeds the noise alone.
-    quiet = np.minimum(attribution.floor, spectral)
-    where = locate(first.context, attribution.before, quiet, attribution.scale)
-    warnings = list(chart.warnings)
-    if not log.role("validation"):
-        warnings.append(
-            "the log has no validation trial: everything was judged on the trials it was fitted on"
-        )
-    if effects and judgement.structured:
-        warnings.append("a gap above the noise is left at " + ", ".join(judgement.structured))
-    warnings += [
-        f"{item.name.replace('_', ' ')} at {item.location} takes up most of the gap, but would leave that link "
-        "less than no mass: something else looks like it"
-        for item in impossible
-    ]
-    if attribution.stranger is not None:
-        warnings.append(in_words(attribution.stranger))
+    quiet = np.minimum(attribution.floor, found.spectral)
     location = effects[0].location if effects else None
     if judgement.verdict == "unknown":
         location = judgement.structured[0]
     return Diagnosis(
-        robot=robot.name,
+        robot=record.robot.name,
         verdict=judgement.verdict,
         effect=effects[0].effect if effects else None,
         location=location,
@@ -160,75 +158,65 @@ def diagnose_torques(
         candidates=listed,
         effects=effects,
         gap=gap,
-        where=where,
+        where=locate(first.context, attribution.before, quiet, attribution.scale),
         simulation=simulate(attribution, baseline),
         n_tied=n_tied,
-        next_experiment=advice(baseline, attribution, judgement, out),
-        faults=chart.faults,
-        warnings=tuple(warnings),
+        next_experiment=advice(baseline, attribution, judgement, record.out),
+        faults=record.chart.faults,
+        warnings=_warnings(record, found, effects),
         curves=trial_curves(samples, before, closed),
     )
 
 
-def _candidate(
-    item: Scored, context: Context, gap: Gap, attribution: Attribution, tied: tuple[str, ...] = ()
-) -> Candidate:
-    """A scored hypothesis as it stands in the document; gaps on the validation trials."""
-    h = item.hypothesis
-    rows = ~attribution.final.samples.identification
-    residual = h.baseline.plain(h.fit.residual)
-    residual = residual[:, rows] if rows.any() else residual
-    after = float(np.sqrt(np.mean((residual**2).mean(axis=1) / attribution.scale**2)))
-    return Candidate(
-        effect=item.name,
-        location=item.location,
-        parameters=at_joint(
-            context.baseline.samples.robot,
-            item.location,
-            h.effect.estimates(context, item.location, h.theta, h.told),
-        ),
-        evidence=item.evidence,
-        gap_after=after,
-        share_closed=share_closed(gap.before, after, gap.noise_floor),
-        tied_locations=tied,
-    )
+def _attributed(record: TorqueRecord) -> _Attributed:
+    """The search for effects beside a baseline that is fitted first."""
+    samples = arm_samples(record.robot, record.log, record.chart.trials)
+    spectral = (record.reconstructed_noise or spectral_floor)(samples)
+    # Torques that were not measured are no better further up in the spectrum.
+    measured = record.reconstructed_noise is None
+    least = np.minimum(white_floor(samples), spectral) if measured else spectral
+    baseline = fit_baseline(samples, record.modelled, least)
+    columns = [record.log.header.joints.index(name) for name in samples.joints]
+    sigma = position_noise(samples, columns, record.chart.trials)
+    noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
+    judged = noise * baseline.strict
+    spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
+    attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=record.effects).run()
+    judgement = judge(attribution, spectral)
+    impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
+    if judgement.verdict == "unknown" and attribution.accepted:
+        attribution = withdrawn(attribution, baseline)
+    return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible)
 
 
-def _together(item: Candidate, found: Found) -> Candidate:
-    """An accepted effect with the values that it has beside all others, not those when it was alone."""
-    values = {
-        name: replace(estimate, value=found.values.get(name, estimate.value))
-        for name, estimate in item.parameters.items()
-    }
-    return replace(item, parameters=values)
+def _floor(found: _Attributed, after: Array) -> Array:
+    """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds."""
+    samples, floor = found.samples, found.attribution.floor
+    repeat = repeat_floor(samples, after)
+    outside = ~samples.identification
+    outside = outside if outside.any() else samples.identification
+    if repeat is not None:
+        floor = other_postures(np.maximum(repeat, 0.5 * floor), unrepeated(samples, found.noise, outside))
+    # Of an unknown gap nobody can say what part of it friction holds.
+    if found.judgement.verdict != "unknown":
+        floor = np.sqrt(floor**2 + held_power(samples, after, floor, outside))
+    return floor
 
 
-def _listed(
-    attribution: Attribution, judgement: Judgement, gap: Gap, effects: tuple[Candidate, ...]
-) -> tuple[tuple[Candidate, ...], int]:
-    """Candidates for the first effect, likeliest first, and how many of them are tied."""
-    first = attribution.stages[0]
-    made = [_candidate(item, Context(item.hypothesis.baseline), gap, attribution) for item in first.ranking]
-    if not effects:
-        return tuple(made[:_LISTED]), 0
-    best = first.accepted
-    chance = probabilities(best, first.ranking, judgement.explained) if best is not None else {}
-    made = [replace(c, probability=chance.get((c.effect, c.location or ""))) for c in made]
-    # The place may be open where the name is not.
-    sure = sum(chance.get((effects[0].effect, place), 0.0) for place in effects[0].tied_locations)
-    head = [replace(effects[0], probability=sure)]
-    if judgement.renamed[0] is not None:
-        head[0] = replace(head[0], probability=0.5 * sure)
-        head.append(replace(head[0], effect=judgement.renamed[0]))
-    twins = {(r.name, r.location): twin for r, twin in zip(judgement.rivals, judgement.twins, strict=True)}
-    for c in made:
-        if (c.effect, c.location) not in twins:
-            continue
-        twin = twins[c.effect, c.location or ""]
-        # Two names for one thing share its probability.
-        chance_of = c.probability if twin is None or c.probability is None else 0.5 * c.probability
-        head.append(replace(c, probability=chance_of))
-        head += [] if twin is None else [replace(head[-1], effect=twin)]
-    known = {(c.effect, c.location) for c in head}
-    rest = [c for c in made if (c.effect, c.location) not in known]
-    return tuple((head + rest)[:_LISTED]), len(head) if judgement.verdict == "ambiguous" else 0
+def _warnings(record: TorqueRecord, found: _Attributed, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
+    """Limits of what is said, one sentence each."""
+    warnings = list(record.chart.warnings)
+    if not record.log.role("validation"):
+        warnings.append(
+            "the log has no validation trial: everything was judged on the trials it was fitted on"
+        )
+    if effects and found.judgement.structured:
+        warnings.append("a gap above the noise is left at " + ", ".join(found.judgement.structured))
+    warnings += [
+        f"{item.name.replace('_', ' ')} at {item.location} takes up most of the gap, but would leave that link "
+        "less than no mass: something else looks like it"
+        for item in found.impossible
+    ]
+    if found.attribution.stranger is not None:
+        warnings.append(in_words(found.attribution.stranger))
+    return tuple(warnings)

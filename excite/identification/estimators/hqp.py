@@ -43,7 +43,7 @@ class HierarchicalProgram(Estimator):
     active-set quadratic programs to which violated vectors are added until all 10 242 hold.
 
     The inertia is taken about the joint frame, as in the paper, so the level does not tie it to mass and
-    centre of mass: :func:`~excite.identification.outside_cone.outside_cone` counts the bodies that cannot exist.
+    centre of mass: some of the bodies that come out cannot exist.
     """
 
     name: ClassVar[str] = "hqp"
