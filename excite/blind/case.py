@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,7 +46,8 @@ def build_case(plan: Draft, rng: np.random.Generator, servo: Servo | None = None
     if servo is not None:
         arm = servo.on(arm)
     start = deepcopy(rng)
-    virtual, hidden, modelled, others = _prepare(arm, plan, rng)
+    made = _prepare(arm, plan, rng)
+    virtual, modelled = made.virtual, made.modelled
     recordings = recordings_of(virtual, arm)
     spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
     sigma = plan.noise * (_NOISE_TAU * spread + 2e-4 * spread.max())
@@ -54,17 +55,32 @@ def build_case(plan: Draft, rng: np.random.Generator, servo: Servo | None = None
     header = log_header(virtual.robot, headers).model_copy(update={"modelled": modelled})
     log = Log(header=header, trials=trials, robot_text=virtual.robot.urdf)
     known = []
-    for k, item in enumerate(hidden):
-        twin = _prepare(arm, plan, deepcopy(start), without=k)[0]
+    for k, item in enumerate(made.hidden):
+        twin = _prepare(arm, plan, deepcopy(start), without=k).virtual
         clear = detectability(arm.virtual.robot, recordings, recordings_of(twin, arm), modelled, sigma)
         known.append(replace(item, detectability=clear))
-    return log, Answer(plan.kind, plan.robot, modelled, tuple(known), plan.noise, plan.faults, others)
+    return log, Answer(plan.kind, plan.robot, modelled, tuple(known), plan.noise, plan.faults, made.others)
 
 
-def _prepare(
-    arm: Arm, plan: Draft, rng: np.random.Generator, without: int | None = None
-) -> tuple[VirtualRobot, tuple[HiddenEffect, ...], tuple[str, ...], tuple[HiddenEffect, ...]]:
-    """The robot with everything in it, what is hidden, what the log says is modelled, and the background.
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A robot before its experiment.
+
+    Attributes:
+        virtual: with everything in it.
+        hidden: the effects to be found.
+        modelled: what the log says that the baseline has.
+        others: faint effects in the background.
+    """
+
+    virtual: VirtualRobot
+    hidden: tuple[HiddenEffect, ...]
+    modelled: tuple[str, ...]
+    others: tuple[HiddenEffect, ...]
+
+
+def _prepare(arm: Arm, plan: Draft, rng: np.random.Generator, without: int | None = None) -> _Prepared:
+    """The robot of a case, and what is in it.
 
     ``without``: position of a hidden effect that is drawn but left out.
     """
@@ -91,7 +107,7 @@ def _prepare(
         taken = {law.joint for law in virtual.laws if isinstance(law, BristleLaw | AsymmetryLaw | WarmingLaw)}
         for j in set(range(n)) - taken:
             virtual = virtual.with_law(BristleLaw(j, float(virtual.drives.coulomb[j]), breakaway=1.5e-3))
-    return virtual, tuple(hidden), tuple(modelled), others
+    return _Prepared(virtual, tuple(hidden), tuple(modelled), others)
 
 
 def _fit(arm: Arm, effect: str, joint: int) -> int:

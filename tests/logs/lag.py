@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.errors import LogError
-from excite.logs.signals.align import Lag, peak
+from excite.logs.signals.align import Lag, Shifted, peak
 
 
 def estimate_lag(measured: Array, predicted: Array, rate_hz: float, max_lag_s: float = 0.1) -> Lag:
@@ -36,10 +36,10 @@ def estimate_lag(measured: Array, predicted: Array, rate_hz: float, max_lag_s: f
     model = _normalised(predicted)[inner]
     signal = _normalised(measured)
 
-    def correlation(shift: int) -> tuple[float, Array, Array]:
+    def correlation(shift: int) -> Shifted:
         part = signal[reach + shift : len(signal) - reach + shift]
         gain = float((part * model).sum() / np.sqrt((part**2).sum() * (model**2).sum()))
-        return gain, part - model, np.gradient(model, axis=0) * rate_hz
+        return Shifted(gain, part - model, np.gradient(model, axis=0) * rate_hz)
 
     return peak(correlation, reach, rate_hz)
 

@@ -103,7 +103,7 @@ class Clearance:
         return float((self._close(x)[1].distance - self._required).min(initial=_NEAR))
 
     def _close(self, x: Array) -> tuple[Placements, _Close]:
-        q = self._sampling.whole(x)[0]
+        q = self._sampling.whole(x).q
         poses = forward_kinematics(self._tree, q)
         rotation, translation = poses.rotation[:, self._parents], poses.translation[:, self._parents]
         centres = np.einsum("nbij,bj->nbi", rotation, self._centres) + translation

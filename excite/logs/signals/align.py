@@ -43,17 +43,31 @@ class Lag:
         )
 
 
-def peak(correlation: Callable[[int], tuple[float, Array, Array]], reach: int, rate_hz: float) -> Lag:
+@dataclass(frozen=True, eq=False)
+class Shifted:
+    """Two groups of channels against each other at one lag.
+
+    Attributes:
+        correlation: of both.
+        residual: what is left, ``(n, …)``, rows in order of time.
+        slope: its change with the lag, per second and of either sign, ``(n, …)``.
+    """
+
+    correlation: float
+    residual: Array
+    slope: Array
+
+
+def peak(correlation: Callable[[int], Shifted], reach: int, rate_hz: float) -> Lag:
     """The lag at which ``correlation`` is greatest.
 
     Args:
-        correlation: for a lag in samples, the correlation, the residual ``(n, …)`` and its change with the
-            lag ``(n, …)`` per second (of either sign), rows in order of time.
+        correlation: of both groups for a lag in samples.
         reach: largest lag [samples].
         rate_hz: samples per second.
     """
     shifts = np.arange(-reach, reach + 1)
-    values = np.array([correlation(int(shift))[0] for shift in shifts])
+    values = np.array([correlation(int(shift)).correlation for shift in shifts])
     best = int(np.argmax(values))
     offset = 0.0
     if 0 < best < len(shifts) - 1:
@@ -63,10 +77,10 @@ def peak(correlation: Callable[[int], tuple[float, Array, Array]], reach: int, r
         top = float(middle - 0.25 * (left - right) * offset)
     else:
         top = float(values[best])
-    _, residual, slope = correlation(int(shifts[best]))
+    found = correlation(int(shifts[best]))
     return Lag(
         lag_s=float(shifts[best] + offset) / rate_hz,
-        std_s=_deviation(residual, slope),
+        std_s=_deviation(found.residual, found.slope),
         correlation=top,
         correlation_before=float(values[reach]),
         tried_s=shifts / rate_hz,

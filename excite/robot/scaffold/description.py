@@ -70,7 +70,8 @@ def draft_description(
     faults = _faults(root, joints, floating, path)
     rest = {guess.name: value for guess in free if (value := _rest(guess)) != 0.0}
     stand_in = StandIn(path, floating, free, locked, tuple(faults), rest)
-    robot, geometry, geometry_fault = stand_in.with_geometry()
+    built = stand_in.with_geometry()
+    robot, geometry = built.robot, built.kind
     check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
     inertia = dict(
         zip(robot.joint_names, (float(value) for value in joint_inertias(robot, rng)), strict=True)
@@ -89,7 +90,7 @@ def draft_description(
         feet=guess_feet(robot) if floating and geometry else (),
         pairs=guess_pairs(robot),
         geometry=geometry,
-        geometry_fault=geometry_fault,
+        geometry_fault=built.fault,
         review=review_pairs(robot, rng, n_random=100) if geometry else None,
     )
 

@@ -17,6 +17,21 @@ from excite.robot.shapes.collision import collision_shapes
 from excite.robot.urdf.reading import parse_urdf
 
 
+@dataclass(frozen=True, eq=False)
+class WithGeometry:
+    """A robot, and what collision geometry could be built.
+
+    Attributes:
+        robot: the robot.
+        kind: ``collision`` or ``visual``; None where neither can be built.
+        fault: why not, None where one can.
+    """
+
+    robot: Robot
+    kind: str | None
+    fault: str | None
+
+
 @dataclass(frozen=True)
 class StandIn:
     """Builds a robot with stand-ins for what a person has not said yet."""
@@ -28,8 +43,8 @@ class StandIn:
     faults: tuple[str, ...]
     rest: dict[str, float]
 
-    def with_geometry(self) -> tuple[Robot, str | None, str | None]:
-        """Robot with the first kind of geometry that can be built; then the kind, or None and why not."""
+    def with_geometry(self) -> WithGeometry:
+        """The robot with the first kind of geometry that can be built, or without any."""
         reasons = []
         for kind in ("collision", "visual"):
             robot = self.robot(kind)
@@ -38,8 +53,8 @@ class StandIn:
             except RobotError as error:
                 reasons.append(f"{kind}: {error.what}")
                 continue
-            return robot, kind, None
-        return self.robot("authored"), None, "; ".join(reasons)
+            return WithGeometry(robot, kind, None)
+        return WithGeometry(self.robot("authored"), None, "; ".join(reasons))
 
     def robot(self, geometry: str) -> Robot:
         said = "stand-in"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -40,20 +41,34 @@ def link_shapes(
             raise RobotError(
                 "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
             )
-        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot, where, points))
+        body = _Place(f"{name}_{number}", name, joint, pose, robot, where)
+        shapes.append(_solid(body, solid, points))
     return shapes
 
 
-def _solid(
-    name: str,
-    link: str,
-    joint: int,
-    pose: pin.SE3,
-    solid: ElementTree.Element,
-    robot: Robot,
-    where: str,
-    meshes: Mapping[Path, Array],
-) -> Shape:
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where a shape sits, and what to call it in errors.
+
+    Attributes:
+        name: of the shape.
+        link: that it belongs to.
+        joint: that carries it.
+        pose: in that joint's frame.
+        robot: the robot.
+        where: the URDF's element, in words.
+    """
+
+    name: str
+    link: str
+    joint: int
+    pose: pin.SE3
+    robot: Robot
+    where: str
+
+
+def _solid(at: _Place, solid: ElementTree.Element, meshes: Mapping[Path, Array]) -> Shape:
+    robot, where, placed = at.robot, at.where, (at.name, at.link, at.joint, at.pose)
     if solid.tag == "mesh":
         corners = robot.description.collision.hull_corners
         points = meshes[Path(solid.get("filename", ""))] * _floats(solid.get("scale", "1 1 1"))
@@ -70,14 +85,14 @@ def _solid(
             raise RobotError(
                 str(error), source=robot.source, field=where, remedy="author a shape instead"
             ) from error
-        return Shape(name, link, joint, pose, "convex", (), hull.vertices, hull.faces)
+        return Shape(*placed, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
-        return Shape(name, link, joint, pose, "box", tuple(_floats(solid.get("size", "")).tolist()))
+        return Shape(*placed, "box", tuple(_floats(solid.get("size", "")).tolist()))
     if solid.tag == "sphere":
-        return Shape(name, link, joint, pose, "sphere", (float(solid.get("radius", "nan")),))
+        return Shape(*placed, "sphere", (float(solid.get("radius", "nan")),))
     if solid.tag in {"cylinder", "capsule"}:
         size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
-        return Shape(name, link, joint, pose, "capsule" if solid.tag == "capsule" else "cylinder", size)
+        return Shape(*placed, "capsule" if solid.tag == "capsule" else "cylinder", size)
     raise RobotError(
         f"unknown geometry {solid.tag!r}",
         source=robot.source,

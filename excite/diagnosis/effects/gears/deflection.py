@@ -18,12 +18,14 @@ def deflect(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
 
     ``behind`` (:class:`~excite.diagnosis.effects.gears.gear.Behind`) is the torque τ that the link needs and what it
     changes with. The inertia behind a joint does not change with its own angle, and so nothing does with the square of
-    its own speed. ``gear`` (:class:`~excite.diagnosis.effects.gears.gear.Gear`) gives way. ``starts`` marks the first sample of each trial, the first of
-    all among them, where the deflection is the static one and ``begin (n_trials, 2)`` more, angle and speed. The spring
-    is ``k x (1 + cubic x²)``; in the dead band there is neither spring nor damper. With ``soft`` each flank of the band
-    is ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s. With ``depth`` the flanks are round, their
-    force and their damping as those of two spheres: ``k x √(x/depth)`` (Hertz 1881; Hunt, Crossley 1975). Contacts push
-    and do not pull.
+    its own speed. ``starts`` marks the first sample of each trial, the first of all among them, where the deflection is
+    the static one and ``begin (n_trials, 2)`` more, angle and speed.
+
+    ``gear`` (:class:`~excite.diagnosis.effects.gears.gear.Gear`) gives way: the spring is ``k x (1 + cubic x²)``; in
+    the dead band there is neither spring nor damper. With ``soft`` each flank of the band is
+    ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s. With ``depth`` the flanks are round, their
+    force and their damping as those of two spheres: ``k x √(x/depth)`` (Hertz 1881; Hunt, Crossley 1975). Contacts
+    push and do not pull.
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
     load, stiffness, gap, cubic = behind.load, gear.stiffness, gear.gap, gear.cubic

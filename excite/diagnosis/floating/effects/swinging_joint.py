@@ -34,7 +34,8 @@ class SwingingJoint(JointElasticity):
 
     def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
         """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``."""
-        torque, loads, softer = loads_of(state, joint)
+        at = loads_of(state, joint)
+        torque, loads, softer = at.torque, at.by_parameter, at.per_torque
         if not theta.any():
             return np.zeros(len(torque)), -loads
         leaning, iv, a = leaning_of(state, joint), state.tree.idx_v[joint], state.a.copy()
