@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.doctor.plausibility import implausible
-from excite.doctor.suspicions import suspicions
+from excite.doctor.examine import examine
 from excite.errors import InputError, NoSolutionError, RobotError
 from excite.finding import Finding
 from excite.identification.attempt import attempt, equations_of, failure_finding
@@ -62,17 +61,21 @@ def identify(
     Raises:
         UnknownNameError: no such method.
         LogError: the log and the robot do not fit, or leave no rows.
+        IllLogError: no check can save the log; with the findings.
         NoSolutionError: the estimator found no parameters that pass its checks; ``best`` is an Identification
             with the best point known, marked by its status and its first finding.
         InputError: the settings state bounds that the method does not keep.
     """
     estimator = find_estimator(method)
+    chart = examine(robot, log)
+    chart.check_usable()
+    log = chart.log
     with equations_of(log):
         problem = build_problem(robot, log, problem_settings, role="identification")
         validation = None
         if log.role("validation"):
             validation = build_problem(robot, log, problem_settings, role="validation")
-        odd = (*nominal_faults(robot), *implausible(log, robot), *suspicions(robot, log, problem_settings))
+        odd = (*nominal_faults(robot), *chart.findings)
         try:
             result = identify_problem(problem, validation, estimator, settings or EstimatorSettings())
         except NoSolutionError as error:

@@ -15,7 +15,6 @@ from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
-from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
@@ -56,12 +55,11 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
     Raises:
         LogError: no torques, trials too short.
     """
-    chart = examine(robot, log)
 
     def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
         return simulated(attribution, baseline, out)
 
-    return diagnose_torques(TorqueRecord(robot, log, chart, log.header.modelled, out), rng, simulate)
+    return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, simulate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +68,7 @@ class TorqueRecord:
 
     Attributes:
         robot: the nominal model.
-        log: the log, for its header and roles.
-        chart: its repaired trials and what was found wrong with them.
+        log: the log, its trials repaired.
         modelled: what the baseline has, and effects that are not to be tried.
         out: folder for the motion of the next experiment; none is planned without it.
         reconstructed_noise: noise of torques that were not measured, in the rows' band, ``(n_joints,)`` [N·m]; None
@@ -81,7 +78,6 @@ class TorqueRecord:
 
     robot: Robot
     log: Log
-    chart: Chart
     modelled: tuple[str, ...]
     out: Path | None = None
     reconstructed_noise: Callable[[ArmSamples], Array] | None = None
@@ -162,7 +158,6 @@ def diagnose_torques(
         simulation=simulate(attribution, baseline),
         n_tied=n_tied,
         next_experiment=advice(baseline, attribution, judgement, record.out),
-        faults=record.chart.faults,
         warnings=_warnings(record, found, effects),
         curves=trial_curves(samples, before, closed),
     )
@@ -170,14 +165,14 @@ def diagnose_torques(
 
 def _attributed(record: TorqueRecord) -> _Attributed:
     """The search for effects beside a baseline that is fitted first."""
-    samples = arm_samples(record.robot, record.log, record.chart.trials)
+    samples = arm_samples(record.robot, record.log, record.log.trials)
     spectral = (record.reconstructed_noise or spectral_floor)(samples)
     # Torques that were not measured are no better further up in the spectrum.
     measured = record.reconstructed_noise is None
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
     baseline = fit_baseline(samples, record.modelled, least)
     columns = [record.log.header.joints.index(name) for name in samples.joints]
-    sigma = position_noise(samples, columns, record.chart.trials)
+    sigma = position_noise(samples, columns, record.log.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     judged = noise * baseline.strict
     spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
@@ -205,7 +200,7 @@ def _floor(found: _Attributed, after: Array) -> Array:
 
 def _warnings(record: TorqueRecord, found: _Attributed, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
     """Limits of what is said, one sentence each."""
-    warnings = list(record.chart.warnings)
+    warnings = []
     if not record.log.role("validation"):
         warnings.append(
             "the log has no validation trial: everything was judged on the trials it was fitted on"
