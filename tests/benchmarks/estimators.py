@@ -11,10 +11,10 @@ import numpy as np
 
 from excite.identification.constraints.sphere import SphereRows
 from excite.identification.estimators.base import Estimate
-from excite.identification.estimators.cls2 import PhysicallyFeasible
-from excite.identification.estimators.cls3 import DensityRealisable
-from excite.identification.estimators.hqp import HierarchicalProgram
-from excite.identification.estimators.lmi import PhysicallyConsistent
+from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
+from excite.identification.estimators.conic.cls3 import DensityRealisable
+from excite.identification.estimators.conic.lmi import PhysicallyConsistent
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem

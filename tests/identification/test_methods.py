@@ -17,12 +17,12 @@ from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs, mirrored_parameters
 from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.cls1 import BoundedNearBase
-from excite.identification.estimators.hqp import HierarchicalProgram
-from excite.identification.estimators.projection import ProjectionAnswer, project
-from excite.identification.estimators.robust import Huber
+from excite.identification.estimators.least_squares.robust import Huber
+from excite.identification.estimators.least_squares.wls import WeightedLeastSquares
+from excite.identification.estimators.quadratic.cls1 import BoundedNearBase
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.estimators.wls import WeightedLeastSquares
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std

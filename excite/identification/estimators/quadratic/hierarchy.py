@@ -14,15 +14,19 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.hierarchy_state import (
+from excite.identification.estimators.quadratic.hierarchy_state import (
     EMPTY,
     HierarchyAnswer,
     HierarchyState,
     Level,
     LevelFailed,
 )
-from excite.identification.estimators.projection import ProjectionAnswer, Projector, distance_to_optimum
-from excite.identification.estimators.semi_projection import (
+from excite.identification.estimators.quadratic.projection import (
+    ProjectionAnswer,
+    Projector,
+    distance_to_optimum,
+)
+from excite.identification.estimators.quadratic.semi_projection import (
     WEAK,
     SemiAnswer,
     SemiProjection,

@@ -20,8 +20,8 @@ from excite.identification.constraints.linear import stack
 from excite.identification.constraints.mass import non_negative_masses, total_mass
 from excite.identification.constraints.stated_bounds import stated_bounds
 from excite.identification.estimators.base import Estimate, Estimator
-from excite.identification.estimators.conic import ConicSolver, interior_point
-from excite.identification.estimators.conic_estimate import conic_estimate, consistent_or_raised
+from excite.identification.estimators.conic.conic import ConicSolver, interior_point
+from excite.identification.estimators.conic.conic_estimate import conic_estimate, consistent_or_raised
 from excite.identification.estimators.ridge import ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.default_bounds import default_bounds

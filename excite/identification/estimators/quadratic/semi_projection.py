@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.active_set import ActiveSetProjector
-from excite.identification.estimators.projection import Projector
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.projection import Projector
 from excite.identification.orthogonal import row_space
 
 WEAK = 1e-8

@@ -14,13 +14,13 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs
 from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.active_set import ActiveSetProjector
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
 from excite.identification.estimators.fallback import best_feasible, plain_models
-from excite.identification.estimators.hierarchy import solve_hierarchy
-from excite.identification.estimators.hierarchy_state import HierarchyAnswer, Level
-from excite.identification.estimators.projection import Projector
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
+from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, Level
+from excite.identification.estimators.quadratic.projection import Projector
 from excite.identification.estimators.scaled import Scaled, scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem

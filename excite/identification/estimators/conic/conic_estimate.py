@@ -12,7 +12,7 @@ from excite.identification.constraints.body import ParameterCones
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import VIOLATION_TOLERANCE, checked_estimate, no_solution
-from excite.identification.estimators.conic import (
+from excite.identification.estimators.conic.conic import (
     ConicAnswer,
     ConicProblem,
     ConicSolver,

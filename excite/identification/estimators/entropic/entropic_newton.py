@@ -10,7 +10,7 @@ from scipy.linalg.lapack import dpotrf
 
 from excite.arrays import Array
 from excite.identification.constraints.cones import triangle_of
-from excite.identification.estimators.entropic_problem import EntropicAnswer, EntropicProblem
+from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
 
 _STEPS = 400
 _BACK = 0.97

@@ -9,9 +9,9 @@ from excite.identification.constraints.bounds import MASS_AND_FIRST_MOMENT
 from excite.identification.constraints.linear import stack
 from excite.identification.constraints.mass import non_negative_masses
 from excite.identification.estimators.base import Estimate, Estimator
-from excite.identification.estimators.cls1 import bound_rows
-from excite.identification.estimators.conic import ConicSolver, interior_point
-from excite.identification.estimators.conic_estimate import conic_estimate
+from excite.identification.estimators.conic.conic import ConicSolver, interior_point
+from excite.identification.estimators.conic.conic_estimate import conic_estimate
+from excite.identification.estimators.quadratic.cls1 import bound_rows
 from excite.identification.estimators.ridge import ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem

@@ -13,9 +13,9 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.constraints.stated_bounds import speaks_of, stated_bounds
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
-from excite.identification.estimators.hierarchy import solve_hierarchy
-from excite.identification.estimators.hierarchy_state import Level
-from excite.identification.estimators.projection import Projector, project
+from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
+from excite.identification.estimators.quadratic.hierarchy_state import Level
+from excite.identification.estimators.quadratic.projection import Projector, project
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.default_bounds import default_bounds as physical_bounds

@@ -15,10 +15,14 @@ from excite.identification.constraints.body import moving_segments
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
-from excite.identification.estimators.entropic_newton import cholesky
-from excite.identification.estimators.entropic_problem import EntropicAnswer, EntropicProblem, EntropicSolver
+from excite.identification.estimators.entropic.entropic_newton import cholesky
+from excite.identification.estimators.entropic.entropic_problem import (
+    EntropicAnswer,
+    EntropicProblem,
+    EntropicSolver,
+)
+from excite.identification.estimators.entropic.geometric import relative_map
 from excite.identification.estimators.fallback import best_known
-from excite.identification.estimators.geometric import relative_map
 from excite.identification.estimators.ridge import Ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.regression import Regression

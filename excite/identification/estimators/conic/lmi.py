@@ -12,12 +12,12 @@ from typing import ClassVar
 from excite.identification.constraints.assemble import model_constraints
 from excite.identification.constraints.body import pseudo_inertia_cones
 from excite.identification.estimators.base import Estimate, Estimator
-from excite.identification.estimators.conic import ConicSolver, interior_point
-from excite.identification.estimators.conic_estimate import conic_estimate, consistent_or_raised
-from excite.identification.estimators.entropic import entropic_estimate
-from excite.identification.estimators.entropic_newton import newton
-from excite.identification.estimators.entropic_problem import EntropicSolver
-from excite.identification.estimators.geometric import pullback_metric
+from excite.identification.estimators.conic.conic import ConicSolver, interior_point
+from excite.identification.estimators.conic.conic_estimate import conic_estimate, consistent_or_raised
+from excite.identification.estimators.entropic.entropic import entropic_estimate
+from excite.identification.estimators.entropic.entropic_newton import newton
+from excite.identification.estimators.entropic.entropic_problem import EntropicSolver
+from excite.identification.estimators.entropic.geometric import pullback_metric
 from excite.identification.estimators.ridge import ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
@@ -28,7 +28,7 @@ class PhysicallyConsistent(Estimator):
     """The objective and linear constraints of ``qp`` with every pseudo-inertia positive definite.
 
     ``regulariser`` chooses the distance from the nominal model: ``euclidean`` in units of the spreads,
-    ``pullback`` and ``entropic`` of :mod:`~excite.identification.estimators.geometric`. The entropic one keeps
+    ``pullback`` and ``entropic`` of :mod:`~excite.identification.estimators.entropic.geometric`. The entropic one keeps
     bodies inside the cone by itself and uses no ``inertia_floor``.
     """
 

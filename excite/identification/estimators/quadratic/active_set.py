@@ -7,7 +7,7 @@ from scipy.linalg import qr_delete, solve_triangular
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.projection import ProjectionAnswer
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 
 _DEPENDENT = 1e-11
 _VIOLATED = 1e-12
@@ -21,7 +21,7 @@ class ActiveSetProjector:
 
     Called with the target of the last call and rows that begin with the last ones, it goes on from its last
     active set, which costs as many steps as the new rows bring; otherwise it starts anew. The answer is that
-    of :func:`~excite.identification.estimators.projection.project`.
+    of :func:`~excite.identification.estimators.quadratic.projection.project`.
     """
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, no_solution
 from excite.identification.estimators.fallback import best_known
-from excite.identification.estimators.projection import Projector, distance_to_optimum, project
+from excite.identification.estimators.quadratic.projection import Projector, distance_to_optimum, project
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
