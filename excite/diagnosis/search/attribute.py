@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.sign_changes import signs_again
+from excite.diagnosis.equations.fitted_signs import signs_again
 from excite.diagnosis.search.accepted_together import searched_together
 from excite.diagnosis.search.attribution import Attribution, Scored, Stage
 from excite.diagnosis.search.constants import beyond_constants

@@ -9,7 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Verdict
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import coulomb_level
+from excite.diagnosis.equations.own_columns import coulomb_level
 from excite.diagnosis.search.attribution import Attribution, Scored
 from excite.diagnosis.search.gates import Gates
 from excite.diagnosis.search.structured import structured_joints

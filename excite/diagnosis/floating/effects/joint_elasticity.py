@@ -51,7 +51,7 @@ class JointElasticity(FloatingEffect):
         q[:, iq] += bend
         v[:, iv] += rate
         a[:, iv] += _rates(state, rate)
-        return state.but(q=q, v=v, a=a)
+        return state.replace(q=q, v=v, a=a)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's columns along what each parameter lets it yield."""
@@ -118,7 +118,7 @@ def leaning_of(state: State, joint: int) -> Array:
     """``(n,)`` change of a joint's torque by its own turn [N·m/rad]."""
     iv, q = state.tree.idx_v[joint], state.q.copy()
     q[:, state.tree.idx_q[joint]] += _TURN
-    return (state.but(q=q).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
+    return (state.replace(q=q).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
 
 
 def _rates(state: State, values: Array) -> Array:

@@ -40,7 +40,7 @@ class SwingingJoint(JointElasticity):
             return np.zeros(len(torque)), -loads
         leaning, iv, a = leaning_of(state, joint), state.tree.idx_v[joint], state.a.copy()
         a[:, iv] += _ACCELERATION
-        inertia = float((state.but(a=a).smooth_torque(iv) - torque).mean()) / _ACCELERATION
+        inertia = float((state.replace(a=a).smooth_torque(iv) - torque).mean()) / _ACCELERATION
 
         def bend(theta: Array) -> Array:
             compliance = softer @ theta

@@ -70,7 +70,7 @@ class JointTurn:
     def _changed(self, what: str, column: int, step: float) -> State:
         values = getattr(self.state, what).copy()
         values[:, column] += step
-        return self.state.but(**{what: values})
+        return self.state.replace(**{what: values})
 
 
 def joint_turn(state: State, joint: int) -> JointTurn:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import dataclasses
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -71,9 +72,9 @@ class State:
             placements={s.name: s.placement for s in record.robot.sensors},
         )
 
-    def but(self, **changes: Any) -> State:
+    def replace(self, **changes: Any) -> State:
         """A copy with fields replaced; what was computed and does not depend on them is kept."""
-        other, changed = replace(self, **changes), set(changes)
+        other, changed = dataclasses.replace(self, **changes), set(changes)
         # The base's equation holds nothing of segments beyond the sensors.
         if "phi" in changed and np.array_equal(other.measured_phi, self.measured_phi):
             changed.remove("phi")

@@ -124,13 +124,8 @@ def _keep(state: HierarchyState, level: Level, rows: LinearConstraints, pinned: 
     """Keep what the present point reaches: pinned rows as equalities, the others as they are or better."""
     if level.family is not None:
         state.families.append(level.family)
-    state.pin(_take(rows, pinned))
-    state.add(_take(rows, ~pinned))
-
-
-def _take(rows: LinearConstraints, mask: Mask) -> LinearConstraints:
-    labels = tuple(label for label, keep in zip(rows.labels, mask, strict=True) if keep)
-    return LinearConstraints(rows.matrix[mask], rows.bound[mask], labels)
+    state.pin(rows.only(pinned))
+    state.add(rows.only(~pinned))
 
 
 def _least_violation(
@@ -141,7 +136,7 @@ def _least_violation(
     for _ in range(_MAX_ROUNDS):
         k, e, h = len(rows.bound), rows.n_equal, len(state.hard.bound)
         equal = LinearConstraints(rows.matrix[:e], rows.bound[:e], rows.labels[:e], e)
-        joined = stack([equal, state.hard, _take(rows, np.arange(k) >= e)], len(state.x))
+        joined = stack([equal, state.hard, rows.only(np.arange(k) >= e)], len(state.x))
         counted = np.zeros((k + h, k))
         counted[:e, :e] = np.eye(e)
         counted[e + h :, e:] = np.eye(k - e)
@@ -161,8 +156,8 @@ def _least_violation(
             continue
         load = answer.multipliers
         state.x = x
-        state.pin(_take(state.hard, load[e : e + h] > _ACTIVE))
-        state.hard = _take(state.hard, load[e : e + h] <= _ACTIVE)
+        state.pin(state.hard.only(load[e : e + h] > _ACTIVE))
+        state.hard = state.hard.only(load[e : e + h] <= _ACTIVE)
         reached = float(np.linalg.norm(rows.violations(x)))
         _keep(state, level, rows, np.concatenate([np.ones(e, dtype=bool), load[e + h :] > _ACTIVE]))
         return reached
@@ -215,9 +210,9 @@ def _fit(state: HierarchyState, matrix: Array, measured: Array, projector: Proje
         raise LevelFailed(SolveStatus.NOT_OPTIMAL)
     rows = state.hard
     state.x, state.basis = state.x + along @ answer.p + across @ answer.n, across
-    state.pin(_take(rows, answer.multipliers > _ACTIVE))
+    state.pin(rows.only(answer.multipliers > _ACTIVE))
     state.hard = stack([], len(state.x))
-    state.add(_take(rows, answer.multipliers <= _ACTIVE))
+    state.add(rows.only(answer.multipliers <= _ACTIVE))
     return answer.distance
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.arrays import Array
-from excite.diagnosis.equations.drive_terms import BREAKAWAY_BOUNDS, WIDTH_BOUNDS, refined
+from excite.diagnosis.equations.own_columns import BREAKAWAY_BOUNDS, WIDTH_BOUNDS, refined
 
 
 def _dahl(deflection: Array, breakaway: float) -> Array:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.diagnosis.equations.friction_sign import SignChange, damping_of_bristles, sign_of_motion
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.equations.sign_change import SignChange, damping_of_bristles, sign_of_motion
 
 # Bristles are believed where they lower the loss to this share, and so is their damping.
 _BETTER = 0.95

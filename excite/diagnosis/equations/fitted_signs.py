@@ -8,7 +8,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import (
+from excite.diagnosis.equations.friction_sign import SIGNS, SignChange
+from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
     DAMPED_BOUNDS,
     WIDTH_BOUNDS,
@@ -16,7 +17,6 @@ from excite.diagnosis.equations.drive_terms import (
     own_names,
     refined,
 )
-from excite.diagnosis.equations.sign_change import SIGNS, SignChange
 
 # A stop in passing is over after that, and what the filter makes of it [s].
 _LONGEST = 0.02
