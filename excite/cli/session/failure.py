@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import excite
-from excite.atomic import completed, unwritable
+from excite.atomic import completed
 from excite.errors import ExciteError
 from excite.finding import Finding
+from excite.folders import unwritable
 from excite.json_document import to_json
 
 EXIT_USAGE = 2
