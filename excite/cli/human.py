@@ -71,7 +71,7 @@ def command(
         typer.Option(
             "--identify",
             metavar="METHOD",
-            help="Identify at once (lmi, hqp, …): table of segment masses, URDF and OpenSim model.",
+            help="Identify at once by a method below (lmi, hqp): table of segment masses, URDF, OpenSim model.",
         ),
     ] = None,
     loaded: Annotated[
@@ -98,7 +98,7 @@ def command(
     if identify is None and (asymmetric or mass_range):
         option = "--asymmetric" if asymmetric else "--mass-range"
         raise InputError("identifies nothing", field=option, remedy="add --identify hqp")
-    estimator = segment_settings(identify or "", asymmetric, mass_range)
+    estimator = None if identify is None else segment_settings(identify, asymmetric, mass_range)
     settings = excite.MeasureSettings(
         table=table,  # type: ignore[arg-type]
         markers=markers,
@@ -141,7 +141,7 @@ def _evaluated(
     folder: Path,
     loaded: int,
     identify: str | None,
-    estimator: EstimatorSettings,
+    estimator: EstimatorSettings | None,
 ) -> tuple[dict[str, Any], str]:
     """The document and what is said of it, after all that was asked for was written beside the log."""
     document, said = person.to_json(), []

@@ -20,7 +20,7 @@ from excite.identification.estimators.entropic_problem import EntropicAnswer, En
 from excite.identification.estimators.fallback import best_known
 from excite.identification.estimators.geometric import relative_map
 from excite.identification.estimators.ridge import Ridge
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import PullSettings
 from excite.identification.regression import Regression
 
 
@@ -44,7 +44,7 @@ def entropic_estimate(
     rows: Regression,
     objective: Ridge,
     linear: LinearConstraints,
-    settings: EstimatorSettings,
+    settings: PullSettings,
     solver: EntropicSolver,
 ) -> Estimate:
     """Estimate with the entropic divergence; ``objective`` is the ridge with the pullback metric.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from excite.errors import UnknownNameError
 from excite.identification.estimators.base import Estimator
 from excite.identification.estimators.cls1 import BoundedNearBase
@@ -16,7 +18,10 @@ from excite.identification.estimators.qp import QuadraticProgram
 from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.wls import WeightedLeastSquares
 
-ESTIMATORS: dict[str, type[Estimator]] = {
+# Parameters of bodies near the nominal model, of fixed and floating robots alike, with nothing to be told before.
+DEFAULT_METHOD = "qp"
+
+ESTIMATORS: dict[str, type[Estimator[Any]]] = {
     estimator.name: estimator
     for estimator in (
         LeastSquares,
@@ -34,7 +39,7 @@ ESTIMATORS: dict[str, type[Estimator]] = {
 }
 
 
-def find_estimator(name: str) -> Estimator:
+def find_estimator(name: str) -> Estimator[Any]:
     """The estimator of that name; raises UnknownNameError."""
     if name not in ESTIMATORS:
         raise UnknownNameError("method", name, sorted(ESTIMATORS))
