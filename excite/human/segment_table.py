@@ -87,7 +87,7 @@ def segment_table(body: Body, result: Identification) -> SegmentTable:
         InputError: the result is of another robot.
     """
     ten = _rows_of(result.parameters, result)
-    uncertainty = result.statistics.uncertainty
+    uncertainty = result.uncertainty
     std = None if uncertainty is None else _rows_of(uncertainty.std[: len(result.parameters)], result)
     known = (
         None if uncertainty is None else _rows_of(uncertainty.determined[: len(result.parameters)], result)

@@ -11,7 +11,9 @@ from excite.arrays import Array
 from excite.finding import Finding
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.judgement.changes import Changes
+from excite.identification.judgement.consistency import Consistency
 from excite.identification.judgement.judgement import Judgement, TotalMassReport
+from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.judgement.validation import ChannelFit
 from excite.identification.parameter_statistics import BaseParameter, ParameterStatistics
 from excite.identification.result_text import fit_table, mass_change
@@ -88,6 +90,16 @@ class Identification:
     def essential(self) -> tuple[BaseParameter, ...]:
         """Base parameters that are left after the negligible ones were removed, re-estimated."""
         return self.statistics.essential
+
+    @property
+    def uncertainty(self) -> ParameterUncertainty | None:
+        """Of all parameters, from data and nominal model together; None where it was not computed."""
+        return self.statistics.uncertainty
+
+    @property
+    def consistency(self) -> Consistency:
+        """Whether the parameters are those of bodies that can exist."""
+        return self.judgement.consistency
 
     @property
     def fit(self) -> dict[str, ChannelFit]:

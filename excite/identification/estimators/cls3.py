@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.conic import ConicSolver, interior_point
 from excite.identification.estimators.conic_estimate import conic_estimate, consistent_or_raised
 from excite.identification.estimators.ridge import ridge
+from excite.identification.estimators.setting import stated
 from excite.identification.estimators.settings import (
     EstimatorSettings,
     PullSettings,
@@ -45,8 +46,8 @@ class Cls3Settings(StatedBoundsSettings, PullSettings):
         body_ellipsoids: where each body's mass lies, likewise.
     """
 
-    com_ellipsoids: Array | None = None
-    body_ellipsoids: Array | None = None
+    com_ellipsoids: Array | None = field(default=None, metadata=stated("m", "where each centre of mass lies"))
+    body_ellipsoids: Array | None = field(default=None, metadata=stated("m", "where each body's mass lies"))
 
 
 class DensityRealisable(Estimator[Cls3Settings]):

@@ -34,6 +34,11 @@ def shares_by_link(low: float, high: float, what: str) -> Any:
     return field(default_factory=dict, metadata={"shares": (low, high), "what": what})
 
 
+def stated(unit: str, what: str) -> dict[str, str]:
+    """Metadata of what has a form of its own, such as an array, and is checked where it is used."""
+    return {"of": unit, "what": what}
+
+
 def check_settings(settings: DataclassInstance) -> None:
     """Raise InputError, which names the setting, for a value that its declaration does not allow."""
     for item in fields(settings):

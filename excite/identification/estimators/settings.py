@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.errors import UnknownNameError
-from excite.identification.estimators.setting import check_settings, number, shares_by_link
+from excite.identification.estimators.setting import check_settings, number, shares_by_link, stated
 from excite.identification.physical.known_bounds import KnownBounds
 from excite.robot.robot import Robot
 
@@ -72,7 +72,9 @@ class BoxSettings(EstimatorSettings):
             inertia.
     """
 
-    com_boxes: Array | None = None
+    com_boxes: Array | None = field(
+        default=None, metadata=stated("m", "box of each segment's centre of mass")
+    )
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,9 @@ class PairSettings(EstimatorSettings):
         asymmetric: links that need not mirror the other side's; a pair is free where either of its two is named.
     """
 
-    asymmetric: tuple[str, ...] = ()
+    asymmetric: tuple[str, ...] = field(
+        default=(), metadata=stated("1", "links that need not mirror the other side")
+    )
 
     def free_of_symmetry(self, robot: Robot) -> tuple[int, ...]:
         """Segments that ``asymmetric`` names; raises UnknownNameError for a link that is no segment."""
@@ -136,7 +140,9 @@ class StatedBoundsSettings(BodySettings):
         bounds: what is known of masses, centres of mass, inertias about these, and drives.
     """
 
-    bounds: KnownBounds | None = None
+    bounds: KnownBounds | None = field(
+        default=None, metadata=stated("SI", "bounds from a file, load_bounds reads it")
+    )
 
 
 @dataclass(frozen=True)
@@ -149,7 +155,9 @@ class ParameterBoundsSettings(StatedBoundsSettings):
     """
 
     bound_width: float = number(3.0, "1", 1e-3, 1e6, "half width of the parameters' bounds, in spreads")
-    parameter_bounds: Array | None = None
+    parameter_bounds: Array | None = field(
+        default=None, metadata=stated("SI", "lower, upper bound of each parameter")
+    )
 
 
 def known_segments(robot: Robot, names: Iterable[str]) -> list[str]:
