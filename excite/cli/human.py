@@ -100,14 +100,14 @@ def command(
         raise InputError("identifies nothing", field=option, remedy="add --identify hqp")
     estimator = None if identify is None else segment_settings(identify, asymmetric, mass_range)
     settings = excite.MeasureSettings(
-        table=table,  # type: ignore[arg-type]
+        table=table,
         markers=markers,
         up=up,
         cutoff_hz=cutoff_hz,
         hold_out=hold_out,
         segment_mass=named_numbers("--segment-mass", segment_mass),
     )
-    subject = excite.Subject(mass, height, sex)  # type: ignore[arg-type]
+    subject = excite.Subject(mass, height, sex)
     _check_whole(trials, loaded, identify, out)
     with progress_bars() as progress:
         person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)

@@ -56,7 +56,7 @@ class Regression:
         tail = np.append(parameters, -1.0)
         squares = np.einsum("cij,j->ci", self.channel_factors, tail)
         counts = np.bincount(self.problem.channel, minlength=len(self.channel_factors))
-        return (squares**2).sum(axis=1) / np.maximum(counts, 1)
+        return np.asarray((squares**2).sum(axis=1) / np.maximum(counts, 1))
 
 
 @one_blas_thread
@@ -142,7 +142,7 @@ def minimum_norm(a: Array, b: Array) -> Array:
 
     No iteration that could fail to converge, as the singular value decompositions of LAPACK do now and then.
     """
-    return lstsq(a, b, cond=RANK_TOLERANCE, lapack_driver="gelsy", check_finite=False)[0]
+    return np.asarray(lstsq(a, b, cond=RANK_TOLERANCE, lapack_driver="gelsy", check_finite=False)[0])
 
 
 def square_factor(rows: Array) -> Array:

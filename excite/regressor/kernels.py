@@ -36,7 +36,7 @@ class Placements:
         ``local`` of shape ``(3,)`` gives ``(n, 3)``, of shape ``(k, 3)`` gives ``(n, k, 3)``.
         """
         rotated = np.einsum("nij,...j->n...i", self.rotation[:, joint], local)
-        return rotated + self.translation[:, joint].reshape(-1, *[1] * (np.ndim(local) - 1), 3)
+        return np.asarray(rotated + self.translation[:, joint].reshape(-1, *[1] * (np.ndim(local) - 1), 3))
 
 
 def forward_kinematics(model: pin.Model | KinematicTree, q: Array) -> Placements:
@@ -81,7 +81,7 @@ def centre_of_mass(model: pin.Model | KinematicTree, q: Array, phi: Array | None
     poses = forward_kinematics(tree, q)
     moments = np.einsum("njik,jk->ni", poses.rotation[:, 1:], table[:, 1:4])
     moments += np.einsum("nji,j->ni", poses.translation[:, 1:], table[:, 0])
-    return moments / table[:, 0].sum()
+    return np.asarray(moments / table[:, 0].sum())
 
 
 def inverse_dynamics(

@@ -70,7 +70,7 @@ class JointSamples:
     def _shared(self) -> Array:
         if self.motors is None:
             return np.zeros(len(self.joints), dtype=bool)
-        return np.count_nonzero(self.motors, axis=1) > 1
+        return np.asarray(np.count_nonzero(self.motors, axis=1) > 1)
 
     def own(self, values: Array) -> Array:
         """Columns that act on their own joint only: ``(m, n_joints)`` → ``(m, n_joints, n_joints)``."""

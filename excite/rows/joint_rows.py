@@ -167,7 +167,9 @@ class JointRows:
                 field="torque",
                 remedy="state torque_constants in log.yaml, or drive_gains in the settings [N·m/A]",
             )
-        return trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
+        return np.asarray(
+            trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
+        )
 
 
 def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:

@@ -97,7 +97,7 @@ def trial_rate(header: LogHeader, trial: Trial) -> float:
     if abs(own - header.rate_hz) < 1e-3 * header.rate_hz:
         return header.rate_hz
     span = trial.time[-1] - trial.time[0]
-    return (len(trial.time) - 1 + trial.cleaning.missing_rows) / span
+    return float((len(trial.time) - 1 + trial.cleaning.missing_rows) / span)
 
 
 def positions_on_grid(time: Array, values: Array, grid: Array) -> Array:

@@ -52,7 +52,7 @@ class Ridge:
     def rotate(self, rows: Array) -> Array:
         """Rows that act on ``θ`` made to act on ``z``, ``(n_rows, n_free)``."""
         scaled = (rows[:, self.free] * self.scales[self.free]).T
-        return solve_triangular(self.factor, scaled, trans="T").T
+        return np.asarray(solve_triangular(self.factor, scaled, trans="T").T)
 
     def constraints(self, constraints: LinearConstraints) -> LinearConstraints:
         """The same constraints on ``z``, each row of unit length; rows without a free parameter left out."""

@@ -65,7 +65,7 @@ class BaseStatistics:
 
         Student's quantile, as the noise's power is estimated from the same residuals.
         """
-        return student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std
+        return np.asarray(student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std)
 
     def rsd_percent(self, values: Array) -> Array:
         """Relative standard deviation ``100 σ/|value|`` of each base parameter, infinite at zero."""
@@ -127,7 +127,7 @@ def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, facto
 
 def _sandwich(factor: Array, meat: Array) -> Array:
     inverse = solve_triangular(factor, np.eye(len(factor)))
-    return inverse @ meat @ inverse.T
+    return np.asarray(inverse @ meat @ inverse.T)
 
 
 def relative_percent(std: Array, values: Array) -> Array:

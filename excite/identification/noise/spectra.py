@@ -108,7 +108,7 @@ def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int
         seen[b, bins.kept[part]] = 1.0 / bins.colour[part]
     lag = np.arange(bins.n_fft)
     pairs = np.maximum(0.0, 1.0 - np.minimum(lag, bins.n_fft - lag) / trial.n_samples)
-    return (np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T
+    return np.asarray((np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T)
 
 
 def blocks(chosen: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:

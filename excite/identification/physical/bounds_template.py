@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +77,7 @@ def _pair(low: float, high: float) -> str:
     return f"[{_outwards(low, math.floor)}, {_outwards(high, math.ceil)}]"
 
 
-def _outwards(value: float, towards) -> str:
+def _outwards(value: float, towards: Callable[[float], int]) -> str:
     """A few digits of a number, rounded away from the interval."""
     if value == 0.0:
         return "0.0"

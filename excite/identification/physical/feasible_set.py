@@ -63,7 +63,7 @@ class FeasibleSet:
     def reach(self) -> Array:
         """Greatest size of each component of each centre of mass, ``(n_free, 3)`` [m]."""
         low, high = self.bounds.lower[self.free, 1:4], self.bounds.upper[self.free, 1:4]
-        return np.maximum(np.abs(low), np.abs(high))
+        return np.asarray(np.maximum(np.abs(low), np.abs(high)))
 
     @cached_property
     def scale(self) -> Array:
@@ -205,7 +205,7 @@ class FeasibleSet:
 
     def standard(self, x: Array) -> Array:
         """Standard parameters and drives, ``(n_params,)`` (eq. 14)."""
-        return self.lift @ np.concatenate([x, self.moments(x)]) + self.offset
+        return np.asarray(self.lift @ np.concatenate([x, self.moments(x)]) + self.offset)
 
     @cached_property
     def lift(self) -> Array:

@@ -83,4 +83,4 @@ def friction_rows(w: Array, support: Support, share: float) -> Array:
     vertical = w[..., 5] - (support.centre[0] * w[..., 1] - support.centre[1] * w[..., 0])
     parts = np.stack([w[..., 0], w[..., 1], vertical / support.radius], axis=-1)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    return parts @ signs.T - share * support.friction * w[..., 2:3]
+    return np.asarray(parts @ signs.T - share * support.friction * w[..., 2:3])
