@@ -103,7 +103,7 @@ def build_model(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoc
     return build_spec(robot, phi, drives, world).compile()
 
 
-def _add_body(robot: Robot, bodies: list, joint: int, phi: Array) -> mujoco.MjsBody:
+def _add_body(robot: Robot, bodies: list[mujoco.MjsBody], joint: int, phi: Array) -> mujoco.MjsBody:
     import mujoco
 
     model = robot.model

@@ -115,7 +115,7 @@ def _normalised(values: Array) -> Array:
     size = np.sqrt(np.mean(centred**2, axis=0))
     if not (size > 0.0).any():
         raise LogError("no channel varies", remedy="record a motion")
-    return centred / np.where(size > 0.0, size, 1.0)
+    return np.asarray(centred / np.where(size > 0.0, size, 1.0))
 
 
 def _deviation(residual: Array, slope: Array) -> float:
