@@ -80,7 +80,12 @@ class IdentifiedParameters:
 
 
 def identified_parameters(problem: IdentificationProblem, parameters: Array) -> IdentifiedParameters:
-    """An estimator's answer, ``(n_params,)``, as parameters of bodies and drives."""
+    """An estimator's answer as parameters of bodies and drives.
+
+    Args:
+        problem: the rows that it comes from.
+        parameters: the answer, ``(n_params,)``, in the order of their columns.
+    """
     n, robot = problem.n_inertial, problem.robot
     return IdentifiedParameters(
         links=tuple(segment.link for segment in robot.segments),

@@ -33,6 +33,10 @@ def body_constraints(rows: Regression, settings: BoxSettings) -> ModelConstraint
     """The constraints of eq. (4) on masses and centres of mass.
 
     The total mass is the weighed one, else what the measured forces determine, else free.
+
+    Args:
+        rows: condensed and weighted rows.
+        settings: boxes of the centres of mass, weighed mass.
     """
     problem = rows.problem
     boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
@@ -45,6 +49,10 @@ def body_constraints(rows: Regression, settings: BoxSettings) -> ModelConstraint
 
 def model_constraints(rows: Regression, settings: SymmetrySettings) -> ModelConstraints:
     """All constraints of eq. (4) but the inertia's: those of :func:`body_constraints`, and symmetry if asked for.
+
+    Args:
+        rows: condensed and weighted rows.
+        settings: those of :func:`body_constraints`, symmetry, and the links that are free of it.
 
     Raises:
         UnknownNameError: a link that need not mirror its twin is no segment.

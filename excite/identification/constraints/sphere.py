@@ -86,7 +86,15 @@ class SphereRows:
         return kept
 
     def lifted(self, parameters: Array, share: float = 1.01) -> Array:
-        """A copy in which every free inertia is raised by a multiple of the identity until the rows hold."""
+        """A copy in which every free inertia is raised by a multiple of the identity until the rows hold.
+
+        Args:
+            parameters: ``(n_params,)``, those of segments that the sensors do not see stay.
+            share: of ε that the rows then have.
+
+        Returns:
+            ``(n_params,)``.
+        """
         raised = parameters.copy()
         ten = raised[: self.problem.n_inertial].reshape(-1, 10)
         values = (ten[:, 4:] @ self.weights.T).min(axis=1)

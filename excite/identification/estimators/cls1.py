@@ -72,6 +72,10 @@ class BoundedNearBase(Estimator[Cls1Settings]):
     def solve(self, rows: Regression, settings: Cls1Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
 
+        Args:
+            rows: the rows.
+            settings: of this method.
+
         Raises:
             InputError: bounds that leave nothing.
             NoSolutionError: an answer fails its recomputation.

@@ -57,6 +57,10 @@ class PhysicallyFeasible(Estimator[Cls2Settings]):
     def solve(self, rows: Regression, settings: Cls2Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
 
+        Args:
+            rows: the rows.
+            settings: of this method.
+
         Raises:
             InputError: bounds that leave nothing.
             NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.

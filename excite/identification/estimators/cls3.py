@@ -82,6 +82,10 @@ class DensityRealisable(Estimator[Cls3Settings]):
     def solve(self, rows: Regression, settings: Cls3Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
 
+        Args:
+            rows: the rows.
+            settings: of this method.
+
         Raises:
             InputError: matrices that are not those of ellipsoids.
             NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.

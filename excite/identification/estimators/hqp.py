@@ -104,6 +104,10 @@ class HierarchicalProgram(Estimator[HqpSettings]):
     def solve(self, rows: Regression, settings: HqpSettings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
 
+        Args:
+            rows: the rows.
+            settings: of this method.
+
         Raises:
             NoSolutionError: level one cannot be met, or an answer fails its recomputation.
         """

@@ -74,6 +74,10 @@ class PhysicallyConsistent(Estimator[LmiSettings]):
     def solve(self, rows: Regression, settings: LmiSettings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
 
+        Args:
+            rows: the rows.
+            settings: of this method.
+
         Raises:
             NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.
         """

@@ -42,6 +42,10 @@ def own_settings(estimator: Estimator[Any], settings: EstimatorSettings | None) 
 
     Settings that all methods share can thus be stated once for several methods.
 
+    Args:
+        estimator: the estimator.
+        settings: of any class; None for defaults.
+
     Raises:
         InputError: one that was set, that is differs from its default, is not known to the estimator.
     """

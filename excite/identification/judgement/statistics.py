@@ -68,7 +68,7 @@ class BaseStatistics:
         return np.asarray(student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std)
 
     def rsd_percent(self, values: Array) -> Array:
-        """Relative standard deviation ``100 σ/|value|`` of each base parameter, infinite at zero."""
+        """Relative standard deviation ``100 σ/|value|`` of the base parameters [percent], ``(n_base,)``, infinite at zero."""
         return relative_percent(self.std, values)
 
 
@@ -131,6 +131,6 @@ def _sandwich(factor: Array, meat: Array) -> Array:
 
 
 def relative_percent(std: Array, values: Array) -> Array:
-    """``100 σ/|value|``, infinite where the value is zero."""
+    """``100 σ/|value|`` [percent] of ``(n,)`` values, infinite where the value is zero."""
     size = np.abs(values)
     return np.where(size > 0.0, 100.0 * std / np.where(size > 0.0, size, 1.0), np.inf)

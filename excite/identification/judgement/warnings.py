@@ -21,7 +21,13 @@ _MOST_NAMED = 5
 def find_warnings(
     identified: IdentifiedParameters, statistics: ParameterStatistics, judgement: Judgement
 ) -> tuple[Finding, ...]:
-    """Findings on data, solution and validation, in this order; empty where all is well."""
+    """Findings on data, solution and validation, in this order; empty where all is well.
+
+    Args:
+        identified: the parameters.
+        statistics: how well they are known.
+        judgement: what they are worth.
+    """
     return (
         *_of_data(identified, statistics),
         *_of_mass(judgement.total_mass),

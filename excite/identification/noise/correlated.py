@@ -207,7 +207,7 @@ def _transform(
 
 
 def triangle(rows: Array) -> Array:
-    """``R`` of ``rows = Q R``."""
+    """``R`` of ``rows = Q R``: of rows ``(m, n)`` an upper triangle ``(min(m, n), n)``."""
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 

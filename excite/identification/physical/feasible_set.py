@@ -184,13 +184,23 @@ class FeasibleSet:
         return self.step(nothing, np.zeros(0), 1.0 / self.scale, x)
 
     def step(self, matrix: Array, target: Array, weight: Array, center: Array) -> Array:
-        """Minimum over the set of ``½‖matrix·x − target‖² + ½‖weight∘(x − center)‖²``, drawn inside."""
+        """Minimum over the set of ``½‖matrix·x − target‖² + ½‖weight∘(x − center)‖²``, drawn inside.
+
+        Args:
+            matrix: ``(m, size)``.
+            target: ``(m,)``.
+            weight: ``(size,)``.
+            center: ``(size,)``.
+
+        Returns:
+            ``(size,)``; the interior point where the cone program has no answer.
+        """
         cones = (self.density,) if len(self.density) else ()
         answer = solve(ConeProgram(matrix, target, self.rows, self.bound, cones, weight, center, self.scale))
         return self.interior if answer is None else self.inside(answer.z)
 
     def inside(self, x: Array) -> Array:
-        """``x`` drawn towards the interior as little as is needed to meet every constraint with a margin."""
+        """``x`` ``(size,)`` drawn inwards as little as is needed to meet every constraint with a margin."""
         slack = self.slack(x)
         if slack >= _INSIDE:
             return x

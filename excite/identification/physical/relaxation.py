@@ -152,7 +152,7 @@ class Relaxation:
         return np.asarray(rows / np.linalg.norm(rows * self._lifted_scale(), axis=1, keepdims=True))
 
     def completed(self, relaxed: Relaxed) -> Array | None:
-        """The relaxed robot with the excess second moments made part of its bodies, if that is allowed.
+        """The relaxed robot with the excess second moments made part of its bodies, ``(size,)``, None if not allowed.
 
         It then has the relaxation's objective: nothing is better.
         """
