@@ -65,6 +65,16 @@ class LogError(InputError):
     """A log folder is malformed or does not fit the robot."""
 
 
+class IllLogError(LogError):
+    """A log that cannot be used as it is and that no check could save; ``findings`` say why, worst first."""
+
+    def __init__(
+        self, what: str, *, source: object = None, remedy: str | None = None, findings: Sequence[Any] = ()
+    ):
+        self.findings = tuple(findings)
+        super().__init__(what, source=source, remedy=remedy)
+
+
 class UnknownNameError(InputError):
     """A name that a registry does not know; ``known`` lists the ones it does."""
 

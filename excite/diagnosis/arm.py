@@ -15,7 +15,6 @@ from excite.diagnosis.answer.gap import Gap, share_closed
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
-from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
@@ -60,18 +59,16 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
     Raises:
         LogError: no torques, trials too short.
     """
-    chart = examine(robot, log)
 
     def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
         return simulated(attribution, baseline, out)
 
-    return diagnose_torques(robot, log, chart, log.header.modelled, rng, simulate, out)
+    return diagnose_torques(robot, log, log.header.modelled, rng, simulate, out)
 
 
 def diagnose_torques(
     robot: Robot,
     log: Log,
-    chart: Chart,
     modelled: tuple[str, ...],
     rng: np.random.Generator,
     simulate: Callable[[Attribution, Baseline], Rollout | None],
@@ -84,7 +81,6 @@ def diagnose_torques(
     Args:
         robot: the nominal model.
         log: the log, for its header and roles.
-        chart: its repaired trials and what was found wrong with them.
         modelled: what the baseline has, and effects that are not to be tried.
         rng: of the bootstrap.
         simulate: makes the roll-outs from the attribution and the baseline before it.
@@ -95,13 +91,13 @@ def diagnose_torques(
     Returns:
         The diagnosis.
     """
-    samples = arm_samples(robot, log, chart.trials)
+    samples = arm_samples(robot, log, log.trials)
     spectral = floor_of(samples)
     # Torques that were not measured are no better further up in the spectrum.
     least = np.minimum(white_floor(samples), spectral) if floor_of is spectral_floor else spectral
     baseline = fit_baseline(samples, modelled, least)
     columns = [log.header.joints.index(name) for name in samples.joints]
-    sigma = position_noise(samples, columns, chart.trials)
+    sigma = position_noise(samples, columns, log.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     judged = noise * baseline.strict
     spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
@@ -134,7 +130,7 @@ def diagnose_torques(
     # What does not repeat is a gap all the same: the map heeds the noise alone.
     quiet = np.minimum(attribution.floor, spectral)
     where = locate(first.context, attribution.before, quiet, attribution.scale)
-    warnings = list(chart.warnings)
+    warnings = []
     if not log.role("validation"):
         warnings.append(
             "the log has no validation trial: everything was judged on the trials it was fitted on"
@@ -164,7 +160,6 @@ def diagnose_torques(
         simulation=simulate(attribution, baseline),
         n_tied=n_tied,
         next_experiment=advice(baseline, attribution, judgement, out),
-        faults=chart.faults,
         warnings=tuple(warnings),
         curves=trial_curves(samples, before, closed),
     )

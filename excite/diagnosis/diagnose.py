@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from excite.diagnosis.answer.result import Diagnosis
+from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log
@@ -34,17 +36,30 @@ def diagnose(
 
     Raises:
         LogError: the log is malformed or has not what a diagnosis needs.
+        IllLogError: no check can save the log; with the findings.
         InputError: a diagnosis of this kind of log is not available.
     """
     rng = np.random.default_rng(check_seed(seed))
     loaded = log if isinstance(log, Log) else load_log(log, robot)
     robot = robot or nominal_robot(loaded)
-    folder = None if out is None else Path(out)
+    if loaded.header.base == "fixed" and not loaded.role("identification"):
+        raise LogError(
+            "has no identification trial", field="trials", remedy="give one the role identification"
+        )
+    chart = examine(robot, loaded)
+    chart.check_usable()
+    found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
+    limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
+    return replace(found, faults=chart.findings, warnings=(*limits, *found.warnings))
+
+
+def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
+    """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
+    loaded = chart.log
+    modelled = tuple(dict.fromkeys((*loaded.header.modelled, *chart.imitated)))
+    if chart.imitated:
+        loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":
-        if not loaded.role("identification"):
-            raise LogError(
-                "has no identification trial", field="trials", remedy="give one the role identification"
-            )
         return _of_arm(loaded.header.torque)(robot, loaded, rng, folder)
     if loaded.header.sensors:
         from excite.diagnosis.floating.diagnose import diagnose_floating

@@ -1,164 +1,263 @@
-"""Torques of a log beside those of the nominal model, joint by joint."""
+"""Torques of a log beside those of the nominal model, for any reading of its channels."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from excite.arrays import Array
+from excite.doctor.likely_bodies import LikelyBodies
+from excite.doctor.reading import Reading
 from excite.errors import LogError
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
+from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import smooth_sign
+from excite.rows.drive_terms import slides, smooth_sign
 from excite.rows.joint_rows import JointRows
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings
 
-_SAMPLES = 1500
+# Samples that every reading is judged on: some hundred of a motion tell its joints' torques as well as all.
+_SAMPLES = 600
+_JUDGED = 250
 # Nominal masses are believed within these factors.
 _GAIN = (0.5, 2.0)
-# Less than this share of a torque's power is no better explained.
+# Less than this share of a torque's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
 # A torque whose power is all but this share in its mean is a dead channel.
 _DEAD = 1e-12
+# Width over which dry friction changes sign [rad/s]: slower motion is mostly noise of the encoder after filtering.
+_WIDTH = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueSamples:
-    """Samples of a log's identification trials.
+    """Samples of a log's trials, channels as they stand in it.
 
     Attributes:
-        robot: the robot.
-        places: joints' indices into ``v``.
-        q: ``(n, nq)`` filtered.
-        v: ``(n, nv)``.
-        a: ``(n, nv)``.
-        torque: ``(n, n_joints)`` filtered as the positions [N·m].
-        width: velocity over which Coulomb friction changes sign [rad/s].
+        robot: the robot in the log.
+        joints: the log's joints; ``places`` their indices into ``v``.
+        measured: indices into ``joints`` of those that have a torque.
+        q: ``(n, nq)`` filtered; ``v``, ``a`` ``(n, nv)``.
+        torque: ``(n_all, n_torques)`` filtered as the positions, every sample of the trials [N·m].
+        rows: ``(n,)`` where in ``torque`` the samples are; ``first``, ``last`` the ends of their trials there.
+        rate_hz: of ``torque``.
     """
 
     robot: Robot
+    joints: tuple[str, ...]
     places: NDArray[np.int64]
+    measured: NDArray[np.int64]
     q: Array
     v: Array
     a: Array
     torque: Array
-    width: float
+    rows: NDArray[np.int64]
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    rate_hz: float
+    _models: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
 
-    def arranged(
-        self, positions: NDArray[np.int64], signs: Array, torques: NDArray[np.int64]
-    ) -> TorqueSamples:
-        """Joints' motions and torques taken from other columns, motions with other signs."""
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Joints that have a torque."""
+        return tuple(self.joints[k] for k in self.measured)
+
+    def slides(self, joint: int) -> bool:
+        """Whether a joint slides; it has no quarter turns."""
+        return slides(self.robot.model, int(self.places[joint]))
+
+    def motion(self, reading: Reading) -> tuple[Array, Array, Array]:
+        """``q``, ``v``, ``a`` of the joints as the reading has them."""
         shift = self.q.shape[1] - self.v.shape[1]
-        q, v, a = self.q.copy(), self.v.copy(), self.a.copy()
-        for values, offset in ((q, shift), (v, 0), (a, 0)):
-            values[:, self.places + offset] = values[:, self.places[positions] + offset] * signs
-        return replace(self, q=q, v=v, a=a, torque=self.torque[:, torques])
+        factor = reading.position_sign * reading.unit
+        found = []
+        for values, offset, scale in (
+            (self.q, shift, 1.0),
+            (self.v, 0, reading.tick),
+            (self.a, 0, reading.tick**2),
+        ):
+            made = values.copy()
+            made[:, self.places + offset] = (
+                values[:, self.places[reading.position_of] + offset] * factor / scale
+            )
+            found.append(made)
+        found[0][:, self.places + shift] += reading.zero
+        return found[0], found[1], found[2]
 
-    def predicted(self) -> Array:
-        """Rigid bodies' nominal torques, ``(n, n_joints)``."""
-        return inverse_dynamics(self.robot.model, self.q, self.v, self.a)[:, self.places]
+    def predicted(self, reading: Reading) -> tuple[Array, Array, Array]:
+        """Nominal torques of rigid bodies, velocities and accelerations of measured joints, ``(n, n_torques)``."""
+        key = reading.motion_key()
+        if key not in self._models:
+            q, v, a = self.motion(reading)
+            columns = self.places[self.measured]
+            torque = inverse_dynamics(_under(self.robot, reading.gravity), q, v, a)[:, columns]
+            self._models[key] = (torque, v[:, columns], a[:, columns])
+        return self._models[key]
 
-    def drive_columns(self, joint: int) -> Array:
-        """Constant, viscous, Coulomb and inertia column of a joint, ``(n, 4)``."""
-        v, a = self.v[:, self.places[joint]], self.a[:, self.places[joint]]
-        return np.column_stack([np.ones_like(v), v, smooth_sign(v, self.width), a])
+    def measured_torque(self, reading: Reading) -> Array:
+        """Torques as the reading has them, ``(n, n_torques)``."""
+        values = self.torque[self.rows] if reading.late_s == 0.0 else self._between(reading)
+        return values[:, reading.torque_of] * reading.torque_factor
+
+    def left(self, reading: Reading) -> Array:
+        """Half the logarithm of the share of each torque's power that nothing explains, ``(n_torques,)``."""
+        model, v, a = self.predicted(reading)
+        torque = self.measured_torque(reading)
+        shares = [share_left(torque[:, j], model[:, j], v[:, j], a[:, j]) for j in range(torque.shape[1])]
+        return 0.5 * np.log(np.maximum(shares, FLOOR))
+
+    def judged(self, reading: Reading) -> Array:
+        """As :meth:`left`, beside the likeliest bodies for this reading; their price last, ``(n_torques + 1,)``."""
+        tree = _under(self.robot, reading.gravity)
+        motion = self.motion(reading)
+        some = slice(None, None, max(1, len(self.q) // _JUDGED))
+        torque = self.measured_torque(reading)[some]
+        q, v, a = (values[some] for values in motion)
+        return LikelyBodies.of(tree).left(tree, (q, v, a), self.places[self.measured], torque, _WIDTH)
+
+    def across(self, reading: Reading) -> Array:
+        """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
+        model, v, a = self.predicted(reading)
+        torque = self.measured_torque(reading)
+        n = torque.shape[1]
+        shares = [
+            [
+                min(share_left(s * torque[:, i], model[:, j], v[:, j], a[:, j]) for s in (1.0, -1.0))
+                for i in range(n)
+            ]
+            for j in range(n)
+        ]
+        return 0.5 * np.log(np.maximum(shares, FLOOR))
+
+    def gains(self, reading: Reading) -> tuple[Array, Array]:
+        """Measured torque per modelled one beside the drive, and its share of the torque, each ``(n_torques,)``."""
+        model, v, a = self.predicted(reading)
+        torque = self.measured_torque(reading)
+        gains, shares = [], []
+        for j in range(torque.shape[1]):
+            drive = np.column_stack([np.ones(len(v)), v[:, j], smooth_sign(v[:, j], _WIDTH), a[:, j]])
+            basis, _ = np.linalg.qr(drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-300))
+            y, x = (values - basis @ (basis.T @ values) for values in (torque[:, j], model[:, j]))
+            gain = float(x @ y) / max(float(x @ x), 1e-300)
+            power = float(((torque[:, j] - torque[:, j].mean()) ** 2).sum())
+            gains.append(gain)
+            shares.append(gain**2 * float(x @ x) / max(power, 1e-300))
+        return np.array(gains), np.array(shares)
+
+    def own_inertia(self) -> Array:
+        """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
+        some = slice(None, None, max(1, len(self.q) // 20))
+        q, rest = self.q[some], np.zeros_like(self.v[some])
+        still, found = inverse_dynamics(self.robot.model, q, rest, rest), []
+        for place in self.places[self.measured]:
+            push = rest.copy()
+            push[:, place] = 1.0
+            turned = inverse_dynamics(self.robot.model, q, rest, push)
+            found.append(float(np.mean((turned - still)[:, place])))
+        return np.array(found)
+
+    def _between(self, reading: Reading) -> Array:
+        """Torques that were logged ``late_s`` after the samples."""
+        at = np.clip(self.rows + reading.late_s / reading.tick * self.rate_hz, self.first, self.last - 1e-9)
+        below = at.astype(np.int64)
+        share = (at - below)[:, None]
+        return (1.0 - share) * self.torque[below] + share * self.torque[below + 1]
 
 
-def torque_samples(robot: Robot, log: Log, settings: ProblemSettings) -> TorqueSamples | None:
+def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
     """Samples at which some joint moves, thinned out; None where no trial can be used."""
-    robot = robot_in_log(robot, log.header, log.folder)
+    robot, settings = robot_in_log(robot, log.header, log.folder), ProblemSettings()
     filters = settings.filters(floating=False)
     filters = replace(filters, kinematics_cutoff_hz=filters.cutoff_hz)
-    places = np.array([robot.n_base_v + robot.joint_index(name) for name in log.header.torque_joints])
     source = JointRows(robot, log.header, settings, filters, ())
-    parts = []
+    parts, torques, starts, rate, end = [], [], [], 0.0, 0
     for trial in log.role("identification"):
         try:
             k = trial_kinematics(robot, log.header, trial, settings, filters)
             torque = forces_on_grid(trial.time, source.torque(trial), k.time)
         except LogError:
             continue
-        torque = lowpass(torque, k.rate_hz, filters.cutoff_hz, filters.order)
         use = k.valid.copy()
         use[: k.moving.start] = use[k.moving.stop :] = False
-        parts.append([values[use] for values in (k.q, k.v, k.a, torque)])
+        rows = np.flatnonzero(use)
+        parts.append((k.q[rows], k.v[rows], k.a[rows], rows + end))
+        starts.append(np.tile([end, end + len(torque) - 1], (len(rows), 1)))
+        torques.append(lowpass(torque, k.rate_hz, filters.cutoff_hz, filters.order))
+        rate, end = k.rate_hz, end + len(torque)
     if not parts or not sum(len(part[0]) for part in parts):
         return None
-    q, v, a, torque = (np.concatenate([part[i] for part in parts]) for i in range(4))
-    step = max(1, len(q) // _SAMPLES)
-    width = max(settings.coulomb_width, 0.02)
-    return TorqueSamples(robot, places, q[::step], v[::step], a[::step], torque[::step], width)
+    q, v, a, rows = (np.concatenate([part[i] for part in parts]) for i in range(4))
+    ends = np.concatenate(starts)
+    some = slice(None, None, max(1, len(q) // _SAMPLES))
+    joints = log.header.joints
+    return TorqueSamples(
+        robot,
+        joints,
+        np.array([robot.n_base_v + robot.joint_index(name) for name in joints]),
+        np.array([joints.index(name) for name in log.header.torque_joints]),
+        q[some],
+        v[some],
+        a[some],
+        np.concatenate(torques),
+        rows[some],
+        ends[some, 0],
+        ends[some, 1],
+        rate,
+    )
 
 
-def share_left(samples: TorqueSamples, torque: Array, model: Array, joint: int) -> float:
-    """Share of a torque's power that the model and the joint's drive leave.
+def share_left(torque: Array, model: Array, v: Array, a: Array) -> float:
+    """Share of a torque's power that the model and the joint's own drive leave.
+
+    The model's gain is free within :data:`_GAIN`, an offset is free; friction takes power out and rotors are heavy:
+    these coefficients are not negative. So a torque with its sign turned is explained by nothing.
 
     Args:
-        samples: where the drive's columns come from.
         torque: measured, ``(n,)`` [N·m].
-        model: nominal, ``(n,)`` [N·m]; its gain is free within a factor of two.
-        joint: index of the joint whose drive may help.
+        model: nominal, ``(n,)`` [N·m].
+        v: velocity of the joint, ``(n,)``; ``a`` its acceleration.
     """
-    drive = samples.drive_columns(joint)
-    drive = drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-300)
-    basis, _ = np.linalg.qr(drive)
-    y = torque - basis @ (basis.T @ torque)
-    x = model - basis @ (basis.T @ model)
-    gain = float(np.clip(x @ y / max(float(x @ x), 1e-300), *_GAIN))
-    power = float(((torque - torque.mean()) ** 2).sum())
+    y = torque - torque.mean()
+    power = float(y @ y)
     # A torque that never changes, filters' rounding aside, is explained by nothing.
     if power <= _DEAD * float(torque @ torque):
         return 1.0
-    return float(((y - gain * x) ** 2).sum()) / max(power, 1e-300)
+    columns = np.column_stack([model, v, smooth_sign(v, _WIDTH), a])
+    columns -= columns.mean(axis=0)
+    y = y - _GAIN[0] * columns[:, 0]
+    scale = np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
+    scaled = columns / scale
+    # The normal equations' root is all that the small problem needs; a trace of regularisation keeps it regular.
+    root = np.linalg.cholesky(scaled.T @ scaled + 1e-9 * np.eye(4))
+    target = np.linalg.solve(root, scaled.T @ y)
+    found = nnls(root.T, target)[0]
+    most = (_GAIN[1] - _GAIN[0]) * scale[0]
+    if found[0] > most:
+        y = y - (_GAIN[1] - _GAIN[0]) * columns[:, 0]
+        root = np.linalg.cholesky(scaled[:, 1:].T @ scaled[:, 1:] + 1e-9 * np.eye(3))
+        found = np.append(0.0, nnls(root.T, np.linalg.solve(root, scaled[:, 1:].T @ y))[0])
+    rest = y - scaled @ found
+    return float(rest @ rest) / power
 
 
-def mean_left(samples: TorqueSamples) -> float:
-    """Mean over the joints of half the logarithm of what is left, lower is better."""
-    return 0.5 * float(np.mean(np.log(np.maximum(shares_left(samples), FLOOR))))
+def drive_fit(torque: Array, model: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Least-squares weights of model, offset, viscous and dry friction and inertia ``(5,)``, and the friction ``(n,)``.
 
-
-def shares_left(samples: TorqueSamples) -> Array:
-    """:func:`share_left` of each joint's own torque and model, ``(n_joints,)``."""
-    model, torque = samples.predicted(), samples.torque
-    return np.array([share_left(samples, torque[:, j], model[:, j], j) for j in range(torque.shape[1])])
-
-
-def modelled_gains(samples: TorqueSamples) -> tuple[Array, Array]:
-    """Measured torque per modelled torque, and its share of the torque's power, each ``(n_joints,)``."""
-    model = samples.predicted()
-    gains, shares = [], []
-    for j in range(model.shape[1]):
-        drive = samples.drive_columns(j)
-        basis, _ = np.linalg.qr(drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-300))
-        torque = samples.torque[:, j]
-        y, x = torque - basis @ (basis.T @ torque), model[:, j] - basis @ (basis.T @ model[:, j])
-        gain = float(x @ y) / max(float(x @ x), 1e-300)
-        power = float(((torque - torque.mean()) ** 2).sum())
-        gains.append(gain)
-        shares.append(gain**2 * float(x @ x) / max(power, 1e-300))
-    return np.array(gains), np.array(shares)
-
-
-def own_inertia(samples: TorqueSamples) -> Array:
-    """Mean inertia that each joint has by the nominal model, ``(n_joints,)``: torque per acceleration."""
-    model, (n, nv) = samples.robot.model, samples.v.shape
-    some = slice(None, None, max(1, n // 20))
-    q, rest = samples.q[some], np.zeros((len(samples.q[some]), nv))
-    still, found = inverse_dynamics(model, q, rest, rest), []
-    for place in samples.places:
-        push = rest.copy()
-        push[:, place] = 1.0
-        found.append(float(np.mean((inverse_dynamics(model, q, rest, push) - still)[:, place])))
-    return np.array(found)
-
-
-def scaled_fit(columns: Array, values: Array) -> Array:
-    """Least-squares weights of columns of very different size, ``(k,)``."""
+    Args and shapes as of :func:`share_left`; the weights may have any sign.
+    """
+    columns = np.column_stack([model, np.ones_like(v), v, smooth_sign(v, _WIDTH), a])
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    return np.linalg.lstsq(columns / scale, values, rcond=1e-10)[0] / scale
+    weights = np.linalg.lstsq(columns / scale, torque, rcond=1e-10)[0] / scale
+    return weights, columns[:, 2:4] @ weights[2:4]
+
+
+def _under(robot: Robot, gravity: Array) -> KinematicTree:
+    """The robot's kinematics under another gravity."""
+    return replace(read_tree(robot.model), gravity=np.asarray(gravity, dtype=float))

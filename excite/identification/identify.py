@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
-from excite.doctor.plausibility import implausible
-from excite.doctor.suspicions import suspicions
+from excite.doctor.examine import examine
 from excite.errors import NoSolutionError, RobotError
 from excite.finding import Finding
 from excite.identification.attempt import attempt, equations_of, failure_finding
@@ -71,19 +70,23 @@ def identify(
     Raises:
         UnknownNameError: no such method.
         LogError: the log and the robot do not fit, or leave no rows.
+        IllLogError: no check can save the log; with the findings.
         NoSolutionError: the estimator found no parameters that pass its checks; ``best`` is an Identification
             with the best point known, marked by its status and its first finding.
         InputError: a setting that the method does not know.
     """
     estimator = find_estimator(method)
     own = own_settings(estimator, settings)
+    chart = examine(robot, log)
+    chart.check_usable()
+    log = chart.log
     with equations_of(log):
         problem = build_problem(robot, log, problem_settings, role="identification")
         validation = None
         if log.role("validation"):
             validation = build_problem(robot, log, problem_settings, role="validation")
         # A mistake in the log is the likeliest reason for whatever else is found, so it is said first.
-        odd = (*nominal_faults(robot), *implausible(log, robot), *suspicions(robot, log, problem_settings))
+        odd = (*nominal_faults(robot), *chart.findings)
         return identify_problem(problem, validation, estimator, own, odd)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.cleaning import clean_columns
 from excite.logs.log import LogHeader, Trial, TrialHeader
+from excite.logs.sampling import in_seconds
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -75,7 +77,9 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
     """
     wanted = check_columns(columns, header, file)
     n_rows = np.size(columns["time"])
-    cleaned = clean_columns({name: numeric(columns[name], name, file, n_rows) for name in wanted}, file)
+    numbers = {name: numeric(columns[name], name, file, n_rows) for name in wanted}
+    numbers["time"], unit = in_seconds(numbers["time"], header.rate_hz)
+    cleaned = clean_columns(numbers, file)
     values = cleaned.columns
     joint_values = {
         attribute: _joint_columns(values, prefix, header)
@@ -100,7 +104,7 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         session=entry.session,
         start_s=entry.start_s,
         repeats=None if entry.repeats is None else Path(entry.repeats).stem,
-        cleaning=cleaned.report,
+        cleaning=replace(cleaned.report, time_unit=unit),
         **joint_values,
     )
 

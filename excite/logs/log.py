@@ -107,6 +107,7 @@ class Cleaning:
         jitter: standard deviation of the sampling interval over its median, gaps left out.
         clipped: by column, number of samples stuck at the column's largest or smallest value.
         quantised: by column, the step between neighbouring values, where it shows.
+        time_unit: unit of the stamps in the file where it was another than seconds, such as ``milliseconds``.
     """
 
     repeated_rows: int = 0
@@ -117,6 +118,7 @@ class Cleaning:
     jitter: float = 0.0
     clipped: Mapping[str, int] = field(default_factory=dict)
     quantised: Mapping[str, float] = field(default_factory=dict)
+    time_unit: str = ""
 
     def summary(self) -> str:
         """One line; ``clean`` when there is nothing to say."""

@@ -20,6 +20,8 @@ _FASTEST_HZ = 1e6
 _LATEST_S = 1e11
 _SINCE_1970 = 1.8e9
 _CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+# Rates are stated with few digits; clocks that are further off are wrong in some other way.
+_SAME_RATE = 1.25
 # Trials are laid on a grid of their rate, gaps and all, and every step of an identification or a diagnosis takes time
 # and memory by its points. Ten for each row keep a pause within a recording affordable (a diagnosis of 200 rows and a
 # pause of 15 minutes at 100 Hz, 450 points a row, took 90 s); a gap of days is a hundred million points.
@@ -42,6 +44,25 @@ def check_stamps(time: Array, path: Path) -> None:
         near = [unit for factor, unit in _CLOCKS.items() if 0.1 < latest / (factor * _SINCE_1970) < 10.0]
         cause = f", which looks like {near[0]} since 1970" if near else ""
         raise LogError(f"reaches {latest:.6g}{cause}", source=path, field="time", remedy="write seconds")
+
+
+def in_seconds(time: Array, rate_hz: float) -> tuple[Array, str]:
+    """Stamps in seconds, and the unit that they were in where it was another one, else an empty word.
+
+    The stated rate tells: stamps of a hundred rows a second that come every ten are milliseconds.
+
+    Args:
+        time: ``(n,)`` finite stamps as they stand in the file.
+        rate_hz: rate that the header states [Hz].
+    """
+    steps = np.diff(time)
+    if not len(steps):
+        return time, ""
+    factor = float(np.median(steps)) * rate_hz
+    for scale, unit in _CLOCKS.items():
+        if 1.0 / _SAME_RATE < factor / scale < _SAME_RATE:
+            return time / scale, unit
+    return time, ""
 
 
 def check_span(time: Array, path: Path) -> None:

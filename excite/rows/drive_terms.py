@@ -80,7 +80,7 @@ class JointSamples:
         return columns
 
     def driven(self, values: Array) -> Array:
-        """Columns of torques at the motors, brought to the joints by ``Cᵀ``: ``(m, n_joints, n_joints)`` like :meth:`own`."""
+        """Columns of torques at the motors, brought to the joints by ``Cᵀ``, ``(m, n_joints, n_joints)``."""
         if self.motors is None:
             return self.own(values)
         return self.motors.T[None] * values[:, None, :]

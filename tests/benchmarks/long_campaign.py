@@ -1,4 +1,4 @@
-"""Memory of a campaign that goes on for two hours: screening, simulation and identification again and again."""
+"""Memory of a campaign that goes on for two hours: it screens candidates, more of them than there is time for."""
 
 from __future__ import annotations
 
@@ -17,26 +17,13 @@ from tests.benchmarks.tree_memory import tree_memory
 
 _SECONDS = 7200.0
 _EVERY_S = 10.0
-# Targets that nothing meets and more iterations than the time allows: the campaign is interrupted in the end.
-_CAMPAIGN = (
-    *(
-        "campaign",
-        "g1",
-        "--candidates",
-        "200",
-        "--target-rsd",
-        "1e-6",
-        "--max-iterations",
-        "1000",
-        "--seed",
-        "5",
-    ),
-    *("--jobs", "2"),
-)
+# More candidates than the time allows: a campaign ends by itself once more motion would not help, and what takes the
+# hours is the screening. It is interrupted in the end.
+_CAMPAIGN = ("campaign", "g1", "--candidates", "40000", "--seed", "5", "--jobs", "2")
 # The first tenth imports, builds caches and forks; a leak shows in what comes after it.
 _SETTLED = 0.1
-# What the recordings and the plans of one more iteration take; all beyond it is a leak.
-_FLAT = 0.05
+# What the allocator and shared pages wander by.
+_FLAT = 1.05
 
 
 @dataclass(frozen=True)
@@ -47,37 +34,24 @@ class Course:
         seconds: (n,) since the start [s].
         parent_mb: (n,) proportional set size of the campaign itself [MB].
         workers_mb: (n,) of all its workers together [MB].
-        recorded_mb: (n,) sizes of the recordings on disk that the campaign identifies from [MB].
-        iterations: (n,) iterations begun.
     """
 
     seconds: np.ndarray
     parent_mb: np.ndarray
     workers_mb: np.ndarray
-    recorded_mb: np.ndarray
-    iterations: np.ndarray
 
 
 def rows() -> list[Row]:
-    """Memory after the first tenth of the time and in its last tenth, without what the recordings take."""
+    """Memory in the second tenth of the time and in the last one."""
     course = watch(_SECONDS, Path(tempfile.gettempdir()) / "long_campaign.csv")
-    settled = course.seconds > _SETTLED * _SECONDS
-    begin = settled & (course.seconds < 2 * _SETTLED * _SECONDS)
+    begin = (course.seconds > _SETTLED * _SECONDS) & (course.seconds < 2 * _SETTLED * _SECONDS)
     end = course.seconds > (1 - _SETTLED) * _SECONDS
     found = []
     for name, sizes in (("the campaign itself", course.parent_mb), ("its two workers", course.workers_mb)):
         first, last = float(np.median(sizes[begin])), float(np.median(sizes[end]))
-        found.append(
-            Row.at_most(
-                f"two hours of a campaign, memory of {name}: last tenth / second tenth",
-                last / first,
-                1 + _FLAT,
-            )
-        )
+        what = f"two hours of a campaign, memory of {name}: last tenth / second tenth"
+        found.append(Row.at_most(what, last / first, _FLAT))
         found.append(Row("… second tenth, last tenth", "", f"{first:.0f}, {last:.0f} MB", None))
-    grown = float(course.recorded_mb[end].mean() - course.recorded_mb[begin].mean())
-    done = int(course.iterations[-1])
-    found.append(Row("… recordings that came in between", "", f"{grown:.0f} MB of {done} iterations", None))
     return found
 
 
@@ -97,8 +71,7 @@ def watch(seconds: float, table: Path) -> Course:
         started = time.perf_counter()
         while run.poll() is None and (now := time.perf_counter() - started) < seconds:
             parent, workers = tree_memory(run.pid)
-            iterations = len([*folder.glob("iteration_*")])
-            looks.append((now, parent, workers, _recorded_mb(folder), iterations))
+            looks.append((now, parent, workers))
             with table.open("a") as file:
                 file.write(",".join(f"{value:.1f}" for value in looks[-1]) + "\n")
             time.sleep(_EVERY_S)
@@ -107,10 +80,6 @@ def watch(seconds: float, table: Path) -> Course:
         run.terminate()
         run.wait()
     return Course(*np.array(looks).T)
-
-
-def _recorded_mb(folder: Path) -> float:
-    return sum(path.stat().st_size for path in folder.glob("**/log/**/*") if path.is_file()) / 1e6
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
+from excite.finding import Finding
 
 SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
@@ -75,35 +76,6 @@ class NextExperiment:
 
 
 @dataclass(frozen=True)
-class LogFault:
-    """Something that was wrong with the record before any physics.
-
-    Attributes:
-        kind: such as ``repeated_rows``, ``jitter``, ``late_stamps``, ``degrees``, ``flipped_sign``.
-        where: trial, channel or both.
-        what: one sentence with the number.
-        cause: the likely cause.
-        repaired: whether it was repaired for the diagnosis.
-    """
-
-    kind: str
-    where: str
-    what: str
-    cause: str
-    repaired: bool
-
-    def to_json(self) -> dict[str, Any]:
-        """The finding as it stands in the document."""
-        return {
-            "kind": self.kind,
-            "where": self.where,
-            "what": self.what,
-            "cause": self.cause,
-            "repaired": self.repaired,
-        }
-
-
-@dataclass(frozen=True)
 class Diagnosis:
     """Where the gap lies, which effect causes it, how far it shrinks.
 
@@ -120,7 +92,7 @@ class Diagnosis:
         simulation: roll-outs, None where there were none.
         n_tied: number of leading candidates that the data cannot tell apart (ambiguous only).
         next_experiment: what would settle what is open, None where nothing is.
-        faults: what was wrong with the record.
+        faults: what the doctor found in the record, worst first.
         warnings: limits of what was said, one sentence each.
         curves: a validation trial before and after, for figures; no part of the document. None where there are none.
     """
@@ -137,7 +109,7 @@ class Diagnosis:
     simulation: Rollout | None = None
     n_tied: int = 0
     next_experiment: NextExperiment | None = None
-    faults: tuple[LogFault, ...] = ()
+    faults: tuple[Finding, ...] = ()
     warnings: tuple[str, ...] = ()
     curves: Curves | None = field(default=None, compare=False, repr=False)
 
@@ -164,7 +136,11 @@ class Diagnosis:
                 "where": [item.to_json() for item in self.where],
                 "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
                 "sentence": self.sentence(),
-                "log": [item.to_json() for item in self.faults],
+                "log": [_fault(item) for item in self.faults],
+                "findings": [
+                    {"code": item.kind, "where": item.where, "message": item.text, **item.to_json()}
+                    for item in self.faults
+                ],
                 "warnings": list(self.warnings),
             }
         )
@@ -212,3 +188,14 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value
+
+
+def _fault(item: Finding) -> dict[str, Any]:
+    """A finding in the form of the document's ``log``."""
+    return {
+        "kind": item.kind,
+        "where": item.where,
+        "what": item.text,
+        "cause": item.remedy,
+        "repaired": item.repaired,
+    }

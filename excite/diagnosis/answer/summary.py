@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from excite.diagnosis.answer.candidate import Candidate, measured
-from excite.diagnosis.answer.result import Diagnosis, LogFault
+from excite.diagnosis.answer.result import Diagnosis
+from excite.finding import Finding
 
 _LISTED = 6
 
@@ -61,14 +62,6 @@ def _line(item: Candidate, standing: str) -> str:
     )
 
 
-def _fault_lines(faults: Sequence[LogFault]) -> list[str]:
-    """One line a kind of fault: what is wrong with every trial alike need not be said of each."""
-    alike: dict[tuple[str, str, bool], list[LogFault]] = {}
-    for item in faults:
-        alike.setdefault((item.kind, item.cause, item.repaired), []).append(item)
-    lines = []
-    for (_, cause, repaired), items in alike.items():
-        others = f", and {len(items) - 1} more like it" if len(items) > 1 else ""
-        mended = "; repaired" if repaired else ""
-        lines.append(f"log: {items[0].what}{others} ({cause}{mended})")
-    return lines
+def _fault_lines(faults: Sequence[Finding]) -> list[str]:
+    """One line a finding of the doctor."""
+    return [f"log: {item.text} ({item.remedy}{'; repaired' if item.repaired else ''})" for item in faults]

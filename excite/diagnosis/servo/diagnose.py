@@ -10,7 +10,6 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm import diagnose_arm, diagnose_torques
-from excite.diagnosis.doctor import Chart, examine
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.servo.closed_loop import ClosedLoop
 from excite.diagnosis.servo.confirmation import confirmed, position_gap, with_twin
@@ -51,8 +50,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     """
     if all(trial.tau_cmd is not None for trial in log.trials):
         return _asked(robot, log, rng, out)
-    chart = examine(robot, log)
-    trials = tuple(_evened(log, t) for t in chart.trials)
+    trials = tuple(_evened(log, t) for t in log.trials)
     signals = {t.name: read_signals(robot, log, t) for t in trials}
     fitted = {t.name: signals[t.name] for t in trials if t.role == "identification"}
     servo = known_servo(robot, log, fitted)
@@ -67,13 +65,14 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     cycle = servo_cycle(samples, modelled, servo.kd[order], servo.rate_hz)
     asked = tuple(replace(t, tau=acting(signals[t.name], servo, cycle)) for t in trials)
     closed = ClosedLoop(servo, signals, cycle, out, order=log.header.joints)
-    chart = Chart(asked, chart.faults, chart.warnings)
 
     def floor_of(samples: ArmSamples) -> Array:
         return servo_floor(samples, servo, order)
 
     library = servo_effects(servo, log.header.joints)
-    result = diagnose_torques(robot, log, chart, modelled, rng, closed, out, floor_of, library)
+    result = diagnose_torques(
+        robot, replace(log, trials=asked), modelled, rng, closed, out, floor_of, library
+    )
     return _judged(result, closed)
 
 

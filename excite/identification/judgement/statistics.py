@@ -68,7 +68,7 @@ class BaseStatistics:
         return np.asarray(student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std)
 
     def rsd_percent(self, values: Array) -> Array:
-        """Relative standard deviation ``100 σ/|value|`` of the base parameters [percent], ``(n_base,)``, infinite at zero."""
+        """Relative standard deviation ``100 σ/|value|``, ``(n_base,)`` [percent], infinite at zero."""
         return relative_percent(self.std, values)
 
 

@@ -1,0 +1,64 @@
+"""Trials to learn from and to judge by that are not of the same machine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.doctor.check import Check, Outcome
+from excite.doctor.reading import Reading
+from excite.doctor.torque_samples import torque_samples
+from excite.finding import Finding, listed
+from excite.logs.log import Log, Trial
+from excite.robot.robot import Robot
+
+# One set of likely bodies and drives for all trials leaves so much more than one for each part: half the logarithm of
+# the residual's power [nat], summed over the channels, and at one channel at least.
+_WORSE, _AT_ONE = 1.0, 0.5
+# Below this share of a torque's power nothing needs a second machine.
+_MUCH = 0.05
+
+
+class OtherMachine(Check):
+    """Likely bodies and drives that explain the trials to learn from explain those to judge by as well."""
+
+    kinds = ("other_machine",)
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        if log.header.base != "fixed" or log.header.torque in {None, "none"}:
+            return Outcome(log)
+        judges = tuple(trial.name for trial in log.role("validation"))
+        parts = [log.role("identification"), log.role("validation"), log.trials]
+        left = [_left(robot, log, trials) for trials in parts]
+        if any(values is None for values in left):
+            return Outcome(log)
+        learnt, judged, together = (values for values in left if values is not None)
+        worse = together[:-1] - 0.5 * (learnt + judged)[:-1]
+        bad = (worse > _AT_ONE) & (together[:-1] > 0.5 * np.log(_MUCH))
+        if float(worse.sum()) < _WORSE or not bad.any():
+            return Outcome(log)
+        names = tuple(np.array(log.header.torque_joints)[bad])
+        text = (
+            f"what the trials to learn from say of {listed(names)} does not hold in the trials to judge by: another "
+            "machine, another load, or channels put together otherwise"
+        )
+        finding = Finding(
+            "other_machine",
+            text,
+            {"worse_nat": float(worse.sum())},
+            names,
+            severity="spoils",
+            sure=0.8,
+            remedy="compare robots, loads and settings of the recordings",
+            trials=judges,
+        )
+        return Outcome(log, (finding,))
+
+
+def _left(robot: Robot, log: Log, trials: tuple[Trial, ...]) -> Array | None:
+    """What likely bodies leave of some trials; None where there is nothing to look at."""
+    chosen = replace(log, trials=tuple(replace(trial, role="identification") for trial in trials))
+    samples = torque_samples(robot, chosen) if trials else None
+    return None if samples is None else samples.judged(Reading.as_stated(log))

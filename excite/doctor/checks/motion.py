@@ -1,0 +1,172 @@
+"""Whether what was recorded is motion that says something: standing trials, steps, joints in unison, too little."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.doctor.check import Check, Outcome
+from excite.finding import Finding, listed
+from excite.logs.log import Log, Trial
+from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.robot.robot import Robot
+
+# Speeds below this are standing [rad/s or m/s], as for the rows of an identification.
+_STILL = 0.01
+_SHORTEST_S = 5.0
+_FEWEST_PER_PARAMETER = 2.0
+# Joints whose velocities are so alike move as one.
+_UNISON = 0.999
+# Share of a joint's way that it makes in single rows at speeds that nothing has.
+_JUMPS = 0.5
+_HARDLY = 20.0
+
+
+class Standing(Check):
+    """Trials in which nothing moves: they show gravity, not inertia."""
+
+    kinds = ("standing", "nothing_moves")
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        still = tuple(trial.name for trial in log.trials if not _moves(trial))
+        if not still:
+            return Outcome(log)
+        chosen = [trial.name for trial in log.trials if trial.role == "identification"]
+        if all(name in still for name in chosen):
+            lost = Finding(
+                "nothing_moves",
+                "no joint ever moves in the trials to learn from",
+                {},
+                ("q",),
+                severity="fatal",
+                remedy="record motions; check that positions are in radians and the right columns",
+                trials=still,
+            )
+            return Outcome(log, (lost,))
+        text = f"nothing moves in {listed(still)}: standing trials show gravity alone"
+        finding = Finding(
+            "standing",
+            text,
+            {"trials": float(len(still))},
+            severity="note",
+            trials=still,
+            remedy="they are used for weights, not for inertias",
+        )
+        return Outcome(log, (finding,))
+
+
+class Jumps(Check):
+    """Positions that leap and stand: set points, or a log of steps, from which no acceleration is to be had."""
+
+    kinds = ("steps",)
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        limits = robot.limits.velocity[[robot.joint_index(name) for name in log.header.joints]]
+        limits = np.where(np.isfinite(limits), limits, _HARDLY)
+        way, leapt = np.zeros(len(limits)), np.zeros(len(limits))
+        for trial in log.trials:
+            change = np.abs(np.diff(trial.q, axis=0))
+            fast = change > 2.0 * limits * np.diff(trial.time)[:, None]
+            way += change.sum(axis=0)
+            leapt += (change * fast).sum(axis=0)
+        share = leapt / np.maximum(way, 1e-12)
+        bad = share > _JUMPS
+        if not bad.any():
+            return Outcome(log)
+        names = tuple(np.array(log.header.joints)[bad])
+        text = (
+            f"positions of {listed(names)} leap from row to row faster than the joints can move "
+            f"({100 * float(share.max()):.0f} % of their way): steps instead of motion"
+        )
+        finding = Finding(
+            "steps",
+            text,
+            {"share": float(share.max())},
+            names,
+            severity="spoils",
+            remedy="log what encoders measure, not set points, at a rate that follows the motion",
+        )
+        return Outcome(log, (finding,))
+
+
+class Unison(Check):
+    """Joints that only ever moved together: what tells them apart is not in the log."""
+
+    kinds = ("unison",)
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        speeds = [v for trial in log.trials if (v := _velocity(trial)) is not None]
+        if not speeds:
+            return Outcome(log)
+        v = np.concatenate(speeds)
+        size = np.sqrt((v**2).mean(axis=0))
+        moving = np.flatnonzero(size > _STILL)
+        if len(moving) < 2:
+            return Outcome(log)
+        alike = np.abs((v[:, moving].T @ v[:, moving]) / len(v) / np.outer(size[moving], size[moving]))
+        pairs = [
+            (int(moving[i]), int(moving[j]))
+            for i, j in zip(*np.nonzero(np.triu(alike > _UNISON, 1)), strict=True)
+        ]
+        if not pairs:
+            return Outcome(log)
+        joints = tuple(log.header.joints[k] for k in sorted({k for pair in pairs for k in pair}))
+        unknown = tuple(f"{name}({_link(robot, joint)})" for joint in joints for name in ("m·c", "I"))
+        text = (
+            f"{listed(joints)} move in unison: this log cannot tell their parameters apart, {listed(unknown, 6)} "
+            "only in sums"
+        )
+        finding = Finding(
+            "unison",
+            text,
+            {"pairs": float(len(pairs))},
+            joints,
+            severity="limits",
+            remedy="record motions in which each joint moves by itself, too",
+        )
+        return Outcome(log, (finding,))
+
+
+class Amount(Check):
+    """Too few rows for the parameters."""
+
+    kinds = ("too_few_rows",)
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        chosen = [trial for trial in log.trials if trial.role == "identification"]
+        if not chosen:
+            return Outcome(log)
+        seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in chosen)
+        channels = 6 if robot.floating else chosen[0].q.shape[1]
+        numbers = channels * sum(trial.n_samples for trial in chosen)
+        parameters = 10 * len(robot.segments)
+        if seconds >= _SHORTEST_S and numbers >= _FEWEST_PER_PARAMETER * parameters:
+            return Outcome(log)
+        text = f"{seconds:.1f} s and {numbers} numbers for {parameters} parameters: too few rows"
+        finding = Finding(
+            "too_few_rows",
+            text,
+            {"seconds": seconds, "numbers": float(numbers)},
+            severity="limits",
+            remedy="record longer motions",
+        )
+        return Outcome(log, (finding,))
+
+
+def _link(robot: Robot, joint: str) -> str:
+    place = robot.model.getJointId(joint)
+    return next((segment.link for segment in robot.segments if segment.joint == place), joint)
+
+
+def _velocity(trial: Trial) -> Array | None:
+    """Velocities without the encoders' noise, ``(n, n_joints)``; None for a trial too short to filter."""
+    rate = 1.0 / float(np.median(np.diff(trial.time)))
+    cutoff = min(5.0, 0.2 * rate)
+    if trial.n_samples <= 2 * settling_samples(rate, cutoff):
+        return None
+    return np.gradient(lowpass(trial.q, rate, cutoff), trial.time, axis=0)
+
+
+def _moves(trial: Trial) -> bool:
+    v = _velocity(trial)
+    return bool((np.abs(v) > _STILL).any()) if v is not None else bool(np.ptp(trial.q, axis=0).max() > _STILL)

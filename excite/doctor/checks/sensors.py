@@ -1,0 +1,115 @@
+"""What sensors do to values: ranges that are reached, coarse steps, channels that never change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.doctor.check import Check, Outcome
+from excite.finding import Finding, listed
+from excite.logs.log import Log
+from excite.robot.robot import Robot
+
+
+class Range(Check):
+    """Values that stay at the largest or smallest that the channel has."""
+
+    kinds = ("clipped",)
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        rows: dict[str, int] = {}
+        for trial in log.trials:
+            for name, count in trial.cleaning.clipped.items():
+                rows[name] = rows.get(name, 0) + count
+        if not rows:
+            return Outcome(log)
+        said = listed([f"{name} in {count} rows" for name, count in rows.items()])
+        finding = Finding(
+            "clipped",
+            f"{said}: clipped at the sensor's range or the drive's limit",
+            {"rows": float(sum(rows.values()))},
+            tuple(rows),
+            severity="limits",
+            remedy="move slower or carry less, or raise the range; what lies beyond is lost",
+            trials=tuple(trial.name for trial in log.trials if trial.cleaning.clipped),
+        )
+        return Outcome(log, (finding,))
+
+
+class Steps(Check):
+    """Values on a grid that is coarser than the noise."""
+
+    kinds = ("quantised",)
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        sizes: dict[str, float] = {}
+        for trial in log.trials:
+            sizes |= trial.cleaning.quantised
+        if not sizes:
+            return Outcome(log)
+        said = listed([f"{name} {size:.3g}" for name, size in sizes.items()])
+        finding = Finding(
+            "quantised",
+            f"values come in steps: {said}; a coarse sensor, or few digits in the file",
+            {f"step_{name}": size for name, size in sizes.items()},
+            tuple(sizes),
+            severity="note",
+            remedy="write all digits, or filter more; velocities of slow motion are not to be had from coarse steps",
+            trials=tuple(trial.name for trial in log.trials if trial.cleaning.quantised),
+        )
+        return Outcome(log, (finding,))
+
+
+class Constant(Check):
+    """Channels that never change over the whole log; a torque that does not is declared to mean nothing."""
+
+    kinds = ("constant", "no_torques")
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        header = log.header
+        dead, torques = [], []
+        for attribute, prefix in (("tau", "tau"), ("current", "i"), ("q", "q")):
+            values = [getattr(trial, attribute) for trial in log.trials]
+            if any(value is None for value in values):
+                continue
+            still = np.all([np.ptp(value, axis=0) == 0.0 for value in values], axis=0)
+            for name, flag in zip(header.joints, still, strict=True):
+                if flag and not (name in header.no_torque and prefix != "q"):
+                    dead.append(f"{prefix}.{name}")
+                    torques += [name] if prefix != "q" else []
+        for sensor in header.sensors:
+            readings = [trial.wrenches[sensor.name] for trial in log.trials if sensor.name in trial.wrenches]
+            if readings and all(np.ptp(reading) == 0.0 for reading in readings):
+                dead.append(f"wrench.{sensor.name}")
+        if not dead:
+            return Outcome(log)
+        return self._said(log, tuple(dead), tuple(torques))
+
+    def _said(self, log: Log, dead: tuple[str, ...], torques: tuple[str, ...]) -> Outcome:
+        text = f"{listed(dead)} never change: a dead channel, or a joint that was locked; its parameters say nothing"
+        figures = {"channels": float(len(dead))}
+        silent = tuple(dict.fromkeys((*log.header.no_torque, *torques)))
+        if torques and len(silent) == len(log.header.joints):
+            lost = Finding(
+                "no_torques",
+                f"no torque changes at all ({listed(dead)})",
+                figures,
+                dead,
+                severity="fatal",
+                remedy="record the torques or currents, or state torque: none",
+            )
+            return Outcome(log, (lost,))
+        finding = Finding(
+            "constant",
+            text,
+            figures,
+            dead,
+            severity="spoils" if torques or dead[0].startswith("wrench") else "limits",
+            repaired=bool(torques) and len(torques) == len(dead),
+            remedy="joints whose torque never changes are taken as no_torque"
+            if torques
+            else "check the channel",
+        )
+        header = log.header.model_copy(update={"no_torque": silent})
+        return Outcome(replace(log, header=header) if torques else log, (finding,))

@@ -1,0 +1,97 @@
+"""Logged velocities beside the slope of the positions: the clock, signs, columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.doctor.check import Check, Outcome
+from excite.finding import Finding, listed
+from excite.logs.log import Log
+from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.robot.robot import Robot
+
+# Velocities that a drive has filtered are a few per cent small; a clock is off by the same factor at every joint.
+_CLOCK_OFF, _ALIKE = 1.06, 0.03
+# Joints whose velocity follows the slope of another factor than one.
+_ODD = 2.0
+_FOLLOWS = 0.9
+
+
+class Velocities(Check):
+    """A factor that all joints share is the clock's; one joint's is a sign, a unit or another column."""
+
+    kinds = ("clock", "velocity")
+
+    def examine(self, robot: Robot, log: Log) -> Outcome:
+        compared = _ratios(log)
+        if compared is None:
+            return Outcome(log)
+        ratio, follows, seen = compared
+        good = seen & (follows > _FOLLOWS) & (ratio > 0.0)
+        if good.sum() > max(1, seen.sum() // 2):
+            tick = 1.0 / float(np.median(ratio[good]))
+            alike = np.abs(np.log(ratio[good] * tick)) < _ALIKE
+            if alike.mean() > 0.8 and not 1.0 / _CLOCK_OFF < tick < _CLOCK_OFF and good.sum() > 1:
+                return self._clock(log, tick)
+        odd = seen & ~((ratio > 1.0 / _ODD) & (ratio < _ODD))
+        if not odd.any():
+            return Outcome(log)
+        names = tuple(np.array(log.header.joints)[odd])
+        worst = float(ratio[odd][0])
+        cause = "its sign is turned" if -_ODD < worst < -1.0 / _ODD else "another joint's, or another unit"
+        text = (
+            f"logged velocities of {listed(names)} are {worst:.3g} times the slope of the positions: {cause}"
+        )
+        finding = Finding(
+            "velocity",
+            text,
+            {"ratio": worst},
+            names,
+            severity="note",
+            remedy="velocities are taken from positions; correct the columns v.*",
+        )
+        return Outcome(log, (finding,))
+
+    def _clock(self, log: Log, tick: float) -> Outcome:
+        text = (
+            f"all joints move {1.0 / tick:.3g} times as fast by their logged velocities as by positions and stamps: "
+            f"the clock is {'fast' if tick < 1.0 else 'slow'}, or velocities are in another unit"
+        )
+        finding = Finding(
+            "clock",
+            text,
+            {"tick": tick},
+            ("time",),
+            severity="spoils",
+            repaired=True,
+            remedy=f"a second of the stamps is taken as {tick:.4g} s",
+        )
+        trials = tuple(replace(t, time=t.time[0] + tick * (t.time - t.time[0])) for t in log.trials)
+        header = log.header.model_copy(update={"rate_hz": log.header.rate_hz / tick})
+        return Outcome(replace(log, header=header, trials=trials), (finding,), ("torque_gain",))
+
+
+def _ratios(log: Log) -> tuple[Array, Array, NDArray[np.bool_]] | None:
+    """Logged velocity per slope of the position, their correlation, and which joints move, each ``(n_joints,)``."""
+    parts = []
+    for trial in log.trials:
+        rate = 1.0 / float(np.median(np.diff(trial.time)))
+        cutoff = min(5.0, 0.2 * rate)
+        if trial.v is None or trial.n_samples <= 4 * settling_samples(rate, cutoff):
+            continue
+        slope = np.gradient(trial.q, trial.time, axis=0)
+        parts.append([lowpass(value, rate, cutoff) for value in (slope, trial.v)])
+    if not parts:
+        return None
+    x, v = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
+    power, own = (x**2).sum(axis=0), (v**2).sum(axis=0)
+    seen = power > 1e-6 * max(float(power.max()), 1e-300)
+    both = (x * v).sum(axis=0)
+    # Errors of both sides: the slope of the line between that of one on the other and that of the other on the one.
+    ratio = np.where(seen, np.sign(both) * np.sqrt(own / np.where(seen, power, 1.0)), 1.0)
+    ratio = np.where(np.abs(both) > 0.1 * np.sqrt(power * own), ratio, both / np.where(seen, power, 1.0))
+    return ratio, both / np.sqrt(np.maximum(power * own, 1e-300)), seen

@@ -1,0 +1,82 @@
+"""A mistake in how a log calls its channels: what undoing it would make of them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Generic, Protocol, TypeVar
+
+from excite.arrays import Array
+from excite.doctor.reading import Reading
+
+
+class Samples(Protocol):
+    """Samples of a log that say how well a reading of its channels agrees with the nominal model."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The log's joints."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What is predicted: joints with a torque, or components of the wrench on the base."""
+
+    def slides(self, joint: int) -> bool:
+        """Whether a joint, by its index among ``joints``, slides instead of turning."""
+
+    def left(self, reading: Reading) -> Array:
+        """Half the logarithm of the share of each channel's power that nothing explains, ``(n_channels,)``."""
+
+    def judged(self, reading: Reading) -> Array:
+        """The same beside the likeliest bodies, and what these cost, ``(n_channels + 1,)``; slower."""
+
+
+S = TypeVar("S", bound=Samples, contravariant=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A log read otherwise.
+
+    Attributes:
+        kind: kind of the finding.
+        reading: the channels with the mistake undone.
+        text: what looks wrong, in words.
+        places: joints or channels concerned.
+        figures: numbers of the finding, SI.
+        changes: how many things were changed at will: each has to bring its share.
+        surprise: how unlikely the numbers are without the mistake [nat], where likely bodies could make them too;
+            None where the fit decides.
+        certain: whether the log is mended with exactly what was found; an estimate leaves a rest.
+    """
+
+    kind: str
+    reading: Reading
+    text: str
+    places: tuple[str, ...]
+    figures: Mapping[str, float] = field(default_factory=dict)
+    changes: int = 1
+    surprise: float | None = None
+    certain: bool = True
+
+
+class Mistake(ABC, Generic[S]):
+    """A way to call channels wrongly.
+
+    Attributes:
+        name: kind of its findings.
+        imitates: effects of a diagnosis that it would be taken for where it is not undone.
+    """
+
+    name: ClassVar[str]
+    imitates: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def corrections(self, samples: S, reading: Reading) -> Iterable[Correction]:
+        """Readings in which it is undone, the plausible ones.
+
+        Args:
+            samples: samples of the log.
+            reading: the reading so far, other mistakes undone.
+        """

@@ -1,0 +1,129 @@
+"""Columns of one joint under the name of another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from excite.arrays import Array
+from excite.doctor.mistakes.mistake import Correction, Mistake
+from excite.doctor.reading import Reading
+from excite.doctor.torque_samples import TorqueSamples
+from excite.finding import listed
+
+# A further exchange has to bring this much, half the logarithm of the residual's power over all joints.
+_LEAST_STEP = 0.15
+
+
+class TorqueOrder(Mistake[TorqueSamples]):
+    """Torques stand under another joint's name, positions do not."""
+
+    name = "torque_order"
+    imitates = ("torque_gain", "joint_spring", "payload")
+
+    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+        rows, order = linear_sum_assignment(samples.across(reading))
+        moved = np.flatnonzero(rows != order)
+        if not len(moved):
+            return
+        joints = samples.channels
+        # Only columns that belong together: each cycle of the exchange on its own, and all of them.
+        cycles = _cycles(order)
+        for chosen in {tuple(cycle) for cycle in cycles} | {tuple(sorted(moved.tolist()))}:
+            taken = np.arange(len(order))
+            taken[list(chosen)] = order[list(chosen)]
+            there, holds = (listed([joints[i] for i in part]) for part in (chosen, taken[list(chosen)]))
+            text = f"torques look exchanged: those of {there} fit columns {holds}"
+            other = replace(reading, torque_of=reading.torque_of[taken])
+            yield Correction(
+                self.name,
+                other,
+                text,
+                tuple(joints[i] for i in chosen),
+                {"joints": float(len(chosen))},
+                changes=max(1, len(chosen) - 1),
+            )
+
+
+class Order(Mistake[TorqueSamples]):
+    """Whole joints, or their positions alone, stand under another joint's name."""
+
+    name = "order"
+    imitates = ("torque_gain", "joint_spring", "payload", "link_inertia")
+
+    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+        n = len(samples.channels)
+        if n != len(samples.joints):
+            return
+        start = float(samples.left(reading).sum())
+        for what, with_torques in (("columns", True), ("positions", False)):
+            order = _climbed(samples, reading, start, with_torques=with_torques)
+            moved = tuple(samples.joints[i] for i in np.flatnonzero(order != np.arange(n)))
+            if not moved:
+                continue
+            real = ", ".join(samples.joints[i] for i in order)
+            text = f"joints look exchanged: the {what} explain the torques far better in the order {real}"
+            yield Correction(
+                self.name,
+                _taken(reading, order, with_torques),
+                text,
+                moved,
+                {"joints": float(len(moved))},
+                changes=max(1, len(moved) - 1),
+            )
+
+
+def _taken(reading: Reading, order: NDArray[np.int64], with_torques: bool) -> Reading:
+    torques = reading.torque_of[order] if with_torques else reading.torque_of
+    return replace(reading, position_of=reading.position_of[order], torque_of=torques)
+
+
+def _climbed(
+    samples: TorqueSamples, reading: Reading, start: float, *, with_torques: bool
+) -> NDArray[np.int64]:
+    """The best order that exchanges of two joints at a time lead to, from the order as it is and reversed."""
+    same = np.arange(len(samples.joints))
+
+    def score(order: NDArray[np.int64]) -> float:
+        return float(samples.left(_taken(reading, order, with_torques)).sum())
+
+    best = (start, same)
+    reverse = same[::-1].copy()
+    for current in (best, (score(reverse), reverse)):
+        while True:
+            pairs = combinations(range(len(same)), 2)
+            found = min(
+                ((score(o), tuple(o)) for o in (_exchanged(current[1], *p) for p in pairs)),
+                default=(np.inf, ()),
+            )
+            if found[0] >= current[0] - _LEAST_STEP:
+                break
+            current = (found[0], np.array(found[1]))
+        best = min(best, current, key=lambda item: item[0])
+    return best[1]
+
+
+def _exchanged(order: NDArray[np.int64], i: int, j: int) -> NDArray[np.int64]:
+    other = order.copy()
+    other[[i, j]] = other[[j, i]]
+    return other
+
+
+def _cycles(order: Array | NDArray[np.int64]) -> list[list[int]]:
+    """Sets of places that an order exchanges among themselves."""
+    seen: set[int] = set()
+    found = []
+    for start in range(len(order)):
+        cycle, place = [], start
+        while place not in seen:
+            seen.add(place)
+            cycle.append(place)
+            place = int(order[place])
+        if len(cycle) > 1:
+            found.append(sorted(cycle))
+    return found

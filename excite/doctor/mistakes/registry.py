@@ -1,0 +1,30 @@
+"""All mistakes in how channels are called, by the equations that betray them."""
+
+from __future__ import annotations
+
+from excite.doctor.mistakes.clock import Clock
+from excite.doctor.mistakes.degrees import Degrees
+from excite.doctor.mistakes.direction import Direction
+from excite.doctor.mistakes.gravity import Gravity
+from excite.doctor.mistakes.mistake import Mistake
+from excite.doctor.mistakes.order import Order, TorqueOrder
+from excite.doctor.mistakes.position_sign import PositionSign
+from excite.doctor.mistakes.torque_late import TorqueLate
+from excite.doctor.mistakes.torque_scale import TorqueScale
+from excite.doctor.mistakes.torque_sign import TorqueSign
+from excite.doctor.mistakes.zero_position import ZeroPosition
+from excite.doctor.torque_samples import TorqueSamples
+
+OF_TORQUES: tuple[Mistake[TorqueSamples], ...] = (
+    TorqueSign(),
+    TorqueOrder(),
+    TorqueScale(),
+    Degrees(),
+    PositionSign(),
+    Direction(),
+    Order(),
+    ZeroPosition(),
+    Gravity(),
+    Clock(),
+    TorqueLate(),
+)

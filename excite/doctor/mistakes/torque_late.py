@@ -1,0 +1,47 @@
+"""Torques that were logged long after, or before, the positions that they belong to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
+from excite.doctor.reading import Reading
+
+# Buses are late by up to 20 ms or so, and logged commands early by a drive's lag, some 50 ms where it is slow: a
+# diagnosis names these ``time_delay`` and ``actuator_lag``. What is later or earlier comes from another computer's
+# clock, or from columns that were put together wrongly [s].
+_LATE_S, _EARLY_S = 0.03, 0.08
+_GRID_S = np.arange(-25, 26) * 0.02
+
+
+class TorqueLate(Mistake[Samples]):
+    """The shift at which the torques agree with the motion."""
+
+    name = "torque_late"
+    imitates = ("time_delay", "actuator_lag", "viscous_friction", "backlash")
+
+    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
+        if reading.late_s != 0.0:
+            return
+
+        def left(late: float) -> float:
+            return float(samples.left(replace(reading, late_s=float(late))).sum())
+
+        scores = [left(late) for late in _GRID_S]
+        best = float(_GRID_S[int(np.argmin(scores))])
+        best = float(
+            minimize_scalar(
+                left, bounds=(best - 0.02, best + 0.02), method="bounded", options={"xatol": 5e-4}
+            ).x
+        )
+        if -_EARLY_S < best < _LATE_S:
+            return
+        which = "late" if best > 0.0 else "early"
+        text = f"torques look {1e3 * abs(best):.0f} ms {which} beside the positions"
+        yield Correction(
+            self.name, replace(reading, late_s=best), text, ("torque",), {"late_s": best}, certain=False
+        )

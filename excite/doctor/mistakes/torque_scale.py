@@ -1,0 +1,66 @@
+"""Torques in another unit, or on the other side of the gear."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from excite.doctor.mistakes.mistake import Correction, Mistake
+from excite.doctor.reading import Reading
+from excite.doctor.torque_samples import TorqueSamples
+
+_SCALE_OFF = 1.6
+# A joint alone is told from the others where its factor is beyond what any gain of a sensor is.
+_ONE_OFF = 2.5
+# Joints whose model makes so large a share of the torque tell the factor.
+_TELLS = 0.3
+# Factors of the joints that tell agree within this, as logarithm: half of them lie so near to the median. Wrong masses
+# give every joint a factor of its own.
+_AGREES = 0.35
+
+
+class TorqueScale(Mistake[TorqueSamples]):
+    """All torques, or one joint's, larger or smaller than the nominal masses need."""
+
+    name = "torque_scale"
+    imitates = ("torque_gain", "payload", "link_inertia")
+
+    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
+        gains, shares = samples.gains(reading)
+        joints = samples.channels
+        told = (shares > _TELLS) & (gains > 0.0)
+        # Few joints that are off carry something that the model does not have.
+        if 2 * told.sum() >= len(gains):
+            factor = float(np.median(gains[told]))
+            spread = float(np.median(np.abs(np.log(gains[told] / factor)))) if factor > 0.0 else np.inf
+            if spread < _AGREES and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
+                cause = (
+                    "currents, another unit, or torques before the gear"
+                    if factor < 1.0
+                    else "another unit, or a load that the model does not have"
+                )
+                text = (
+                    f"torques are {factor:.3g} times what the nominal masses need, and so will be every identified "
+                    f"parameter: {cause}"
+                )
+                scaled = reading.with_torque(range(len(joints)), 1.0 / factor)
+                yield Correction(
+                    self.name,
+                    scaled,
+                    text,
+                    joints,
+                    {"factor": factor},
+                    surprise=abs(float(np.log(factor))),
+                    certain=False,
+                )
+        if len(joints) == 1:
+            return
+        for j in np.flatnonzero(told):
+            if 1.0 / _ONE_OFF < gains[j] < _ONE_OFF:
+                continue
+            text = f"the torque of {joints[j]} is {gains[j]:.3g} times what the nominal masses need, unlike the others'"
+            scaled = reading.with_torque([int(j)], 1.0 / float(gains[j]))
+            yield Correction(
+                self.name, scaled, text, (joints[j],), {"factor": float(gains[j])}, certain=False
+            )

@@ -1,0 +1,112 @@
+"""How a log's channels are read: which column is whose, with which sign, unit, zero and clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.logs.log import Log, Trial
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What is to be done to a log's channels before they are what the log says that they are.
+
+    Attributes:
+        position_of: ``(n_joints,)`` column that holds each joint's position.
+        position_sign: ``(n_joints,)`` ±1.
+        unit: of positions in radians or metres: π/180 where they are degrees.
+        zero: ``(n_joints,)`` added to positions, after sign and unit [rad or m].
+        torque_of: ``(n_torques,)`` column that holds the torque of each joint that has one.
+        torque_factor: ``(n_torques,)`` torques are multiplied by it, sign and all.
+        tick: seconds per unit of the stamps.
+        late_s: how much later than positions torques, currents and wrenches were logged [s].
+        gravity: ``(3,)`` in the world frame [m/s²].
+    """
+
+    position_of: NDArray[np.int64]
+    position_sign: Array
+    unit: float
+    zero: Array
+    torque_of: NDArray[np.int64]
+    torque_factor: Array
+    tick: float
+    late_s: float
+    gravity: Array
+
+    @classmethod
+    def as_stated(cls, log: Log) -> Reading:
+        """Every channel is what the log says."""
+        n, m = len(log.header.joints), len(log.header.torque_joints)
+        return cls(
+            position_of=np.arange(n),
+            position_sign=np.ones(n),
+            unit=1.0,
+            zero=np.zeros(n),
+            torque_of=np.arange(m),
+            torque_factor=np.ones(m),
+            tick=1.0,
+            late_s=0.0,
+            gravity=np.array(log.header.gravity),
+        )
+
+    def motion_key(self) -> bytes:
+        """Equal for readings that make the same motion of the same log."""
+        parts = (self.position_of, self.position_sign, [self.unit, self.tick], self.zero, self.gravity)
+        return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
+
+    def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:
+        """One joint's position turned, or moved by a constant."""
+        signs, zeros = self.position_sign.copy(), self.zero.copy()
+        signs[joint] *= sign
+        zeros[joint] = sign * zeros[joint] + zero
+        return replace(self, position_sign=signs, zero=zeros)
+
+    def with_torque(self, joints: Sequence[int], factor: float) -> Reading:
+        """Torques of some joints, by index among those that have one, multiplied by a factor."""
+        factors = self.torque_factor.copy()
+        factors[list(joints)] *= factor
+        return replace(self, torque_factor=factors)
+
+    def of(self, log: Log) -> Log:
+        """The log with its channels put right."""
+        columns = [log.header.joints.index(joint) for joint in log.header.torque_joints]
+        header = log.header.model_copy(update={"gravity": tuple(float(x) for x in self.gravity)})
+        trials = tuple(self._trial(trial, columns) for trial in log.trials)
+        return replace(log, header=header, trials=trials)
+
+    def _trial(self, trial: Trial, columns: list[int]) -> Trial:
+        factor = self.position_sign * self.unit
+
+        def turned(values: Array | None, zero: Array | float = 0.0) -> Array | None:
+            return None if values is None else values[:, self.position_of] * factor + zero
+
+        def forces(values: Array | None) -> Array | None:
+            if values is None:
+                return None
+            found = values.copy()
+            found[:, columns] = values[:, columns][:, self.torque_of] * self.torque_factor
+            return self._shifted(trial.time, found)
+
+        return replace(
+            trial,
+            time=trial.time if self.tick == 1.0 else trial.time[0] + self.tick * (trial.time - trial.time[0]),
+            q=trial.q[:, self.position_of] * factor + self.zero,
+            # Commands of a servo stand in the same frame as what it measures.
+            q_cmd=turned(trial.q_cmd, self.zero),
+            v=turned(trial.v),
+            a=turned(trial.a),
+            tau=forces(trial.tau),
+            current=forces(trial.current),
+            wrenches={name: self._shifted(trial.time, values) for name, values in trial.wrenches.items()},
+        )
+
+    def _shifted(self, time: Array, values: Array) -> Array:
+        if self.late_s == 0.0:
+            return values
+        at = time + self.late_s / self.tick
+        return np.column_stack([np.interp(at, time, column) for column in values.T])
