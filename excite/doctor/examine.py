@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from excite.doctor.registry import CHECKS
 from excite.errors import IllLogError
 from excite.finding import Finding, worst_first
 from excite.logs.log import Log
 from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
 
@@ -28,8 +29,8 @@ class Chart:
 
     @property
     def healthy(self) -> bool:
-        """Whether nothing was found but notes."""
-        return all(finding.severity == "note" for finding in self.findings)
+        """Whether nothing was found that spoils results."""
+        return all(finding.severity in {"note", "limits"} for finding in self.findings)
 
     def check_usable(self) -> None:
         """Raise IllLogError with the findings, worst first, where no check could save the log."""
@@ -43,21 +44,32 @@ class Chart:
 
 
 @one_blas_thread
-def examine(robot: Robot, log: Log) -> Chart:
+def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> Chart:
     """Look a log through with every check, one after the other, each on what those before have repaired.
 
     Args:
         robot: the nominal model.
         log: the log.
+        settings: coupling and torque constants that the log does not state; none if None.
 
     Returns:
         The repaired log and the findings.
     """
     findings: list[Finding] = []
     imitated: list[str] = []
+    if settings is not None:
+        log = _as_set(log, settings)
     for check in CHECKS:
         outcome = check.examine(robot, log)
         log = outcome.log
         findings += outcome.findings
         imitated += outcome.imitated
     return Chart(log, worst_first(tuple(findings)), tuple(dict.fromkeys(imitated)))
+
+
+def _as_set(log: Log, settings: ProblemSettings) -> Log:
+    """The log with what the settings say of its drives."""
+    constants = {**log.header.torque_constants, **settings.drive_gains}
+    coupling = settings.coupling or log.header.coupling
+    update = {"torque_constants": constants, "coupling": coupling}
+    return replace(log, header=log.header.model_copy(update=update))

@@ -120,6 +120,13 @@ class Finding(Block):
         default={}, description="the numbers behind it by name [SI]"
     )
     places: Texts = Field(default=[], description="joints, links, channels or parameters concerned")
+    severity: Name = Field(default="note", description="fatal, spoils, limits or note")
+    sure: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        default=1.0, description="how far it is to be believed"
+    )
+    repaired: bool = Field(default=False, description="whether what follows works with it mended")
+    remedy: Text = Field(default="", description="what was done, or what is to be done")
+    trials: Texts = Field(default=[], description="trials concerned; empty for all")
 
 
 Fits = Annotated[dict[Name, ChannelFit], Field(max_length=MOST_CHANNELS)]

@@ -77,7 +77,7 @@ def identify(
     """
     estimator = find_estimator(method)
     own = own_settings(estimator, settings)
-    chart = examine(robot, log)
+    chart = examine(robot, log, problem_settings)
     chart.check_usable()
     log = chart.log
     with equations_of(log):

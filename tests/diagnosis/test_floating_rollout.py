@@ -12,7 +12,6 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.floating.simulator import augmented, rollout_compare
 from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
@@ -21,6 +20,7 @@ from excite.diagnosis.floating.equations.problem import Problem, build_problem
 from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.equations.state import State
 from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit, refine
+from excite.diagnosis.floating.simulator import augmented, rollout_compare
 from excite.diagnosis.floating.simulator.augmented import standing_model
 from excite.diagnosis.floating.simulator.noted import note_data, read_notes
 from excite.diagnosis.floating.simulator.rollout import Simulator

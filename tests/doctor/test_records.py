@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from excite.blind.faults import FAULTS
-from excite.diagnosis.doctor import Chart, examine
+from excite.doctor.examine import Chart, examine
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot
@@ -94,9 +94,9 @@ def test_faults_are_named_and_nothing_else(record: str, sound: Trial, tmp_path: 
     for change in changes:
         trial = change(trial, rng)
     chart = examined(trial, tmp_path)
-    assert {fault.kind for fault in chart.faults} == kinds
-    missing = [fault.what for fault in chart.faults if fault.kind == "missing_rows"]
-    assert missing == (["a: 15 rows are missing"] if lacking in changes else [])
+    assert {fault.kind for fault in chart.findings} == kinds
+    missing = [fault.text for fault in chart.findings if fault.kind == "missing_rows"]
+    assert missing == (["15 rows are missing, in a 15: packets were lost"] if lacking in changes else [])
 
 
 def test_late_stamps_are_put_where_the_rows_were_taken(sound: Trial, tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_late_stamps_are_put_where_the_rows_were_taken(sound: Trial, tmp_path: P
     rng = np.random.default_rng(9)
     gone = np.delete(np.arange(sound.n_samples), rng.choice(np.arange(20, sound.n_samples - 20), 15, False))
     late = stamped_late(sound, rng).rows(gone)
-    (trial,) = examined(late, tmp_path).trials
+    (trial,) = examined(late, tmp_path).log.trials
     assert trial.n_samples == len(gone)
     shift = trial.time - sound.time[gone]
     assert np.abs(shift - shift.mean()).max() < 0.1 / RATE_HZ
@@ -116,9 +116,9 @@ def test_faults_of_drawn_cases_are_found_and_counted(kind: str, sound: Trial, tm
     """By the injectors of the blind cases, which know nothing of the doctor."""
     trial = FAULTS[kind](sound, np.random.default_rng(10))
     chart = examined(trial, tmp_path)
-    assert {fault.kind for fault in chart.faults} == {kind}
+    assert {fault.kind for fault in chart.findings} == {kind}
     if kind in {"repeated_rows", "missing_rows"}:
         assert trial.tau is not None
         held = int(np.sum(np.all(np.diff(np.hstack([trial.q, trial.tau]), axis=0) == 0.0, axis=1)))
         gone = sound.n_samples - trial.n_samples
-        assert [int(fault.what.split()[1]) for fault in chart.faults] == [held or gone]
+        assert [fault.figures["rows"] for fault in chart.findings] == [held or gone]

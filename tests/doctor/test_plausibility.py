@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.doctor.plausibility import implausible
+from excite.doctor.examine import examine
 from excite.logs.log import Cleaning
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed
@@ -26,7 +26,7 @@ def log(panda):
 
 
 def kinds(log, robot) -> dict[str, tuple[str, ...]]:
-    return {item.kind: item.places for item in implausible(log, robot)}
+    return {item.kind: item.places for item in examine(robot, log).findings}
 
 
 def flipped(j: int) -> np.ndarray:
@@ -58,13 +58,13 @@ FAULTS = {
         "degrees",
         NAMES[2:3],
     ),
-    "commands in degrees": (lambda t: replace(t, q_cmd=np.degrees(t.q_cmd)), "degrees", NAMES),
+    "commands in degrees": (lambda t: replace(t, q_cmd=np.degrees(t.q_cmd)), "command_degrees", NAMES),
     "positions exchanged": (lambda t: replace(t, q=t.q[:, swapped(0, 2)]), "order", (NAMES[0], NAMES[2])),
-    "a command turned": (lambda t: replace(t, q_cmd=t.q_cmd * flipped(4)), "sign", NAMES[4:5]),
+    "a command turned": (lambda t: replace(t, q_cmd=t.q_cmd * flipped(4)), "command_sign", NAMES[4:5]),
     "a dead torque": (lambda t: replace(t, tau=constant(t.tau, 5)), "constant", (f"tau.{NAMES[5]}",)),
-    "time in milliseconds": (lambda t: replace(t, time=1e3 * t.time), "rate", ()),
+    "time in milliseconds": (lambda t: replace(t, time=1e3 * t.time), "time_unit", ("time",)),
     "time that went back": (
-        lambda t: replace(t, cleaning=Cleaning(reordered_rows=2)), "time_goes_back", (),
+        lambda t: replace(t, cleaning=Cleaning(reordered_rows=2)), "reordered_rows", (),
     ),
     "a velocity turned": (lambda t: with_velocity(t, flipped(3)), "velocity", NAMES[3:4]),
     "torques in N·mm": (lambda t: replace(t, tau=1e3 * t.tau), "torque_size", NAMES),
@@ -83,10 +83,10 @@ def test_a_fault_is_named_with_its_place(panda, log, fault):
 
 
 def test_a_sound_log_is_left_alone(panda, log):
-    assert implausible(log, panda) == ()
-    assert implausible(changed(log, lambda t: with_velocity(t, 1.0)), panda) == ()
+    assert examine(panda, log).findings == ()
+    assert examine(panda, changed(log, lambda t: with_velocity(t, 1.0))).findings == ()
 
 
 def test_milliseconds_are_named(panda, log):
-    text = next(f.text for f in implausible(changed(log, FAULTS["time in milliseconds"][0]), panda))
+    text = next(f.text for f in examine(panda, changed(log, FAULTS["time in milliseconds"][0])).findings)
     assert "milliseconds" in text
