@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -22,6 +22,7 @@ from excite.documents.document import (
     Text,
     Texts,
 )
+from excite.documents.finding import Finding
 
 
 class Estimate(Block):
@@ -127,23 +128,12 @@ class LogFault(Block):
     repaired: bool = Field(description="whether it was repaired for the diagnosis")
 
 
-class Finding(Block):
+class Noticed(Finding):
     """What the doctor found in the record."""
 
-    code: Name = Field(description="a word that programs can test for")
+    code: Name = Field(description="as kind")
     where: Text = Field(description="trials and places")
-    message: Text = Field(description="what was found, the likely cause")
-    kind: Name = Field(description="as code")
-    text: Text = Field(description="as message")
-    figures: Annotated[dict[Name, Any], Field(max_length=MOST_ENTRIES)] = Field(
-        default={}, description="the numbers behind it by name [SI]"
-    )
-    places: Texts = Field(default=[], description="joints, links or channels concerned")
-    severity: Name = Field(default="note", description="fatal, spoils, limits or note")
-    sure: float = Field(default=1.0, description="how far it is to be believed, 0 … 1")
-    repaired: bool = Field(default=False, description="whether the diagnosis works with it mended")
-    remedy: Text = Field(default="", description="what was done, or what is to be done")
-    trials: Texts = Field(default=[], description="trials concerned; empty for all")
+    message: Text = Field(description="as text")
 
 
 class Diagnosis(Document):
@@ -172,7 +162,7 @@ class Diagnosis(Document):
     log: Annotated[list[LogFault], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="what was wrong with the record"
     )
-    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(
+    findings: Annotated[list[Noticed], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="the same, with their figures"
     )
     warnings: Texts = Field(default=[], description="limits of what was said, one sentence each")

@@ -13,10 +13,10 @@ from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.estimators.base import Estimate, SolveStatus
-from excite.identification.estimators.ls import LeastSquares, LsSettings
+from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
 from excite.identification.estimators.method_settings import estimator_settings
-from excite.identification.estimators.projection import ProjectionAnswer, project
-from excite.identification.estimators.qp import QpSettings, QuadraticProgram
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.qp import QpSettings, QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.inertia import inertia_matrices
 from excite.identification.judgement.consistency import check_consistency

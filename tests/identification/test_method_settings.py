@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from excite.errors import InputError, UnknownNameError
-from excite.identification.estimators.cls3 import Cls3Settings
-from excite.identification.estimators.hqp import HqpSettings
-from excite.identification.estimators.lmi import LmiSettings
+from excite.identification.estimators.conic.cls3 import Cls3Settings
+from excite.identification.estimators.conic.lmi import LmiSettings
 from excite.identification.estimators.method_settings import (
     estimator_settings,
     methods_with,
     own_settings,
 )
-from excite.identification.estimators.qp import QpSettings
+from excite.identification.estimators.quadratic.hqp import HqpSettings
+from excite.identification.estimators.quadratic.qp import QpSettings
 from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS, find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.estimators.summary import method_summaries

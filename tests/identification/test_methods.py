@@ -17,19 +17,19 @@ from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs, mirrored_parameters
 from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.cls1 import BoundedNearBase, Cls1Settings
-from excite.identification.estimators.hqp import HierarchicalProgram, HqpSettings
+from excite.identification.estimators.least_squares.robust import Huber, RobustSettings
+from excite.identification.estimators.least_squares.wls import WeightedLeastSquares, WlsSettings
 from excite.identification.estimators.method_settings import estimator_settings, methods_with
-from excite.identification.estimators.projection import ProjectionAnswer, project
-from excite.identification.estimators.robust import Huber, RobustSettings
-from excite.identification.estimators.wls import WeightedLeastSquares, WlsSettings
+from excite.identification.estimators.quadratic.cls1 import BoundedNearBase, Cls1Settings
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram, HqpSettings
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
 from excite.identification.inertia import inertia_matrices
-from excite.identification.outside_cone import outside_cone
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.loading import load_robot
 from tests.identification.estimated import estimated
+from tests.identification.outside_cone import outside_cone
 from tests.identification.synthetic import arm_problem, modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")

@@ -12,8 +12,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.friction_sign import sign_of_motion
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.diagnosis.equations.sign_change import sign_of_motion
 from excite.regressor.kernels import inverse_dynamics
 
 # Steps of first and second differences [rad], [rad/s].
@@ -155,12 +155,12 @@ class Effect(ABC):
         searched: its non-linear parameters, in the order of ``theta``.
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
+        overlaps: effects that this form of one runs into: the same torque within a record, by another name.
         mujoco: how a MuJoCo model expresses it; empty where it cannot.
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
-        smooths: whether it can smooth the model's torque, and the encoders' noise in it, which is no evidence of it
-            where little else is.
+        smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
     """
 
     name: ClassVar[str]
@@ -168,6 +168,7 @@ class Effect(ABC):
     searched: ClassVar[tuple[Parameter, ...]] = ()
     confusable_with: ClassVar[tuple[str, ...]] = ()
     separating_motion: ClassVar[str] = ""
+    overlaps: ClassVar[tuple[str, ...]] = ()
     mujoco: ClassVar[str] = ""
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False
@@ -187,11 +188,6 @@ class Effect(ABC):
     @property
     def richer(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect is named, or where none is."""
-        return ()
-
-    @property
-    def kin(self) -> tuple[Effect, ...]:
-        """Effects that richer forms of this one run into: the same torque within a record, by another name."""
         return ()
 
     @property

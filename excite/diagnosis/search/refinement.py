@@ -9,9 +9,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context, Effect
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import WIDTH_BOUNDS
+from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Solver
-from excite.diagnosis.equations.sign_change import WIDTHS, SignChange
+from excite.diagnosis.equations.own_columns import WIDTH_BOUNDS
 from excite.diagnosis.search.hypotheses import Hypothesis, Search
 
 # A richer form of an effect has to lower the loss by so much.

@@ -9,7 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Verdict
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import coulomb_level
+from excite.diagnosis.equations.own_columns import coulomb_level
 from excite.diagnosis.search.attribution import Attribution, Scored
 from excite.diagnosis.search.gates import Gates
 from excite.diagnosis.search.structured import structured_joints
@@ -157,7 +157,7 @@ def tie(evidence: float) -> float:
 
 
 def _close(best: Scored, other: Scored) -> bool:
-    kin = other.name in {effect.name for effect in best.hypothesis.effect.kin}
+    kin = other.name in best.hypothesis.effect.overlaps
     # How a contact comes on is nobody's law: the form that was tried may be off by more than the rivals are.
     least = _KIN_SHARE * best.evidence if kin else tie(best.evidence)
     return same_gap(best, other) and nats_behind(best, other) < least

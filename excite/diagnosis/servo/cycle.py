@@ -10,8 +10,8 @@ from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context, Shape
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.drive_terms import own_names
 from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.own_columns import own_names
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.search.hypotheses import at_rows
 from excite.diagnosis.servo.servo import Servo, Signals

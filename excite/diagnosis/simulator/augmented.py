@@ -48,7 +48,7 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
     for item in effects:
         form = FORMS.get(item.effect)
         if form is None:
-            warnings.append(f"{item.effect} has no form in a simulator and is left out of the model")
+            warnings.append(formless(item))
         elif form.plant is not None:
             wanted = form.plant(wanted, robot, baseline.samples.joints, item)
     gravity = np.array(robot.model.gravity.linear)
@@ -61,6 +61,11 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
     _formed(draft, baseline, effects)
     draft.spec.compile()
     return AugmentedModel(draft.spec.to_xml(), tuple(warnings))
+
+
+def formless(item: Found) -> str:
+    """The warning for an effect that no simulator can express."""
+    return f"{item.effect} has no form in a simulator and is left out of the model"
 
 
 def _formed(draft: Draft, baseline: Baseline, effects: Sequence[Found]) -> None:

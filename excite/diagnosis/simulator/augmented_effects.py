@@ -175,15 +175,8 @@ def tilted(gravity: Array, item: Found) -> Array:
 
 def _tilt(draft: Draft, item: Found) -> None:
     draft.spec.option.gravity = tilted(np.array(draft.spec.option.gravity), item)
-    first = Found(
-        "base_tilt",
-        draft.joints[0],
-        {
-            "cosine": item.value("first_row_cosine"),
-            "sine": item.value("first_row_sine"),
-            "periods_per_rev": 1.0,
-        },
-    )
+    ripple = {name: item.value(f"first_row_{name}") for name in ("cosine", "sine")}
+    first = Found("base_tilt", draft.joints[0], ripple | {"periods_per_rev": 1.0})
     draft.note(first, "cosine", "sine", "periods_per_rev")
 
 

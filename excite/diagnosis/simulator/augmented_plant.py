@@ -8,8 +8,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import own_names
-from excite.diagnosis.equations.sign_change import sign_of_motion
+from excite.diagnosis.equations.friction_sign import sign_of_motion
+from excite.diagnosis.equations.own_columns import own_names
 from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies
 from excite.regressor.kernels import joint_torque_regressor
 

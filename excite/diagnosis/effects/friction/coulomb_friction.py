@@ -7,7 +7,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
-from excite.diagnosis.equations.sign_change import WIDTHS
+from excite.diagnosis.equations.friction_sign import WIDTHS
 
 # A sign that changes over more than this share of a joint's speed (root mean square) is a slope: viscous friction.
 _SIGN = 0.25

@@ -10,9 +10,9 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.friction.presliding import bent_excess
-from excite.diagnosis.equations.drive_terms import coulomb_level
+from excite.diagnosis.equations.friction_sign import SignChange, damping_of_bristles, sign_of_motion
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.diagnosis.equations.sign_change import SignChange, damping_of_bristles, sign_of_motion
+from excite.diagnosis.equations.own_columns import coulomb_level
 
 # A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
 _APART = 2.5
