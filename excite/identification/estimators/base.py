@@ -82,7 +82,7 @@ class Estimator(ABC, Generic[SettingsT]):
     name: ClassVar[str]
     title: ClassVar[str]
     use: ClassVar[str]
-    settings_class: ClassVar[type[EstimatorSettings]]
+    settings_class: ClassVar[type[EstimatorSettings]] = EstimatorSettings
     consistent: ClassVar[bool] = False
     guarantees: ClassVar[str] = ""
     exempt: ClassVar[Mapping[str, str]] = {}
