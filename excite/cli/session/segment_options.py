@@ -45,8 +45,7 @@ def segment_settings(
         UnknownNameError: no such method.
         InputError: an option that the method does not use, or one that cannot be read.
     """
-    # Loads every estimator, which would slow ``--help`` down.
-    from excite.identification.estimators.method_settings import methods_with
+    from excite.identification.estimators.method_settings import methods_with  # lazy: numpy
 
     given = {name: value for name, value in others.items() if value is not None}
     for option, values in (("--asymmetric", asymmetric), ("--mass-range", mass_range)):
