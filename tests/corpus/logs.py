@@ -421,10 +421,10 @@ _MAGNITUDES = (
 )
 _CLOCKS = (
     ("nanoseconds since 1970", _spoilt(time=1.7e18 + 1e7 * np.arange(ROWS)), "nanoseconds since 1970"),
-    ("milliseconds since 1970", _spoilt(time=1.7e12 + 10.0 * np.arange(ROWS)), "milliseconds since 1970"),
+    ("milliseconds since 1970, too slow", _spoilt(time=1.7e12 + 35.0 * np.arange(ROWS)), "milliseconds since"),
     ("gap of 11 days", _spoilt(time=_CLOCK + 950400.0 * (np.arange(ROWS) > 99)), "gap of 11 days after 0.99 s"),
-    ("one trial in milliseconds", _spoilt(time=1e6 * _CLOCK), "runs at"),
-    ("milliseconds", _spoilt(time=1e3 * _CLOCK), "time looks like milliseconds"),
+    ("one trial in no unit", _spoilt(time=3e4 * _CLOCK), "runs at"),
+    ("nearly milliseconds", _spoilt(time=1.5e3 * _CLOCK), "time looks like milliseconds"),
     ("pause of an hour", _spoilt(time=_CLOCK + 3600.0 * (np.arange(ROWS) > 99)), "gap of 3600 s after 0.99 s"),
     ("goes back", _spoilt(time=_CLOCK[::-1]), "goes back"),
     ("constant", _spoilt(time=np.zeros(ROWS)), "1 distinct samples"),

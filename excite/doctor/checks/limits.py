@@ -36,10 +36,11 @@ class Degrees(Check):
         columns = [robot.joint_index(name) for name in log.header.joints]
         speed = np.max([_speed(trial) for trial in log.trials], axis=0)
         degrees = inside & reach.outside & (manifold | (speed > _MANIFOLD * robot.limits.velocity[columns]))
-        if not degrees.any():
+        # Most joints in degrees: all are, also those that hardly moved. Else those alone that nothing else explains.
+        most = bool(inside.all()) and 2 * degrees.sum() > len(degrees)
+        which = np.ones_like(degrees) if most else degrees & manifold
+        if not which.any():
             return Outcome(log)
-        # Most joints in degrees: all are, also those that hardly moved. Else these alone.
-        which = np.ones_like(degrees) if inside.all() and 2 * degrees.sum() > len(degrees) else degrees
         names = tuple(np.array(log.header.joints)[which])
         text = (
             f"positions of {listed(names)} reach {furthest.max():.4g}, far beyond their limits in radians and inside "

@@ -30,8 +30,9 @@ class TorqueScale(Mistake[TorqueSamples]):
         gains, shares = samples.gains(reading)
         joints = samples.channels
         told = (shares > _TELLS) & (gains > 0.0)
-        # Few joints that are off carry something that the model does not have.
-        if 2 * told.sum() >= len(gains):
+        # Light joints that are off carry something that the model does not have: those that carry most have to agree.
+        power = samples.measured_torque(reading).var(axis=0)
+        if told.any() and power[told].sum() > 0.5 * power.sum() and (told.sum() > 1 or len(joints) == 1):
             factor = float(np.median(gains[told]))
             spread = float(np.median(np.abs(np.log(gains[told] / factor)))) if factor > 0.0 else np.inf
             if spread < _AGREES and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:

@@ -1,0 +1,121 @@
+"""Every illness is found by name on some robot, and mended; healthy logs of every arm raise no alarm."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.diagnose import diagnose
+from excite.doctor.doctor import doctor
+from excite.doctor.examine import examine
+from excite.doctor.registry import CHECKS
+from excite.errors import IllLogError
+from excite.identification.identify import identify
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Log
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from tests.doctor.illnesses import ILLNESSES
+from tests.identification.practice_log import arm_log
+
+ROBOTS = ("panda", "ur10", "iiwa14", "jaco2")
+ROOT = Path(__file__).resolve().parents[2]
+# Each illness weak on one robot and strong on the next: every robot has its share of both.
+CASES = [
+    (name, strength, ROBOTS[(k + strength) % len(ROBOTS)])
+    for k, name in enumerate(ILLNESSES)
+    for strength in (0, 1)
+]
+
+
+@pytest.fixture(scope="module")
+def logs() -> dict[str, tuple[Robot, Log]]:
+    robots = {name: load_robot(name) for name in ROBOTS}
+    return {
+        name: (robot, _with_model(arm_log(robot, 3, duration=10.0), robot)) for name, robot in robots.items()
+    }
+
+
+def _with_model(log: Log, robot: Robot) -> Log:
+    return replace(log, robot_text=robot.urdf)
+
+
+def _through_a_file(log: Log, robot: Robot, folder: Path) -> Log:
+    return load_log(save_log(log, folder / "log"), robot)
+
+
+@pytest.mark.parametrize(("name", "strength", "arm"), CASES, ids=lambda value: str(value).replace(" ", "_"))
+def test_an_illness_is_named(
+    name: str, strength: int, arm: str, logs: dict[str, tuple[Robot, Log]], tmp_path: Path
+) -> None:
+    robot, log = logs[arm]
+    illness = ILLNESSES[name]
+    ill = illness.change(log, np.random.default_rng([7, strength]), strength)
+    chart = examine(robot, _through_a_file(ill, robot, tmp_path))
+    kinds = {item.kind for item in chart.findings}
+    assert illness.kind in kinds
+    spoiling = {item.kind for item in chart.findings if item.severity in {"fatal", "spoils"}}
+    assert spoiling <= {illness.kind}, "another illness is named that the log does not have"
+
+
+@pytest.mark.parametrize("arm", ROBOTS)
+@pytest.mark.parametrize("seed", [11, 12])
+def test_a_healthy_log_raises_no_alarm(arm: str, seed: int, logs: dict[str, tuple[Robot, Log]]) -> None:
+    robot, _ = logs[arm]
+    assert examine(robot, arm_log(robot, seed, duration=10.0)).findings == ()
+
+
+def test_what_is_repaired_is_the_healthy_log(logs: dict[str, tuple[Robot, Log]], tmp_path: Path) -> None:
+    robot, log = logs["panda"]
+    for name in ("torque sign", "torques exchanged", "degrees", "time unit", "gravity"):
+        ill = ILLNESSES[name].change(log, np.random.default_rng(5), 1)
+        mended = examine(robot, _through_a_file(ill, robot, tmp_path / name.replace(" ", "_"))).log
+        for was, now in zip(log.trials, mended.trials, strict=True):
+            assert was.tau is not None and now.tau is not None
+            np.testing.assert_allclose(now.q, was.q, atol=1e-9)
+            np.testing.assert_allclose(now.tau, was.tau, atol=1e-9)
+            np.testing.assert_allclose(now.time - now.time[0], was.time - was.time[0], atol=1e-6)
+        assert mended.header.gravity == pytest.approx(log.header.gravity)
+
+
+def test_the_repaired_log_is_healthy_when_it_is_read_again(
+    logs: dict[str, tuple[Robot, Log]], tmp_path: Path
+) -> None:
+    robot, log = logs["ur10"]
+    ill = ILLNESSES["torque sign"].change(log, np.random.default_rng(1), 0)
+    folder = save_log(ill, tmp_path / "ill")
+    assert not doctor(folder, robot, repair=tmp_path / "mended").healthy
+    assert doctor(tmp_path / "mended", robot).findings == ()
+
+
+def test_identify_and_diagnose_say_what_the_doctor_says(
+    logs: dict[str, tuple[Robot, Log]], tmp_path: Path
+) -> None:
+    """And no diagnosis names the illness as an effect."""
+    robot, log = logs["ur10"]
+    ill = _through_a_file(ILLNESSES["torque sign"].change(log, np.random.default_rng(2), 0), robot, tmp_path)
+    said = [item.to_json() for item in doctor(ill, robot).findings]
+    assert said
+    found = identify(robot, ill, "wls")
+    assert [item.to_json() for item in found.findings[: len(said)]] == said
+    diagnosis = diagnose(ill, robot)
+    assert [item.to_json() for item in diagnosis.faults] == said
+    healthy = diagnose(log, robot)
+    assert [item.effect for item in diagnosis.effects] == [item.effect for item in healthy.effects]
+
+
+def test_a_log_that_nothing_can_save_says_why(logs: dict[str, tuple[Robot, Log]]) -> None:
+    robot, log = logs["ur10"]
+    standing = tuple(replace(trial, q=np.tile(trial.q[:1], (len(trial.q), 1))) for trial in log.trials)
+    with pytest.raises(IllLogError, match="no joint ever moves") as caught:
+        identify(robot, replace(log, trials=standing), "wls")
+    assert caught.value.findings[0].severity == "fatal"
+
+
+def test_every_kind_is_in_the_manual() -> None:
+    listed = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "doctor.md").read_text(encoding="utf-8")))
+    assert {kind for check in CHECKS for kind in check.kinds} <= listed
