@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from excite.diagnosis.doctor import examine
 
 from excite.arrays import Array
 from excite.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
 from excite.blind.draw import ROBOTS, draft
 from excite.blind.make import _NOISE_TAU, _prepare, _session, recordings_of
 from excite.diagnosis.answer.shrink import gap_of
-from excite.diagnosis.doctor import examine
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.drive_terms import own_names, own_signals

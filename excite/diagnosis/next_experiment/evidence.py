@@ -10,7 +10,7 @@ from itertools import permutations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.drive_terms import WIDTH_BOUNDS
 from excite.diagnosis.equations.joint_torque import Solver

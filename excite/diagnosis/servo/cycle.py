@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Shape
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Shape
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.drive_terms import own_names

@@ -9,7 +9,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.joint_torque import Fit

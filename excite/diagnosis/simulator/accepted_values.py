@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.gear import contact_stiffness, gear_damping
 from excite.diagnosis.effects.gears.gear_effect import GearEffect
 from excite.diagnosis.search.attribution import Attribution, Scored

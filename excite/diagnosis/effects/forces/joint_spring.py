@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 
 # A spring whose torque hardly changes over the joint's motion is a constant.

@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 
 # Periods over a joint's motion below which nothing has been seen to repeat: a spring or a stop would do as well.
 _SEEN = 2.0

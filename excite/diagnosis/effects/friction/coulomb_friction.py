@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 from excite.diagnosis.equations.sign_change import WIDTHS
 

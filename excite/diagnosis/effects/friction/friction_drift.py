@@ -6,7 +6,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations.drive_terms import coulomb_level
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.lazy_kernel import LazyKernel

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 
 
 class Armature(Effect):

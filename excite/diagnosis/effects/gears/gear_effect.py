@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from copy import copy
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.gears.deflection import deflect
 from excite.diagnosis.effects.gears.gear import Behind, Gear
 from excite.diagnosis.effects.gears.gear_start import first_states

@@ -6,7 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Theta
 from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping, link_inertia
 from excite.diagnosis.effects.gears.gear_effect import GearEffect

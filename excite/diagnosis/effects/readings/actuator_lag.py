@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4

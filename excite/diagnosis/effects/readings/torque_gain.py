@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.equations.joint_torque import Fit
 
 
