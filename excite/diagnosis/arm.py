@@ -37,7 +37,7 @@ from excite.diagnosis.search.attribution import Attribution, Scored
 from excite.diagnosis.search.unnamed import in_words
 from excite.diagnosis.search.verdict import Judgement, judge, probabilities, withdrawn
 from excite.diagnosis.simulator.accepted_values import found_effects
-from excite.diagnosis.simulator.augmented_effects import Found
+from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.rollout_compare import simulated
 from excite.logs.log import Log
 from excite.robot.robot import Robot

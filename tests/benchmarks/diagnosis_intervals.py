@@ -16,7 +16,7 @@ from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.drive_terms import own_names, own_signals
+from excite.diagnosis.equations.drive_terms import own_signals, own_terms
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.noise_floor import (
     other_postures,
@@ -231,8 +231,8 @@ def _on(
     samples = replace(samples, lead=baseline.samples.lead)
     q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
     rigid = inverse_dynamics(samples.robot.model, q, v, a, baseline.phi)[:, list(samples.index)] + added
-    names = own_names(baseline.modelled)
-    own = [own_signals(samples, names, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
+    terms = own_terms(baseline.modelled)
+    own = [own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
     total = rigid + np.column_stack(own) + drive
     nothing = np.zeros_like(total)
     return replace(

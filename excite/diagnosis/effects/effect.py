@@ -1,4 +1,4 @@
-"""What every effect says of itself, and what it is given to work with."""
+"""What every effect says of itself: law, places, parameters, columns, its form in a simulator."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.note import Beyond, Note, Noted
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.drive_terms import OwnTerm
 from excite.diagnosis.equations.joint_torque import Fit
 
 Theta = tuple[float, ...]
@@ -49,6 +53,19 @@ class Shape:
     offset: dict[int, Array] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a record tells of an effect's own state, for roll-outs that begin within it, one array a trial.
+
+    Attributes:
+        growth: how far friction that drifts has come, ``(n,)``.
+        deflection: deflection of a gear [rad] and its speed [rad/s], ``(n, 2)``.
+    """
+
+    growth: list[Array] | None = None
+    deflection: list[Array] | None = None
+
+
 class Effect(ABC):
     """An effect: its physics, where it can be, its parameters, and what it looks like in the torques.
 
@@ -58,12 +75,18 @@ class Effect(ABC):
         searched: its non-linear parameters, in the order of ``theta``.
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
-        mujoco: how a MuJoCo model expresses it; empty where it cannot.
+        mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
+        note: what a model leaves to its runner; None where that is nothing.
+        term: the term of a baseline's drives that it is; None where it is none.
+        spans: what its columns are made of, in words; empty where no other effect's are.
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
         smooths: whether it can smooth the model's torque, and the encoders' noise in it, which is no evidence of it
             where little else is.
+        of_channel: whether it is of the torque channel alone: a log without one has none of it.
+        twins_without_torque: other names that mean the same where only commands and positions are known.
+        twins_of_a_gain: other names for what a servo's gain does that was estimated wrongly.
     """
 
     name: ClassVar[str]
@@ -76,6 +99,12 @@ class Effect(ABC):
     friction: ClassVar[bool] = False
     timing: ClassVar[bool] = False
     smooths: ClassVar[bool] = False
+    note: ClassVar[type[Note] | None] = None
+    term: ClassVar[OwnTerm | None] = None
+    spans: ClassVar[tuple[str, ...]] = ()
+    of_channel: ClassVar[bool] = False
+    twins_without_torque: ClassVar[tuple[str, ...]] = ()
+    twins_of_a_gain: ClassVar[tuple[str, ...]] = ()
 
     @property
     def widths(self) -> Array:
@@ -121,7 +150,7 @@ class Effect(ABC):
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""
-        return self.name not in modelled
+        return self.name not in modelled if self.term is None else not self.term.asked(modelled)
 
     def locations(self, context: Context) -> tuple[str, ...]:
         """Where it can be: every joint, unless said otherwise."""
@@ -155,3 +184,27 @@ class Effect(ABC):
             if np.isfinite(s)
         }
         return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}
+
+    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        """Its parameters by name, and what else a simulator needs of it."""
+        values = {name: e.value for name, e in self.estimates(context, location, theta, fit).items()}
+        values |= {p.name: float(b) for p, b in zip(self.linear, fit.extra, strict=True)}
+        return values | {p.name: float(t) for p, t in zip(self.searched, theta, strict=True)}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        """Its form in a MuJoCo model; without one, the model is without it, and says why."""
+        return Form(absent=Beyond.NO_FORM)
+
+    def told(self, context: Context, location: str, theta: Theta) -> Told:
+        """What the record tells of its own state; nothing, unless said otherwise."""
+        return Told()
+
+    def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
+        """Another name that means the same in the data; none, unless said otherwise."""
+        return None
+
+    def noted(self, item: Sizes, place: str | None = None) -> Noted:
+        """Its note with the sizes that it has."""
+        if self.note is None:
+            raise TypeError(f"{self.name} leaves nothing to a runner")
+        return Noted(self.name, place or item.location, self.note.of(item.values))
