@@ -164,10 +164,11 @@ class Simulator:
             self._levels[dof] = level
             self._dampings[:] = held
             self._dampings[dof] += viscous + stiff
+        # What gears carry is asked for on the way: the last step's torques stay until all notes have spoken.
+        for j, note in self._notes:
+            bent[j] += note.torque(self._steps[j])
         self._applied[:] = 0.0
         self._applied[dof] = bent
-        for j, note in self._notes:
-            self._applied[dof[j]] += note.torque(self._steps[j])
 
     def _carried_by(self, j: int) -> float:
         return float(self._carried()[j])
