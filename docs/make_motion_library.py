@@ -30,7 +30,7 @@ from excite.excitation.selection import NEGLIGIBLE
 from excite.json_document import write_json
 from excite.motion.content import with_verdict
 from excite.motion.files import load_motion, save_motion
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion
 from excite.reading.json_document import read_json
 from excite.regressor.base_parameters import structural_base_parameters

@@ -25,14 +25,14 @@ _PUBLIC = {
     "load_robot": "excite.robot.loading",
     "bundled_robots": "excite.robot.catalogue",
     "robot_summaries": "excite.robot.summary",
-    "scaffold_description": "excite.robot.scaffold.draft",
+    "scaffold_description": "excite.robot.scaffold.description",
     "write_scaffold": "excite.robot.scaffold.files",
     "Motion": "excite.motion.motion",
     "load_motion": "excite.motion.files",
     "load_motions": "excite.motion.collection",
     "save_motion": "excite.motion.files",
     "plan": "excite.campaign.plan",
-    "SeriesSettings": "excite.campaign.optimised",
+    "SeriesSettings": "excite.campaign.candidates.series",
     "check": "excite.campaign.check",
     "rank": "excite.campaign.rank",
     "export_motion": "excite.export.export",
@@ -41,6 +41,7 @@ _PUBLIC = {
     "Log": "excite.logs.log",
     "load_log": "excite.logs.files",
     "save_log": "excite.logs.files",
+    "import_recordings": "excite.logs.recordings",
     "robot_for_log": "excite.logs.robot",
     "join_logs": "excite.logs.joined",
     "identify": "excite.identification.identify",
@@ -69,6 +70,9 @@ _PUBLIC = {
     "identify_person": "excite.human.identified",
     "added_mass": "excite.human.identified",
     "identify_wearing": "excite.human.weight.worn_weight",
+    "doctor": "excite.doctor.doctor",
+    "Chart": "excite.doctor.examine",
+    "Finding": "excite.finding",
     "diagnose": "excite.diagnosis.diagnose",
     "Diagnosis": "excite.diagnosis.answer.result",
     "effect_summaries": "excite.diagnosis.answer.effect_summary",
@@ -82,7 +86,7 @@ __all__ = ["__version__", *_PUBLIC]
 
 
 class _Package(ModuleType):
-    """Keeps the verbs ``report`` and ``campaign`` callable although rooms have the same names.
+    """Keeps the verbs ``report``, ``campaign`` and ``doctor`` callable although rooms have the same names.
 
     Importing a module of a room would otherwise bind the room's package over the verb.
     """

@@ -6,22 +6,19 @@ its lock free: the next one in the same place removes what it left.
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import os
 import secrets
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from excite.errors import InputError
+from excite.folders import DISK_FULL, make_folder, missing_folders, remove_empty, unwritable
 
 HIDDEN = ".excite-"
 """How the names of hidden folders begin."""
-
-_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @dataclass(frozen=True)
@@ -124,38 +121,6 @@ def all_or_nothing() -> Iterator[None]:
             _remove(item)
 
 
-def make_folder(path: Path) -> Path:
-    """Make a folder and those above it where they are not there; raises InputError where that cannot be done."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        raise unwritable(path, error) from error
-    return path
-
-
-def missing_folders(folder: Path) -> tuple[Path, ...]:
-    """A folder and those above it that are not there, the deepest first."""
-    return tuple(path for path in (folder, *folder.parents) if not os.path.exists(path))
-
-
-def remove_empty(folders: Iterable[Path]) -> None:
-    """Remove folders that are empty, the deepest first; others stay."""
-    for folder in folders:
-        # Not empty, or taken by somebody else meanwhile.
-        with suppress(OSError):
-            folder.rmdir()
-
-
-def unwritable(path: Path, error: Exception) -> InputError:
-    """The error for a place that the system does not let anyone write to."""
-    code = error.errno if isinstance(error, OSError) else None
-    said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    remedy = "choose a folder that may be written to"
-    if code in _DISK:
-        remedy = "make room on the disk, or choose another folder; what was there before is as it was"
-    return InputError(f"cannot be written ({said})", source=str(path).replace("\0", "\\0"), remedy=remedy)
-
-
 def write_text(path: Path, text: str) -> Path:
     """Write a text file atomically, UTF-8; what no UTF-8 can hold, as names of files may, is escaped."""
     with atomic_path(path) as temporary:
@@ -204,7 +169,7 @@ def _hidden_folder(path: Path) -> Iterator[Path]:
             waits = True
     except OSError as error:
         ours = error.filename is not None and str(error.filename).startswith(str(hidden.folder))
-        if ours or error.errno in _DISK or isinstance(error, PermissionError):
+        if ours or error.errno in DISK_FULL or isinstance(error, PermissionError):
             raise unwritable(path, error) from error
         raise
     finally:

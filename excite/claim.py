@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from excite.atomic import make_folder, missing_folders, remove_empty, sweep, unwritable
+from excite.atomic import sweep
 from excite.errors import InputError
+from excite.folders import make_folder, missing_folders, remove_empty, unwritable
 
 # Folders that this process has claimed, by their device and number: a run may claim its own folder again.
 _CLAIMED: set[tuple[int, int]] = set()

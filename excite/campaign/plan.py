@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from excite.campaign import optimised
+from excite.campaign.candidates.registry import SEARCHES
+from excite.campaign.candidates.search import Asked
+from excite.campaign.candidates.series import SeriesSettings
+from excite.campaign.candidates.source import candidates_of, check_generator
 from excite.campaign.choice import Rule, choose
-from excite.campaign.optimised import SeriesSettings
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool
-from excite.errors import InputError, NoSolutionError, UnknownNameError
+from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
-from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.generator import child_seed
-from excite.motion.generators.proposal import Proposal
-from excite.motion.generators.registry import GENERATORS, plan_proposals
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
@@ -60,8 +58,8 @@ def plan(
         robot: the robot.
         n_candidates: how many candidate motions to generate.
         targets: joints to aim at; all, if empty.
-        generator: the only one to use: a name of the registry, or ``optimised_fourier``, of which each candidate
-            is a start of the search; None for the robot's mixture.
+        generator: the only one to use: a name of the registry, or of a search such as ``optimised_fourier``,
+            of which each candidate is a start; None for the robot's mixture.
         series: criterion and period of ``optimised_fourier``, with which alone they go.
         selection: ``best_three`` motions of every segment; or, within ``budget_s``, those of greatest ``log_det``
             (log-determinant), of least ``rsd`` (sum of predicted relative standard deviations), or few that give
@@ -85,20 +83,14 @@ def plan(
     _check_settings(generator, series, selection, budget_s)
     root = check_seed(seed)
     started = time.perf_counter()
-    if generator == optimised.NAME:
-        number = child_seed(root, 0)
-        found = optimised.optimised_candidates(
-            robot, n_candidates, number, targets=targets, settings=series, jobs=jobs, progress=progress
-        )
-        candidates: Iterable[Candidate | Proposal] = found
-        total = len(found)
-    else:
-        mix = None if generator is None else {generator: 1.0}
-        candidates, total = plan_proposals(robot, n_candidates, root, mix=mix, targets=targets), n_candidates
+    asked = Asked(robot, n_candidates, targets, series, jobs, progress)
+    source = candidates_of(generator, asked, root)
     generated = time.perf_counter()
     folder = TemporaryFolder()
     keeper = Keeper(folder.path, prefix)
-    report = filter_candidates(robot, candidates, jobs=jobs, total=total, progress=progress, keep=keeper)
+    report = filter_candidates(
+        robot, source.candidates, jobs=jobs, total=source.count, progress=progress, keep=keeper
+    )
     filtered = time.perf_counter()
     if not report.kept:
         refused = ", ".join(f"{count} {reason}" for reason, count in sorted(report.rejected.items()))
@@ -141,13 +133,12 @@ def _check_settings(
 ) -> None:
     """Raise InputError or UnknownNameError where settings are unknown or do not go together."""
     check_selection(selection)
-    if generator is not None and generator not in {*GENERATORS, optimised.NAME}:
-        raise UnknownNameError("generator", generator, sorted([*GENERATORS, optimised.NAME]))
-    if series is not None and generator != optimised.NAME:
+    check_generator(generator)
+    if series is not None and generator not in SEARCHES:
         raise InputError(
             "criterion and period are those of optimised series",
             field="series",
-            remedy=f"ask for the generator {optimised.NAME!r}, or leave them out",
+            remedy=f"ask for the generator {' or '.join(map(repr, SEARCHES))}, or leave them out",
         )
     if budget_s is None:
         return

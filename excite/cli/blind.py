@@ -17,6 +17,7 @@ from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, Ou
 from excite.cli.session.output import emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.errors import ExciteError, InputError
+from excite.json_document import write_json
 from excite.parallel.engine import in_order
 from excite.temporary_folder import TemporaryFolder
 
@@ -53,7 +54,7 @@ def make(
     ] = "motor_side",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
-    from excite.blind.make import make_cases
+    from excite.blind.make import make_cases  # lazy: pinocchio
 
     with (
         claimed(out or Path("blind")) as folder,
@@ -85,9 +86,8 @@ def score(
     cluster: ClusterOption = None,
 ) -> None:
     """Diagnose every case in a process of its own that sees nothing but a copy of the log, then compare."""
-    from excite.blind.make import answers_file, load_answers
-    from excite.blind.score import score as compare
-    from excite.json_document import write_json
+    from excite.blind.make import answers_file, load_answers  # lazy: pinocchio
+    from excite.blind.score import score as compare  # lazy: pinocchio
 
     cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
     if not cases:
@@ -122,8 +122,8 @@ main()
 
 def _diagnosed(seed: int, case: Path) -> tuple[dict[str, Any], float]:
     """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
-    from excite.documents.diagnosis import Diagnosis
-    from excite.reading.json_document import checked, parse_json
+    from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
+    from excite.reading.json_document import checked, parse_json  # lazy: pydantic
 
     folder = TemporaryFolder()
     copy = Path(shutil.copytree(case, folder.path / "private" / "log"))

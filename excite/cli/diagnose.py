@@ -33,7 +33,7 @@ def command(
 
 def _save(result: Diagnosis, out: Path) -> Path:
     """Write the curves, the document, and the page that shows both; returns the page."""
-    from excite.report.data import ForceComparison, ReportData, save_report_data
+    from excite.report.data import ForceComparison, ReportData, save_report_data  # lazy: pydantic
 
     c = result.curves
     if c is not None:

@@ -11,6 +11,7 @@ import typer
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
 from excite.cli.session.output import emit
+from excite.export.registry import EXPORTERS
 from excite.json_document import write_json
 
 NAME = "export"
@@ -18,7 +19,9 @@ NAME = "export"
 
 def command(
     motions: MotionArgument,
-    format_name: Annotated[str, typer.Option("--format", help="csv, npz or ros2 (JointTrajectory in MCAP).")],
+    format_name: Annotated[
+        str, typer.Option("--format", help=f"One of {', '.join(EXPORTERS)} (ros2: JointTrajectory in MCAP).")
+    ],
     rate_hz: Annotated[
         float | None,
         typer.Option("--rate", min=1e-3, help="Samples per second; the motion's own where left out."),
@@ -41,7 +44,7 @@ def command(
     jobs: JobsOption = None,
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
-    from excite.export.export import SCHEMA, export_with_verdicts
+    from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
 
     try:
         written = export_with_verdicts(

@@ -19,6 +19,7 @@ from excite.cli.session.segment_options import (
     segment_settings,
 )
 from excite.errors import InputError
+from excite.identification.estimators.registry import find_estimator
 from excite.json_document import write_json
 from excite.reading.number import shown
 
@@ -127,9 +128,7 @@ def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Pat
             field="--loaded",
             remedy="give a recording without the weight too, before those with it",
         )
-    # They load every estimator and the robots' library, which would slow ``--help`` down.
-    from excite.identification.estimators.registry import find_estimator
-    from excite.logs.files import check_replaceable
+    from excite.logs.files import check_replaceable  # lazy: pinocchio
 
     if identify is not None:
         find_estimator(identify)

@@ -21,13 +21,20 @@ def human_figures(found: IdentifiedPerson, wearing: SegmentTable | None, table: 
         table: of the nominal masses.
         out: log folder.
     """
-    # Matplotlib takes a second to import.
     import numpy as np
 
-    from excite.human.plates.ground_reaction import AXES, UNITS
-    from excite.human.segment_table import STATED
-    from excite.report.data import ForceComparison, MassComparison, ReportData, save_report_data
-    from excite.report.plots.segment_masses import save_force_figure, save_segment_figure
+    from excite.human.plates.ground_reaction import AXES, UNITS  # lazy: pinocchio
+    from excite.human.segment_table import STATED  # lazy: pinocchio
+    from excite.report.data import (  # lazy: numpy
+        ForceComparison,
+        MassComparison,
+        ReportData,
+        save_report_data,
+    )
+    from excite.report.plots.segment_masses import (  # lazy: numpy
+        save_force_figure,
+        save_segment_figure,
+    )
 
     rows = found.table.rows
     names = [row.segment for row in rows]

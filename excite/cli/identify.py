@@ -15,6 +15,7 @@ from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotA
 from excite.cli.session.output import emit
 from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
@@ -23,14 +24,11 @@ if TYPE_CHECKING:
 
 NAME = "identify"
 
-# Not read from the registry, whose import would slow every ``--help`` down; a test compares the two.
-METHODS = "ls, wls, robust, map, qp, hqp, cls1, cls2, cls3, lmi, physical"
-
 
 def command(
     robot: RobotArgument,
     logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log folders (excite.log/1).")],
-    method: Annotated[str, typer.Option("--method", help=f"Estimator: {METHODS}.")] = "qp",
+    method: Annotated[str, typer.Option("--method", help=f"Estimator: {', '.join(ESTIMATORS)}.")] = "qp",
     total_mass: Annotated[
         float | None, typer.Option("--total-mass", min=0.0, help="Weighed mass of the robot [kg].")
     ] = None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
+from excite.campaign.candidates.registry import SEARCHES
 from excite.claim import claimed
 from excite.cli.session.options import (
     ClusterOption,
@@ -19,9 +20,10 @@ from excite.cli.session.options import (
 )
 from excite.cli.session.output import emit, progress_bars
 from excite.cli.session.workers import workers
+from excite.motion.generators.registry import GENERATORS
 
 if TYPE_CHECKING:
-    from excite.campaign.optimised import SeriesSettings
+    from excite.campaign.candidates.series import SeriesSettings
 
 NAME = "plan"
 
@@ -38,7 +40,8 @@ def command(
         str | None,
         typer.Option(
             "--generator",
-            help="Use this generator alone; optimised_fourier: --candidates is the number of starts, of seconds each.",
+            help=f"Use this generator alone: {', '.join([*GENERATORS, *SEARCHES])}. "
+            "Of optimised_fourier, --candidates is the number of starts, of seconds each.",
         ),
     ] = None,
     select: Annotated[

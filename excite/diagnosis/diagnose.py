@@ -9,6 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.arm.diagnose import diagnose_arm
+from excite.diagnosis.floating.diagnose import diagnose_floating
+from excite.diagnosis.servo.currents import diagnose_currents
+from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.files import load_log
@@ -62,8 +66,6 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     if loaded.header.base == "fixed":
         return _of_arm(loaded.header.torque)(robot, loaded, rng, folder)
     if loaded.header.sensors:
-        from excite.diagnosis.floating.diagnose import diagnose_floating
-
         return diagnose_floating(loaded, robot, rng, folder)
     raise InputError(
         f"a log with base {loaded.header.base} and no sensors is not diagnosed",
@@ -73,15 +75,7 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
 
 
 def _of_arm(torque: str | None) -> Callable[[Robot, Log, np.random.Generator, Path | None], Diagnosis]:
-    """The diagnosis of a fixed base for what the log says of its torques; each kind loads libraries of its own."""
+    """The diagnosis of a fixed base for what the log says of its torques."""
     if torque == "current":
-        from excite.diagnosis.servo.currents import diagnose_currents
-
         return diagnose_currents
-    if torque == "none":
-        from excite.diagnosis.servo.diagnose import diagnose_commands
-
-        return diagnose_commands
-    from excite.diagnosis.arm import diagnose_arm
-
-    return diagnose_arm
+    return diagnose_commands if torque == "none" else diagnose_arm

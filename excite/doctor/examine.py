@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from excite.doctor.registry import CHECKS
 from excite.errors import IllLogError
 from excite.finding import Finding, worst_first
 from excite.logs.log import Log
 from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
+
+SCHEMA = "excite.doctor/1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,47 +22,88 @@ class Chart:
     """What the doctor found and made of a log.
 
     Attributes:
+        robot: name of the robot.
         log: the log, repaired where that is sound.
         findings: what was found, worst first.
         imitated: effects of a diagnosis that a fault, repaired or not, could still be taken for.
     """
 
+    robot: str
     log: Log
     findings: tuple[Finding, ...]
     imitated: tuple[str, ...] = ()
 
     @property
     def healthy(self) -> bool:
-        """Whether nothing was found but notes."""
-        return all(finding.severity == "note" for finding in self.findings)
+        """Whether nothing was found that spoils results."""
+        return all(finding.severity in {"note", "limits"} for finding in self.findings)
+
+    @property
+    def usable(self) -> bool:
+        """Whether anything can be told from the log."""
+        return all(finding.severity != "fatal" or finding.repaired for finding in self.findings)
 
     def check_usable(self) -> None:
         """Raise IllLogError with the findings, worst first, where no check could save the log."""
-        lost = [finding for finding in self.findings if finding.severity == "fatal" and not finding.repaired]
-        if not lost:
+        if self.usable:
             return
-        others = [f for f in self.findings if f not in lost and f.severity != "note" and not f.repaired]
-        said = "; ".join(f.text for f in (*lost, *others))
+        worst = [finding for finding in self.findings if finding.severity != "note" and not finding.repaired]
+        said = "; ".join(f"{finding.text}: {finding.remedy}" for finding in worst)
         source = None if self.log.folder is None else self.log.folder / "log.yaml"
-        raise IllLogError(said, source=source, remedy=lost[0].remedy or None, findings=(*lost, *others))
+        raise IllLogError(said, source=source, findings=worst)
+
+    def to_json(self, repaired: Path | None = None) -> dict[str, Any]:
+        """The document ``excite.doctor/1``; ``repaired`` is where the repaired log was written."""
+        return {
+            "schema": SCHEMA,
+            "robot": self.robot,
+            "healthy": self.healthy,
+            "findings": [finding.to_json() for finding in self.findings],
+            "repaired": None if repaired is None else str(repaired),
+        }
+
+    def summary(self, repaired: Path | None = None) -> str:
+        """One finding a paragraph, worst first: what, and what was done or is to be done."""
+        if not self.findings:
+            return "nothing wrong was found"
+        lines = []
+        for finding in self.findings:
+            state = "repaired" if finding.repaired else finding.severity
+            sure = "" if finding.sure == 1.0 else f", {100 * finding.sure:.0f} % sure"
+            lines += [f"{finding.kind} ({state}{sure}): {finding.text}", f"    {finding.remedy}"]
+        if not self.healthy:
+            last = "what is said to be repaired is so for identify and diagnose, too"
+            lines.append(last if repaired is None else f"repaired log written to {repaired}")
+        return "\n".join(lines)
 
 
 @one_blas_thread
-def examine(robot: Robot, log: Log) -> Chart:
+def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> Chart:
     """Look a log through with every check, one after the other, each on what those before have repaired.
 
     Args:
         robot: the nominal model.
         log: the log.
+        settings: coupling and torque constants that the log does not state; none if None.
 
     Returns:
         The repaired log and the findings.
     """
     findings: list[Finding] = []
     imitated: list[str] = []
+    if settings is not None:
+        log = _as_set(log, settings)
     for check in CHECKS:
         outcome = check.examine(robot, log)
         log = outcome.log
         findings += outcome.findings
         imitated += outcome.imitated
-    return Chart(log, worst_first(tuple(findings)), tuple(dict.fromkeys(imitated)))
+    return Chart(robot.name, log, worst_first(tuple(findings)), tuple(dict.fromkeys(imitated)))
+
+
+def _as_set(log: Log, settings: ProblemSettings) -> Log:
+    """The log with what the settings say of its drives."""
+    constants = {**log.header.torque_constants, **settings.drive_gains}
+    coupling = settings.coupling or log.header.coupling
+    update = {"torque_constants": constants, "coupling": coupling}
+    return replace(log, header=log.header.model_copy(update=update))

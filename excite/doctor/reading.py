@@ -85,6 +85,8 @@ class Reading:
         def turned(values: Array | None, zero: Array | float = 0.0) -> Array | None:
             return None if values is None else values[:, self.position_of] * factor + zero
 
+        q = trial.q[:, self.position_of] * factor + self.zero
+
         def forces(values: Array | None) -> Array | None:
             if values is None:
                 return None
@@ -95,9 +97,8 @@ class Reading:
         return replace(
             trial,
             time=trial.time if self.tick == 1.0 else trial.time[0] + self.tick * (trial.time - trial.time[0]),
-            q=trial.q[:, self.position_of] * factor + self.zero,
-            # Commands of a servo stand in the same frame as what it measures.
-            q_cmd=turned(trial.q_cmd, self.zero),
+            q=q,
+            q_cmd=_nearer(trial.q_cmd, turned(trial.q_cmd, self.zero), q),
             v=turned(trial.v),
             a=turned(trial.a),
             tau=forces(trial.tau),
@@ -110,3 +111,11 @@ class Reading:
             return values
         at = time + self.late_s / self.tick
         return np.column_stack([np.interp(at, time, column) for column in values.T])
+
+
+def _nearer(as_logged: Array | None, turned: Array | None, q: Array) -> Array | None:
+    """Commands as they were logged or read as the positions are: each joint's column that is nearer to its position."""
+    if as_logged is None or turned is None:
+        return None
+    miss = [((values - q) ** 2).mean(axis=0) for values in (as_logged, turned)]
+    return np.where(miss[0] < miss[1], as_logged, turned)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from excite.arrays import Array
+from excite.doctor.drive_fit import WIDTH, share_left
 from excite.doctor.likely_bodies import LikelyBodies
 from excite.doctor.reading import Reading
 from excite.errors import LogError
@@ -26,14 +26,8 @@ from excite.rows.settings import ProblemSettings
 # Samples that every reading is judged on: some hundred of a motion tell its joints' torques as well as all.
 _SAMPLES = 600
 _JUDGED = 250
-# Nominal masses are believed within these factors.
-_GAIN = (0.5, 2.0)
 # Less than this share of a torque's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
-# A torque whose power is all but this share in its mean is a dead channel.
-_DEAD = 1e-12
-# Width over which dry friction changes sign [rad/s]: slower motion is mostly noise of the encoder after filtering.
-_WIDTH = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +114,7 @@ class TorqueSamples:
         some = slice(None, None, max(1, len(self.q) // _JUDGED))
         torque = self.measured_torque(reading)[some]
         q, v, a = (values[some] for values in motion)
-        return LikelyBodies.of(tree).left(tree, (q, v, a), self.places[self.measured], torque, _WIDTH)
+        return LikelyBodies.of(tree).left(tree, (q, v, a), self.places[self.measured], torque, WIDTH)
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
@@ -142,7 +136,7 @@ class TorqueSamples:
         torque = self.measured_torque(reading)
         gains, shares = [], []
         for j in range(torque.shape[1]):
-            drive = np.column_stack([np.ones(len(v)), v[:, j], smooth_sign(v[:, j], _WIDTH), a[:, j]])
+            drive = np.column_stack([np.ones(len(v)), v[:, j], smooth_sign(v[:, j], WIDTH), a[:, j]])
             basis, _ = np.linalg.qr(drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-300))
             y, x = (values - basis @ (basis.T @ values) for values in (torque[:, j], model[:, j]))
             gain = float(x @ y) / max(float(x @ x), 1e-300)
@@ -211,51 +205,6 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
         ends[some, 1],
         rate,
     )
-
-
-def share_left(torque: Array, model: Array, v: Array, a: Array) -> float:
-    """Share of a torque's power that the model and the joint's own drive leave.
-
-    The model's gain is free within :data:`_GAIN`, an offset is free; friction takes power out and rotors are heavy:
-    these coefficients are not negative. So a torque with its sign turned is explained by nothing.
-
-    Args:
-        torque: measured, ``(n,)`` [N·m].
-        model: nominal, ``(n,)`` [N·m].
-        v: velocity of the joint, ``(n,)``; ``a`` its acceleration.
-    """
-    y = torque - torque.mean()
-    power = float(y @ y)
-    # A torque that never changes, filters' rounding aside, is explained by nothing.
-    if power <= _DEAD * float(torque @ torque):
-        return 1.0
-    columns = np.column_stack([model, v, smooth_sign(v, _WIDTH), a])
-    columns -= columns.mean(axis=0)
-    y = y - _GAIN[0] * columns[:, 0]
-    scale = np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
-    scaled = columns / scale
-    # The normal equations' root is all that the small problem needs; a trace of regularisation keeps it regular.
-    root = np.linalg.cholesky(scaled.T @ scaled + 1e-9 * np.eye(4))
-    target = np.linalg.solve(root, scaled.T @ y)
-    found = nnls(root.T, target)[0]
-    most = (_GAIN[1] - _GAIN[0]) * scale[0]
-    if found[0] > most:
-        y = y - (_GAIN[1] - _GAIN[0]) * columns[:, 0]
-        root = np.linalg.cholesky(scaled[:, 1:].T @ scaled[:, 1:] + 1e-9 * np.eye(3))
-        found = np.append(0.0, nnls(root.T, np.linalg.solve(root, scaled[:, 1:].T @ y))[0])
-    rest = y - scaled @ found
-    return float(rest @ rest) / power
-
-
-def drive_fit(torque: Array, model: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """Least-squares weights of model, offset, viscous and dry friction and inertia ``(5,)``, and the friction ``(n,)``.
-
-    Args and shapes as of :func:`share_left`; the weights may have any sign.
-    """
-    columns = np.column_stack([model, np.ones_like(v), v, smooth_sign(v, _WIDTH), a])
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    weights = np.linalg.lstsq(columns / scale, torque, rcond=1e-10)[0] / scale
-    return weights, columns[:, 2:4] @ weights[2:4]
 
 
 def _under(robot: Robot, gravity: Array) -> KinematicTree:

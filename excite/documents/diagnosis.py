@@ -22,6 +22,7 @@ from excite.documents.document import (
     Text,
     Texts,
 )
+from excite.documents.finding import Finding
 
 
 class Estimate(Block):
@@ -127,6 +128,14 @@ class LogFault(Block):
     repaired: bool = Field(description="whether it was repaired for the diagnosis")
 
 
+class Noticed(Finding):
+    """What the doctor found in the record."""
+
+    code: Name = Field(description="as kind")
+    where: Text = Field(description="trials and places")
+    message: Text = Field(description="as text")
+
+
 class Diagnosis(Document):
     """Where the gap lies, which effect causes it, how far it shrinks."""
 
@@ -152,5 +161,8 @@ class Diagnosis(Document):
     sentence: Text = Field(default="", description="what was found, in one sentence")
     log: Annotated[list[LogFault], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="what was wrong with the record"
+    )
+    findings: Annotated[list[Noticed], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="the same, with their figures"
     )
     warnings: Texts = Field(default=[], description="limits of what was said, one sentence each")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -22,6 +22,7 @@ from excite.documents.document import (
     Vector3,
     Vector6,
 )
+from excite.documents.finding import Finding
 
 
 class Inertial(Block):
@@ -109,17 +110,6 @@ class TotalMass(Block):
     measured: Maybe = Field(description="what the measured forces say [kg]")
     measured_std: MaybePositive = Field(description="its standard deviation [kg]")
     weighed: Maybe = Field(description="what the scale said [kg]")
-
-
-class Finding(Block):
-    """What a careful reader should know."""
-
-    kind: Name = Field(description="a word that programs can test for")
-    text: Text = Field(description="what was found, the likely cause, what to do")
-    figures: Annotated[dict[Name, Any], Field(max_length=MOST_ENTRIES)] = Field(
-        default={}, description="the numbers behind it by name [SI]"
-    )
-    places: Texts = Field(default=[], description="joints, links, channels or parameters concerned")
 
 
 Fits = Annotated[dict[Name, ChannelFit], Field(max_length=MOST_CHANNELS)]

@@ -6,6 +6,7 @@ from excite.documents.blind import BlindAnswers
 from excite.documents.campaign import Campaign
 from excite.documents.check import Check
 from excite.documents.diagnosis import Diagnosis
+from excite.documents.doctor import Doctor
 from excite.documents.document import Document, schema_of
 from excite.documents.export import Export
 from excite.documents.identification import Identification
@@ -25,6 +26,7 @@ _KINDS: tuple[type[Document], ...] = (
     Identification,
     Campaign,
     Diagnosis,
+    Doctor,
     Signals,
     Journal,
     Truth,

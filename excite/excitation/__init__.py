@@ -1,1 +1,1 @@
-
+"""How much a motion tells of the parameters: ranking, choice and optimisation."""

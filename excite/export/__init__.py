@@ -1,1 +1,1 @@
-
+"""Motions for controllers, and identified robots for simulators."""

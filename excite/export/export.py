@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.atomic import all_or_nothing
-from excite.errors import InputError, MotionError, OtherRobotError, UnknownNameError, UnsafeMotionError
+from excite.errors import InputError, MotionError, OtherRobotError, UnsafeMotionError
 from excite.export.clearance import Cleared, clear_motions
 from excite.export.registry import EXPORTERS
 from excite.json_document import write_json
@@ -143,8 +143,7 @@ def export_with_verdicts(
 
 
 def _check_format(format: str) -> None:
-    if format not in EXPORTERS:
-        raise UnknownNameError("format", format, sorted(EXPORTERS))
+    EXPORTERS.make(format)
 
 
 def _robots(files: Sequence[Path], robot: str | None) -> list[Robot]:
@@ -175,7 +174,7 @@ def _read(file: Path, robot: Robot) -> Motion:
 
 
 def _write(cleared: Cleared, format: str, path: Path) -> Path:
-    exporter = EXPORTERS[format]()
+    exporter = EXPORTERS.make(format)
     if exporter.suffix and path.suffix != exporter.suffix:
         path = path.with_name(path.name + exporter.suffix)
     exporter.write(cleared.motion, path)

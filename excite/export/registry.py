@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from excite.export.csv import CsvExporter
-from excite.export.exporter import Exporter
-from excite.export.npz import NpzExporter
-from excite.export.ros2 import Ros2Exporter
+from typing import TYPE_CHECKING
 
-EXPORTERS: dict[str, type[Exporter]] = {
-    exporter.name: exporter
-    for exporter in (
-        CsvExporter,
-        NpzExporter,
-        Ros2Exporter,
-    )
-}
+from excite.registry import Registry
+
+if TYPE_CHECKING:
+    from excite.export.exporter import Exporter
+
+EXPORTERS: Registry[Exporter] = Registry(
+    "format",
+    {
+        "csv": "excite.export.csv:CsvExporter",
+        "npz": "excite.export.npz:NpzExporter",
+        "ros2": "excite.export.ros2:Ros2Exporter",
+    },
+)

@@ -98,6 +98,9 @@ def _text(values: Array) -> str:
     return " ".join(f"{value + 0.0:.12g}" for value in values)
 
 
+_FEET = ("right_foot", "left_foot")
+
+
 def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
     """The ``robot.yaml`` beside the URDF: pairs, boxes of the centres of mass, soles, joint ranges.
 
@@ -106,22 +109,7 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
         rate_hz: rate of the recordings.
         plates: names of the force plates; two below the feet where there are none.
     """
-    subject, d = body.subject, body.dimensions
-    front = d.foot_length - d.heel
-    height = d.ankle_height
-    sole = [
-        [-d.heel, -0.04, -height],
-        [-d.heel, 0.04, -height],
-        [front, 0.04, -height],
-        [front, -0.04, -height],
-    ]
-    middle = "chosen here"
-    boxes = {}
-    for k, name in enumerate(NAMES):
-        turned = np.array([frame_turn(k) @ corner for corner in _corners(segment_box(body, k))])
-        boxes[name] = [turned.min(axis=0).round(4).tolist(), turned.max(axis=0).round(4).tolist()]
-    feet = ["right_foot", "left_foot"]
-    names = plates or tuple(f"plate_{side}" for side in ("right", "left"))
+    subject, middle = body.subject, "chosen here"
     content: dict[str, Any] = {
         "schema": "excite.robot/1",
         "name": "human",
@@ -138,43 +126,70 @@ def robot_yaml(body: Body, rate_hz: float, plates: tuple[str, ...] = ()) -> str:
             "acceleration": {"default": 500.0, "source": middle},
             "jerk": {"default": 2e4, "source": middle},
         },
-        "feet": [
-            {
-                "name": foot,
-                "link": foot,
-                "sole": [[round(float(v), 4) for v in corner] for corner in sole],
-                "friction": 0.8,
-                "source": "size of the foot from stature",
-            }
-            for foot in feet
-        ],
-        "sensors": {
-            "rate_hz": float(rate_hz),
-            "noise_position": 5e-3,
-            "noise_base_position": 1e-3,
-            "noise_base_orientation": 5e-3,
-            "wrench": [
-                {
-                    "name": name,
-                    "kind": "force_plate",
-                    "link": "world",
-                    "foot": feet[i % 2],
-                    "noise_force": 1.0,
-                    "noise_moment": 0.3,
-                }
-                for i, name in enumerate(names)
-            ],
-            "source": "usual figures of a motion laboratory",
-        },
+        "feet": _feet(body),
+        "sensors": _sensors(rate_hz, plates or tuple(f"plate_{side}" for side in ("right", "left"))),
         "drives": {"armature": {"default": 0.02, "source": middle}},
         "controller": {
             "kp": {"default": 2000.0, "source": middle},
             "kd": {"default": 40.0, "source": middle},
         },
-        "segments": {"pairs": [list(pair) for pair in PAIRS], "com_box": boxes},
+        "segments": {"pairs": [list(pair) for pair in PAIRS], "com_box": _boxes(body)},
         "collision": {"geometry": "collision", "margin": 0.0, "source": "boxes about the segments"},
     }
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
+
+
+def _feet(body: Body) -> list[dict[str, Any]]:
+    """Both feet; the sole is a rectangle of the foot's length, 8 cm wide."""
+    d = body.dimensions
+    front, height = d.foot_length - d.heel, d.ankle_height
+    sole = [
+        [-d.heel, -0.04, -height],
+        [-d.heel, 0.04, -height],
+        [front, 0.04, -height],
+        [front, -0.04, -height],
+    ]
+    return [
+        {
+            "name": foot,
+            "link": foot,
+            "sole": [[round(float(v), 4) for v in corner] for corner in sole],
+            "friction": 0.8,
+            "source": "size of the foot from stature",
+        }
+        for foot in _FEET
+    ]
+
+
+def _sensors(rate_hz: float, plates: tuple[str, ...]) -> dict[str, Any]:
+    """Markers and force plates of a usual laboratory."""
+    return {
+        "rate_hz": float(rate_hz),
+        "noise_position": 5e-3,
+        "noise_base_position": 1e-3,
+        "noise_base_orientation": 5e-3,
+        "wrench": [
+            {
+                "name": name,
+                "kind": "force_plate",
+                "link": "world",
+                "foot": _FEET[i % 2],
+                "noise_force": 1.0,
+                "noise_moment": 0.3,
+            }
+            for i, name in enumerate(plates)
+        ],
+        "source": "usual figures of a motion laboratory",
+    }
+
+
+def _boxes(body: Body) -> dict[str, list[list[float]]]:
+    """Boxes of the centres of mass, lower and upper corner in the frame of each segment's joint [m]."""
+    boxes = {}
+    for k, name in enumerate(NAMES):
+        turned = np.array([frame_turn(k) @ corner for corner in _corners(segment_box(body, k))])
+        boxes[name] = [turned.min(axis=0).round(4).tolist(), turned.max(axis=0).round(4).tolist()]
+    return boxes
 
 
 def _corners(box: Array) -> Array:

@@ -1,1 +1,1 @@
-
+"""Parameters of a robot from logs."""

@@ -12,7 +12,7 @@ from excite.identification.preparation import advanced, prepare_trial
 from excite.identification.problem import build_problem
 from excite.logs.log import Log
 from excite.logs.robot import robot_in_log
-from excite.logs.signals.align import Lag, peak
+from excite.logs.signals.align import Lag, Shifted, peak
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.robot import Robot
 from excite.rows.base_rows import BaseRows
@@ -62,13 +62,13 @@ def estimate_torque_delay(
             cache[shift] = measured.at(shift * step)
         return cache[shift]
 
-    def correlation(shift: int) -> tuple[float, Array, Array]:
+    def correlation(shift: int) -> Shifted:
         y = shifted(shift)
         change = (shifted(shift + 1) - shifted(shift - 1)) / (2.0 * step)
         residual, slope = (values - basis @ (basis.T @ values) for values in (y, change))
         varying = y - channels @ (channels.T @ y)
         share = float(residual @ residual) / max(float(varying @ varying), 1e-300)
-        return float(np.sqrt(max(0.0, 1.0 - share))), residual, slope
+        return Shifted(float(np.sqrt(max(0.0, 1.0 - share))), residual, slope)
 
     lag = peak(correlation, _STEPS, 1.0 / step)
     return replace(

@@ -67,7 +67,7 @@ def identify(
         InputError: the settings state bounds that the method does not keep.
     """
     estimator = find_estimator(method)
-    chart = examine(robot, log)
+    chart = examine(robot, log, problem_settings)
     chart.check_usable()
     log = chart.log
     with equations_of(log):

@@ -1,4 +1,4 @@
-"""What an identification says."""
+"""What an identification says: parameters with their precision, fit and warnings, as a document and in words."""
 
 from __future__ import annotations
 

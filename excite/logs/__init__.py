@@ -1,1 +1,1 @@
-
+"""Recordings of a robot: reading, cleaning, filtering, resampling."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import LogError
@@ -67,18 +69,6 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
                 f"no joint {joint!r} in {header.robot}", field="joints", remedy="it has " + ", ".join(movable)
             )
     locked = [joint for joint in movable if joint not in header.joints]
-    index = [model.joints[model.getJointId(joint)].idx_v for joint in header.joints]
-
-    def positive(values: Array) -> dict[str, float]:
-        usable = np.where(np.isfinite(values[index]) & (values[index] > 0.0), values[index], 1e3)
-        return {joint: float(value) for joint, value in zip(header.joints, usable, strict=True)}
-
-    ranges = zip(header.joints, model.lowerPositionLimit[index], model.upperPositionLimit[index], strict=True)
-    position = {
-        joint: (float(low), float(high)) for joint, low, high in ranges if np.isfinite([low, high]).all()
-    }
-    unbounded = {joint: (-np.pi, np.pi) for joint in header.joints if joint not in position}
-    narrow = {joint: (low - 1e-3, high + 1e-3) for joint, (low, high) in position.items() if not low < high}
     return RobotDescription.model_validate(
         {
             "schema": "excite.robot/1",
@@ -92,13 +82,7 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "base": "fixed" if header.base == "fixed" else "floating",
             "locked_joints": dict.fromkeys(locked, 0.0),
             "posture": {"base_height": 0.0, "source": _UNSTATED},
-            "limits": {
-                "position": {"joints": position | unbounded | narrow, "source": "URDF"},
-                "velocity": {"joints": positive(model.velocityLimit), "source": "URDF"},
-                "torque": {"joints": positive(model.effortLimit), "source": "URDF"},
-                "acceleration": {"default": 1e3, "source": _UNSTATED},
-                "jerk": {"default": 1e5, "source": _UNSTATED},
-            },
+            "limits": _limits(model, header),
             "feet": [
                 {
                     "name": link,
@@ -109,17 +93,7 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
                 | {"friction": 1.0}
                 for link in dict.fromkeys(sensor.foot for sensor in header.sensors)
             ],
-            "sensors": {
-                "rate_hz": header.rate_hz,
-                "noise_position": 0.0,
-                "joint_torque": "motor_side" if header.torque in {"motor_side", "current"} else "link_side",
-                "wrench": [
-                    {"name": s.name, "kind": s.kind, "link": s.foot, "foot": s.foot, "noise_force": 0.0}
-                    | {"noise_moment": 0.0}
-                    for s in header.sensors
-                ],
-                "source": "log.yaml",
-            },
+            "sensors": _sensors(header),
             "controller": {
                 "kp": {"default": 1.0, "source": _UNSTATED},
                 "kd": {"default": 1.0, "source": _UNSTATED},
@@ -128,6 +102,44 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "gravity": header.gravity,
         }
     )
+
+
+def _limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
+    """The URDF's limits of the joints in the log; wide ones where it has none, or none that a joint can keep."""
+    index = [model.joints[model.getJointId(joint)].idx_v for joint in header.joints]
+
+    def positive(values: Array) -> dict[str, float]:
+        usable = np.where(np.isfinite(values[index]) & (values[index] > 0.0), values[index], 1e3)
+        return {joint: float(value) for joint, value in zip(header.joints, usable, strict=True)}
+
+    ranges = zip(header.joints, model.lowerPositionLimit[index], model.upperPositionLimit[index], strict=True)
+    position = {
+        joint: (float(low), float(high)) for joint, low, high in ranges if np.isfinite([low, high]).all()
+    }
+    unbounded = {joint: (-np.pi, np.pi) for joint in header.joints if joint not in position}
+    narrow = {joint: (low - 1e-3, high + 1e-3) for joint, (low, high) in position.items() if not low < high}
+    return {
+        "position": {"joints": position | unbounded | narrow, "source": "URDF"},
+        "velocity": {"joints": positive(model.velocityLimit), "source": "URDF"},
+        "torque": {"joints": positive(model.effortLimit), "source": "URDF"},
+        "acceleration": {"default": 1e3, "source": _UNSTATED},
+        "jerk": {"default": 1e5, "source": _UNSTATED},
+    }
+
+
+def _sensors(header: LogHeader) -> dict[str, Any]:
+    """The sensors that the log has, without noise: it is estimated."""
+    return {
+        "rate_hz": header.rate_hz,
+        "noise_position": 0.0,
+        "joint_torque": "motor_side" if header.torque in {"motor_side", "current"} else "link_side",
+        "wrench": [
+            {"name": s.name, "kind": s.kind, "link": s.foot, "foot": s.foot, "noise_force": 0.0}
+            | {"noise_moment": 0.0}
+            for s in header.sensors
+        ],
+        "source": "log.yaml",
+    }
 
 
 def _accepted(root: ElementTree.Element, file: Path, header: LogHeader) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Strict reading of ``log.yaml``."""
+"""Strict reading of ``log.yaml``, the header of a log folder."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-
+"""Motions, their files, and the generators that make them."""

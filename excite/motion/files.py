@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,10 +12,10 @@ import pyarrow.csv
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from excite.arrays import Array
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
-from excite.errors import MotionError, OtherRobotError
+from excite.errors import MotionError
+from excite.motion.columns import check_joints, check_time, numeric_columns, stacked
 from excite.motion.content import (
     BASE_ACCELERATION,
     BASE_POSE,
@@ -128,16 +128,16 @@ def load_motion(path: Path, robot: Robot) -> Motion:
     path = Path(path)
     raw = read_motion(path, robot.joint_names)
     said = _said(raw.metadata, path)
-    columns = _numeric(raw.columns, path)
-    _check_joints(columns, robot, path, "" if said is None else said.robot)
-    _check_time(columns, path)
+    columns = numeric_columns(raw.columns, path)
+    check_joints(columns, robot, path, "" if said is None else said.robot)
+    check_time(columns, path)
     digest = content_hash(columns) if said is not None and said.content_hash else ""
     columns = with_derivatives(columns, robot.joint_names, path)
     joints = robot.joint_names
-    q, v, a = (_stack(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
+    q, v, a = (stacked(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
     contacts = {}
     if robot.floating:
-        pose = _stack(columns, BASE_POSE, path)
+        pose = stacked(columns, BASE_POSE, path)
         norm = np.linalg.norm(pose[:, 3:], axis=1)
         if (np.abs(norm - 1.0) > 1e-3).any():
             raise MotionError(
@@ -148,8 +148,8 @@ def load_motion(path: Path, robot: Robot) -> Motion:
             )
         pose[:, 3:] = unit_quaternions(pose[:, 3:])
         q = np.hstack([pose, q])
-        v = np.hstack([_stack(columns, BASE_TWIST, path), v])
-        a = np.hstack([_stack(columns, BASE_ACCELERATION, path), a])
+        v = np.hstack([stacked(columns, BASE_TWIST, path), v])
+        a = np.hstack([stacked(columns, BASE_ACCELERATION, path), a])
         flags = {foot.name: f"contact.{foot.name}" for foot in robot.feet}
         # A foot without flags is no error of the file's: the check says so, and that the motion is not safe.
         contacts = {foot: columns[name] > 0.5 for foot, name in flags.items() if name in columns}
@@ -209,83 +209,3 @@ def _metadata(said: MotionDocument | None, digest: str) -> MotionMetadata:
         verdict=said.verdict,
         stated_hash="" if said.content_hash == digest else said.content_hash,
     )
-
-
-def _numeric(columns: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Array]:
-    """Columns of ``excite.motion/1`` as numbers, each of one axis, of equal length and finite."""
-    found: dict[str, Array] = {}
-    rows: int | None = None
-    for name, column in columns.items():
-        if name != "time" and name.partition(".")[0] not in {"q", "v", "a", "base", "contact"}:
-            continue
-        values = _column(column, name, path)
-        rows = len(values) if rows is None else rows
-        if len(values) != rows:
-            raise MotionError(
-                f"has {len(values)} rows, others have {rows}",
-                source=path,
-                field=name,
-                remedy="align the columns",
-            )
-        found[name] = values
-    return found
-
-
-def _column(column: NDArray[Any], name: str, path: Path) -> Array:
-    if np.ndim(column) != 1:
-        raise MotionError(
-            f"has the shape {np.shape(column)}", source=path, field=name, remedy="write one number a row"
-        )
-    try:
-        if np.asarray(column).dtype.kind not in "fiub":
-            raise TypeError(f"values are {str(np.asarray(column)[:1])[:40]}")
-        values = np.asarray(column, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise MotionError(
-            f"is not numeric ({error})", source=path, field=name, remedy="write numbers only"
-        ) from error
-    if not np.isfinite(values).all():
-        row = int(np.argmax(~np.isfinite(values)))
-        raise MotionError(
-            f"is {values[row]} in row {row}", source=path, field=name, remedy="remove NaN and infinity"
-        )
-    return values
-
-
-def _check_joints(columns: Iterable[str], robot: Robot, path: Path, whose: str) -> None:
-    found = {name.partition(".")[2] for name in columns if name.startswith(("q.", "v.", "a."))}
-    unknown = sorted(found - set(robot.joint_names))
-    if unknown and whose not in ("", robot.name):
-        raise OtherRobotError(whose, robot.name, path)
-    if unknown:
-        raise MotionError(
-            f"robot {robot.name!r} has no such joint",
-            source=path,
-            field=f"q.{unknown[0]}",
-            remedy="check the robot",
-        )
-
-
-def _check_time(columns: Mapping[str, Array], path: Path) -> None:
-    if "time" not in columns:
-        raise MotionError(
-            "column is missing", source=path, field="time", remedy="add the time of each row [s]"
-        )
-    time = columns["time"]
-    if len(time) < 3:
-        raise MotionError(
-            f"has {len(time)} samples", source=path, field="time", remedy="at least 3 are needed"
-        )
-    step = np.diff(time)
-    if (step <= 0.0).any():
-        at = float(time[int(np.argmax(step <= 0.0))])
-        raise MotionError(
-            f"does not increase after {at:.4f} s", source=path, field="time", remedy="sort the samples"
-        )
-
-
-def _stack(columns: Mapping[str, Array], names: Iterable[str], path: Path) -> Array:
-    missing = [name for name in names if name not in columns]
-    if missing:
-        raise MotionError("column is missing", source=path, field=missing[0], remedy="add it")
-    return np.column_stack([columns[name] for name in names])

@@ -78,7 +78,7 @@ def _told(results: Iterator[Result], total: int | None, stage: str, progress: Pr
 
 
 def _here(function: Callable[[Any, Task], Result], tasks: Iterable[Task], shared: Any) -> Iterator[Result]:
-    from excite.threads import one_blas_thread
+    from excite.threads import one_blas_thread  # lazy: scipy
 
     call = one_blas_thread(function)
     for task in tasks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import threading
@@ -89,12 +90,22 @@ class LocalCrew:
 
 
 class _Idle:
-    """The workers that wait for work; at most one pool of them."""
+    """The workers that wait for work; at most one pool of them.
+
+    They are ended with the process, before multiprocessing waits for them to end by themselves.
+    """
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.pool: _Pool | None = None
         self.timer: threading.Timer | None = None
+
+    def end(self) -> None:
+        """End the workers that wait, if there are any."""
+        with self.lock:
+            pool, self.pool = self.pool, None
+        if pool is not None and pool.owner == os.getpid():
+            _kill(pool.executor)
 
 
 _IDLE = _Idle()
@@ -134,6 +145,7 @@ def _end_idle(pool: _Pool) -> None:
 def _started(workers: int, jobs: int) -> _Pool:
     from joblib.externals.loky import ProcessPoolExecutor
 
+    _end_at_exit(os.getpid())
     _start_tracker()
     executor = ProcessPoolExecutor(
         max_workers=workers, initializer=begin, initargs=(os.getpid(),), env=_ENVIRONMENT
@@ -157,6 +169,12 @@ def _kill(executor: ProcessPoolExecutor) -> None:
         with suppress(ProcessLookupError):
             os.kill(number, signal.SIGKILL)
     executor.shutdown(wait=True)
+
+
+@cache
+def _end_at_exit(process: int) -> None:
+    """What is registered last runs first: only after the import of loky it is before the exit of multiprocessing."""
+    atexit.register(_IDLE.end)
 
 
 @cache

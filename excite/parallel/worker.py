@@ -43,7 +43,7 @@ def perform(function: Callable[[Any, Any], Any], shared: SharedFile | None, task
 
     What an executor raises is then its own trouble (a process that was killed, a connection that broke).
     """
-    from excite.threads import one_blas_thread
+    from excite.threads import one_blas_thread  # lazy: scipy
 
     try:
         with _TURN:

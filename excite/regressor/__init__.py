@@ -1,1 +1,1 @@
-
+"""Dynamics and their regressors, base parameters, gradients."""

@@ -62,28 +62,6 @@ def forward_kinematics(model: pin.Model | KinematicTree, q: Array) -> Placements
     return Placements(rotation.copy(), state[:, :, motion_loops.POS : motion_loops.OMEGA].copy())
 
 
-def centre_of_mass(model: pin.Model | KinematicTree, q: Array, phi: Array | None = None) -> Array:
-    """Centre of mass of the whole robot.
-
-    Args:
-        model: the robot's model.
-        q: ``(n, nq)`` configurations.
-        phi: ``(10·n_segments,)`` inertial parameters; the model's own if None.
-
-    Returns:
-        ``(n, 3)`` in the world frame [m].
-
-    Raises:
-        InputError: wrong shape.
-    """
-    tree = read_tree(model)
-    table = _parameters(tree, phi).reshape(-1, 10)
-    poses = forward_kinematics(tree, q)
-    moments = np.einsum("njik,jk->ni", poses.rotation[:, 1:], table[:, 1:4])
-    moments += np.einsum("nji,j->ni", poses.translation[:, 1:], table[:, 0])
-    return moments / table[:, 0].sum()
-
-
 def inverse_dynamics(
     model: pin.Model | KinematicTree, q: Array, v: Array, a: Array, phi: Array | None = None
 ) -> Array:

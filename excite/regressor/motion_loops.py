@@ -68,11 +68,8 @@ def start_root(rotation, translation, q, v, a, gravity, in_world, s):
 
 
 @LazyKernel
-def step_joint(kind, rotations, translations, axes, aligned, qc, qs, qd, qdd, state, up, j):
-    """State of body ``j`` from that of its parent ``up``; ``qc, qs`` are cosine and sine of a revolute angle.
-
-    Arrays come whole, with indices: a view would cost more, counted in and out, than the work on it.
-    """
+def turn_joint(kind, rotations, axes, aligned, qc, qs, state, up, j):
+    """Rotation and axis of body ``j`` in the world from its parent's; arguments as of :func:`step_joint`."""
     c, sn = (1.0, 0.0) if kind == PRISMATIC else (qc, qs)
     for i in range(3):
         u0, u1, u2 = state[up, 3 * i], state[up, 3 * i + 1], state[up, 3 * i + 2]
@@ -96,6 +93,15 @@ def step_joint(kind, rotations, translations, axes, aligned, qc, qs, qd, qdd, st
             state[j, 3 * i] = c * a0 + sn * (a1 * axes[j, 2] - a2 * axes[j, 1]) + k * axes[j, 0]
             state[j, 3 * i + 1] = c * a1 + sn * (a2 * axes[j, 0] - a0 * axes[j, 2]) + k * axes[j, 1]
             state[j, 3 * i + 2] = c * a2 + sn * (a0 * axes[j, 1] - a1 * axes[j, 0]) + k * axes[j, 2]
+
+
+@LazyKernel
+def step_joint(kind, rotations, translations, axes, aligned, qc, qs, qd, qdd, state, up, j):
+    """State of body ``j`` from that of its parent ``up``; ``qc, qs`` are cosine and sine of a revolute angle.
+
+    Arrays come whole, with indices: a view would cost more, counted in and out, than the work on it.
+    """
+    turn_joint(kind, rotations, axes, aligned, qc, qs, state, up, j)
     r0 = (
         state[up, 0] * translations[j, 0]
         + state[up, 1] * translations[j, 1]

@@ -1,1 +1,1 @@
-
+"""A robot from its URDF or MJCF: limits, links, shapes."""

@@ -1,0 +1,1 @@
+"""One way from a log to filtered, differentiated rows of equations."""

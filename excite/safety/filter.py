@@ -11,8 +11,8 @@ from typing import Any
 
 from excite.motion.content import with_verdict
 from excite.motion.generators.candidate import Candidate
+from excite.motion.generators.mixture import draw
 from excite.motion.generators.proposal import Proposal
-from excite.motion.generators.registry import draw
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs

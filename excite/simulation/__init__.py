@@ -1,1 +1,1 @@
-
+"""The virtual robot in MuJoCo, and effects that can be injected into it."""

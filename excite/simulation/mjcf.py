@@ -98,11 +98,6 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
     return spec
 
 
-def build_model(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco.MjModel:
-    """The compiled model of :func:`build_spec`, same arguments and errors."""
-    return build_spec(robot, phi, drives, world).compile()
-
-
 def _add_body(robot: Robot, bodies: list, joint: int, phi: Array) -> mujoco.MjsBody:
     import mujoco
 

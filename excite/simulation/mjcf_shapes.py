@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import Shape, collision_model, collision_shapes
+from excite.robot.shapes.collision import collision_model, collision_shapes
+from excite.robot.shapes.shape import Shape
 
 if TYPE_CHECKING:
     import mujoco

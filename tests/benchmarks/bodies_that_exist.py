@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.identification.estimators.cls3 import DensityRealisable
+from excite.identification.estimators.conic.cls3 import DensityRealisable
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.logs.log import Log

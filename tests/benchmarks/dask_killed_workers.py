@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from excite.motion.generators.registry import plan_proposals
+from excite.motion.generators.mixture import plan_proposals
 from excite.parallel.cluster import executor
 from excite.parallel.jobs import Jobs
 from excite.robot.loading import load_robot

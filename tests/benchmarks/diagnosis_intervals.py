@@ -10,13 +10,13 @@ from excite.diagnosis.doctor import examine
 
 from excite.arrays import Array
 from excite.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
+from excite.blind.case import recordings_of
 from excite.blind.draw import ROBOTS, draft
-from excite.blind.make import _NOISE_TAU, _prepare, _session, recordings_of
+from excite.blind.make import _NOISE_TAU, _prepare, _session
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.drive_terms import own_signals, own_terms
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.noise_floor import (
     other_postures,
@@ -25,6 +25,7 @@ from excite.diagnosis.equations.noise_floor import (
     unrepeated,
     white_floor,
 )
+from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.equations.standing_joints import HELD, held_power, standing_share
 from excite.diagnosis.search.attribute import Attributor

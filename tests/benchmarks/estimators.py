@@ -11,18 +11,18 @@ import numpy as np
 
 from excite.identification.constraints.sphere import SphereRows
 from excite.identification.estimators.base import Estimate
-from excite.identification.estimators.cls2 import PhysicallyFeasible
-from excite.identification.estimators.cls3 import DensityRealisable
-from excite.identification.estimators.hqp import HierarchicalProgram
-from excite.identification.estimators.lmi import PhysicallyConsistent
+from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
+from excite.identification.estimators.conic.cls3 import DensityRealisable
+from excite.identification.estimators.conic.lmi import PhysicallyConsistent
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.identification.outside_cone import outside_cone
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.loading import load_robot
 from tests.benchmarks.table import Row
+from tests.identification.outside_cone import outside_cone
 from tests.identification.synthetic import modified_g1_parameters, wrench_problem
 
 _SAMPLES_A_TRIAL = 5000

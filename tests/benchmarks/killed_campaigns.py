@@ -25,11 +25,11 @@ _CAMPAIGN = (
     "campaign",
     "ur10",
     "--candidates",
-    "8",
+    "5",
     "--max-iterations",
     "2",
     "--target-rsd",
-    "2",
+    "15",
     "--seed",
     "3",
 )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.campaign.pool import Keeper
-from excite.motion.generators.registry import plan_proposals
+from excite.motion.generators.mixture import plan_proposals
 from excite.parallel.cluster import executor
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs

@@ -16,7 +16,7 @@ from excite.campaign.choice import Rule, candidates, choose
 from excite.campaign.pool import Keeper, Pool
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import select
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.mixture import plan_candidates
 from excite.progress import silent
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.loading import load_robot

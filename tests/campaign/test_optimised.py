@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.campaign import optimised
-from excite.campaign.optimised import SeriesSettings, optimised_candidates
+from excite.campaign.candidates import optimised
+from excite.campaign.candidates.optimised import OptimisedSeries
+from excite.campaign.candidates.search import Asked
+from excite.campaign.candidates.series import SeriesSettings
 from excite.campaign.plan import plan
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.excitation.optimisation.search import SearchResult
@@ -19,7 +21,7 @@ from excite.robot.robot import Robot
 def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(ur10: Robot) -> None:
     aimed = ("wrist_2_joint", "elbow_joint")
     settings = SeriesSettings("log_det", 7.0)
-    made = optimised_candidates(ur10, 2, 3, targets=aimed, settings=settings)
+    made = OptimisedSeries().candidates(Asked(ur10, 2, aimed, settings), 3)
     assert [candidate.targets for candidate in made] == [(joint,) for joint in aimed]
     assert len({candidate.name for candidate in made}) == 2
     lower, upper = central_range(ur10)
@@ -33,7 +35,7 @@ def test_series_aim_at_joints_in_turn_and_take_the_period_asked_for(ur10: Robot)
 
 def test_a_joint_that_stands_still_cannot_be_aimed_at(g1: Robot) -> None:
     with pytest.raises(InputError, match=r"left_knee_joint.*stands still.*another generator"):
-        optimised_candidates(g1, 1, 0, targets=("left_knee_joint",))
+        OptimisedSeries().candidates(Asked(g1, 1, ("left_knee_joint",)), 0)
 
 
 def test_settings_that_do_not_go_together_are_refused(ur10: Robot) -> None:
@@ -60,5 +62,5 @@ def test_humanoids_have_room_about_their_rest(name: str, monkeypatch: pytest.Mon
     monkeypatch.setattr(optimised, "optimise", solved)
     robot = load_robot(name)
     with pytest.raises(NoSolutionError, match="nothing was searched"):
-        optimised_candidates(robot, 1, 0)
+        OptimisedSeries().candidates(Asked(robot, 1), 0)
     assert starts[0] == pytest.approx(rest_joints(robot)[free_upper_body(robot)])

@@ -95,7 +95,7 @@ NAMED = {
     "all torques turned": (times(-1.0, *(f"tau.{j}" for j in JOINTS)), {}, "torque_sign", "reaction", JOINTS),
     "one torque turned": (times(-1.0, f"tau.{JOINTS[2]}"), {}, "torque_sign", "turned", JOINTS[2:3]),
     "motor side called link side": (nothing, {"torque": "link_side"}, "torque_side", "motor_side", JOINTS),
-    "two rows in the wrong order": (swap_two_rows, {}, "time_goes_back", "put in order", ()),
+    "two rows in the wrong order": (swap_two_rows, {}, "reordered_rows", "put in order", ()),
     "a dead torque": (set_to(1.0, f"tau.{JOINTS[3]}"), {}, "constant", "dead channel", (f"tau.{JOINTS[3]}",)),
     "a dead position": (set_to(0.3, f"q.{JOINTS[3]}"), {}, "constant", "locked", (f"q.{JOINTS[3]}",)),
     "too few rows": (cut(150), {}, "too_few_rows", "record longer", ()),
@@ -114,7 +114,7 @@ def test_a_mistake_is_named_with_its_cause(mistake, tmp_path, sound):
     spoil, header, kind, cause, places = NAMED[mistake]
     run, found = identify(tmp_path, sound, spoil, header)
     assert run.exit_code == 0, run.output
-    assert cause in found[kind]["text"]
+    assert cause in f"{found[kind]['text']}: {found[kind]['remedy']}"
     assert tuple(found[kind]["places"]) == tuple(places)
     assert not (found.keys() & FALSE_ALARMS) - {kind}, "another mistake is named that was not made"
 

@@ -11,11 +11,12 @@ import pytest
 import yaml
 
 from excite.blind.arm import arm_of
+from excite.blind.case import build_case, recordings_of
 from excite.blind.detectability import DETECTABLE, detectability
 from excite.blind.draw import Draft
 from excite.blind.forms import hide
 from excite.blind.hidden import Answer, HiddenEffect
-from excite.blind.make import answers_file, build_case, load_answers, make_cases, recordings_of
+from excite.blind.make import answers_file, load_answers, make_cases
 from excite.blind.parameter_error import parameter_error
 from excite.blind.score import score, score_case
 from excite.diagnosis.diagnose import diagnose

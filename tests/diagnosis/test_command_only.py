@@ -11,8 +11,8 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.drive_terms import ARMATURE, own_terms
 from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.samples import arm_samples
 from excite.diagnosis.servo.cycle import Cycle, acting, later, servo_cycle
 from excite.diagnosis.servo.gains import known_servo

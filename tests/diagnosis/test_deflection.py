@@ -8,6 +8,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from excite.diagnosis.effects.gears.deflection import deflect
+from excite.diagnosis.effects.gears.gear import Behind, Gear
+
+
+def deflected(*values) -> np.ndarray:
+    """What lies behind a gear (load, slopes, inertia, curves), starts, beginning, step, then the gear itself."""
+    return deflect(Behind(*values[:6]), Gear(*values[9:]), *values[6:9])
 
 
 def quiet(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -22,12 +28,12 @@ def test_gravity_takes_part_in_the_deflection() -> None:
     n, dt, load, stiffness, turn, inertia = 800, 0.005, 3.0, 90.0, 60.0, 0.4
     starts, none = quiet(n)
     gear = (np.full(n, inertia), none, none, starts)
-    still = deflect(
+    still = deflected(
         np.full(n, load), np.full(n, turn), none, *gear, np.zeros((1, 2)), dt, stiffness, 0.0, 0.0
     )
     np.testing.assert_allclose(still[0], -load / (stiffness + turn), rtol=1e-9)
     begin = np.array([[0.02, 0.1]])
-    swung = deflect(none, np.full(n, turn), none, *gear, begin, dt, stiffness, 0.0, 0.0)[0]
+    swung = deflected(none, np.full(n, turn), none, *gear, begin, dt, stiffness, 0.0, 0.0)[0]
     w = np.sqrt((stiffness + turn) / inertia)
     t = np.arange(200) * dt
     np.testing.assert_allclose(swung[:200], 0.02 * np.cos(w * t) + 0.1 / w * np.sin(w * t), atol=2e-4)
@@ -37,7 +43,7 @@ def test_a_gear_that_cannot_hold_its_link_stays_finite() -> None:
     n = 4000
     starts, none = quiet(n)
     gear = (np.full(n, 0.3), none, none, starts, np.zeros((1, 2)), 0.005, 10.0, 0.1, 0.0)
-    fallen = deflect(np.full(n, 1.0), np.full(n, -50.0), none, *gear)
+    fallen = deflected(np.full(n, 1.0), np.full(n, -50.0), none, *gear)
     assert np.isfinite(fallen).all()
 
 
@@ -46,7 +52,7 @@ def test_a_round_contact_gives_way_as_two_spheres_do() -> None:
     starts, none = quiet(n)
     rest = np.zeros((1, 2))
     gear = (stiffness, 8.0, gap, 0.0, 0.0, depth)
-    x = deflect(np.full(n, load), none, none, np.full(n, 0.3), none, none, starts, rest, 0.005, *gear)[0]
+    x = deflected(np.full(n, load), none, none, np.full(n, 0.3), none, none, starts, rest, 0.005, *gear)[0]
     assert x[-1] == pytest.approx(-gap - (load * np.sqrt(depth) / stiffness) ** (2.0 / 3.0), rel=1e-4)
 
 
@@ -57,7 +63,7 @@ def test_contacts_push_and_do_not_pull() -> None:
     # At rest it lies on the other flank.
     begin = np.array([[2.0 * gap + 1e-4, -1.0]])
     behind = (none, none, none, np.full(n, 0.3), none, none)
-    x = deflect(*behind, starts, begin, dt, stiffness, 500.0, gap)[0]
+    x = deflected(*behind, starts, begin, dt, stiffness, 500.0, gap)[0]
     assert x[10] == pytest.approx(gap + 1e-4 - 10 * dt, rel=0.05, abs=5e-3)
 
 
@@ -77,7 +83,7 @@ def test_a_pendulum_behind_a_soft_gear_swings_as_its_own_equation_says() -> None
     load, turn, bent = (np.full(n, weight * f(q)) for f in (np.sin, np.cos, lambda x: -np.sin(x)))
     off = []
     for curve in (none, bent):
-        at_rest = deflect(
+        at_rest = deflected(
             load,
             turn,
             none,
@@ -92,7 +98,7 @@ def test_a_pendulum_behind_a_soft_gear_swings_as_its_own_equation_says() -> None
             0.0,
         )[0, -1]
         begin = np.array([[rest + 0.1 + load[0] / (stiffness + turn[0]), 0.0]])
-        x = deflect(
+        x = deflected(
             load, turn, none, np.full(n, inertia), curve, none, starts, begin, dt, stiffness, 0.0, 0.0
         )[0]
         off.append((abs(at_rest - rest), np.abs(x - swing).max()))

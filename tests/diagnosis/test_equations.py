@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.gears.deflection import deflect
 from excite.diagnosis.equations.joint_torque import Equations, Solver
 from excite.diagnosis.search.evidence import effective_counts
+from tests.diagnosis.test_deflection import deflected
 
 
 def _equations(rng: np.random.Generator) -> tuple[Equations, np.ndarray, np.ndarray]:
@@ -90,11 +90,11 @@ def test_deflection_of_a_loaded_spring_and_of_play():
     damping = 2.0 * np.sqrt(stiffness * inertia)
     free, rest = np.zeros(n), np.zeros((1, 2))
     arguments = (free, free, np.full(n, inertia), free, free, starts, rest, dt, stiffness, damping)
-    still = deflect(np.full(n, load), *arguments, 0.0)
+    still = deflected(np.full(n, load), *arguments, 0.0)
     np.testing.assert_allclose(still[0], -load / stiffness, rtol=1e-9)
     # The load turns over: the link crosses the play and leans on the other side.
     turned = np.where(np.arange(n) < 100, load, -load)
-    across = deflect(turned, *arguments, 0.01)
+    across = deflected(turned, *arguments, 0.01)
     assert across[0, 50] == pytest.approx(-load / stiffness - 0.01)
     assert across[0, -1] == pytest.approx(load / stiffness + 0.01, rel=1e-3)
     assert across[2, 101] == pytest.approx(load / inertia, rel=0.8)
@@ -106,7 +106,7 @@ def test_a_hardening_spring_under_a_constant_load_starts_where_it_stays():
     starts[0] = True
     free, rest = np.zeros(n), np.zeros((1, 2))
     behind = (np.full(n, load), free, free, np.full(n, 0.5), free, free)
-    x = deflect(*behind, starts, rest, 0.005, stiffness, 1.0, 0.0, cubic)[0]
+    x = deflected(*behind, starts, rest, 0.005, stiffness, 1.0, 0.0, cubic)[0]
     np.testing.assert_allclose(stiffness * x * (1.0 + cubic * x**2), -load, rtol=1e-6)
 
 

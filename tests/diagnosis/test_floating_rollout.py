@@ -60,8 +60,8 @@ def test_the_base_moves_as_its_equation_of_motion_says(gap_dir: Path, case: str)
     for i in range(6):
         a = state.a[k : k + 1].copy()
         a[0, i] += 1.0
-        one = State.logged(record).but(q=state.q[k : k + 1], v=state.v[k : k + 1], a=state.a[k : k + 1])
-        inertia[:, i] = one.but(a=a).predicted[0] - one.predicted[0]
+        one = State.logged(record).replace(q=state.q[k : k + 1], v=state.v[k : k + 1], a=state.a[k : k + 1])
+        inertia[:, i] = one.replace(a=a).predicted[0] - one.predicted[0]
     more = np.linalg.solve(inertia, state.residual[k])
     step = 1.0 / record.rate_hz
     rotation = pin.Quaternion(*state.q[k, [6, 3, 4, 5]]).matrix()

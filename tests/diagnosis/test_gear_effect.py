@@ -96,4 +96,4 @@ def test_play_as_wide_as_any_that_is_searched_is_a_gear_that_passes_for_it(basel
     }
     assert widths == {0.05: True, widest: False}
     # And then the gear is asked for.
-    assert "joint_elasticity" in {effect.name for effect in SoftBacklash().kin}
+    assert "joint_elasticity" in SoftBacklash.overlaps

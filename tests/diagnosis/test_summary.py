@@ -8,7 +8,8 @@ import pytest
 
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
-from excite.diagnosis.answer.result import Diagnosis, LogFault
+from excite.diagnosis.answer.result import Diagnosis
+from excite.finding import Finding
 
 
 def candidate(effect: str, place: str, evidence: float) -> Candidate:
@@ -20,11 +21,10 @@ def candidate(effect: str, place: str, evidence: float) -> Candidate:
 @pytest.fixture
 def two_effects() -> Diagnosis:
     spring, rival = candidate("joint_spring", "a", 900.0), candidate("torque_ripple", "a", 12.0)
-    faults = tuple(
-        LogFault("jitter", f"trial_{k:02d}", f"trial_{k:02d}: stamps jitter by 1{k} %", "packets", True)
-        for k in range(4)
+    jitter = Finding("jitter", "stamps jitter by 13 %", {}, ("time",), repaired=True, remedy="believed")
+    clipped = Finding(
+        "clipped", "tau.a clips in 3 rows", {}, ("tau.a",), severity="limits", remedy="carry less"
     )
-    clipped = LogFault("clipping", "trial_01", "trial_01: a clips", "a limit", False)
     gap = Gap(0.2, 0.05, 0.04, 0.98, {"a": ChannelGap(2.0, 0.5, 0.4, "N·m")})
     effects = (spring, candidate("stribeck", "b", 400.0))
     return Diagnosis(
@@ -37,7 +37,7 @@ def two_effects() -> Diagnosis:
         effects,
         gap,
         (),
-        faults=(*faults, clipped),
+        faults=(jitter, clipped),
     )
 
 
@@ -60,11 +60,11 @@ def test_what_cannot_be_told_apart_stands_alike(two_effects: Diagnosis):
     assert found["joint_spring", "a"] == found["torque_ripple", "a"] == "as likely"
 
 
-def test_a_fault_of_every_trial_is_said_once(two_effects: Diagnosis):
+def test_what_the_doctor_found_is_said_once(two_effects: Diagnosis):
     lines = [line for line in two_effects.summary().splitlines() if line.startswith("log:")]
     assert lines == [
-        "log: trial_00: stamps jitter by 10 %, and 3 more like it (packets; repaired)",
-        "log: trial_01: a clips (a limit)",
+        "log: stamps jitter by 13 % (believed; repaired)",
+        "log: tau.a clips in 3 rows (carry less)",
     ]
 
 

@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import fftconvolve
 
 from excite.human.body import Body
-from excite.human.posture.joint_angles import pose_of
 from excite.human.posture.skeleton import place
 from excite.human.segments import JOINT_NAMES, NAMES
+from tests.human.forward import pose_of
 
 
 @dataclass(frozen=True, eq=False)

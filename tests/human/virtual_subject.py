@@ -20,13 +20,14 @@ from excite.human.body import Body, body_of
 from excite.human.inertials import BodyInertia
 from excite.human.markers.landmarks import landmark_place
 from excite.human.markers.marker_set import read_marker_set
-from excite.human.posture.joint_angles import frame_turn, pose_of
+from excite.human.posture.joint_angles import frame_turn
 from excite.human.posture.skeleton import place
 from excite.human.recording import PlateRecording, Recording
 from excite.human.segments import JOINT_NAMES, NAMES, PARENTS, SEGMENTS
 from excite.human.subject import Subject
 from excite.human.urdf import urdf_text
 from tests.human.exercise import Performance, balanced
+from tests.human.forward import pose_of
 
 SOFT_TISSUE_M = {
     "pelvis": 0.006,

@@ -13,19 +13,19 @@ from excite.identification.constraints.cones import Cones, triangle_of
 from excite.identification.constraints.ellipsoid import body_ellipsoids, com_ellipsoids
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.cls2 import PhysicallyFeasible
-from excite.identification.estimators.cls3 import DensityRealisable
-from excite.identification.estimators.conic import (
+from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
+from excite.identification.estimators.conic.cls3 import DensityRealisable
+from excite.identification.estimators.conic.conic import (
     ConicAnswer,
     ConicProblem,
     conic_distance,
     interior_point,
     refined,
 )
-from excite.identification.estimators.entropic_newton import newton
-from excite.identification.estimators.entropic_problem import EntropicAnswer, EntropicProblem
-from excite.identification.estimators.geometric import entropic_divergence, pullback_metric
-from excite.identification.estimators.lmi import PhysicallyConsistent
+from excite.identification.estimators.conic.lmi import PhysicallyConsistent
+from excite.identification.estimators.entropic.entropic_newton import newton
+from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
+from excite.identification.estimators.entropic.geometric import entropic_divergence, pullback_metric
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.consistency import check_consistency

@@ -8,7 +8,7 @@ import pytest
 
 from excite.identification.constraints.inertia_cone import icosphere, quadratic_rows
 from excite.identification.constraints.linear import LinearConstraints, stack
-from excite.identification.estimators.projection import distance_to_optimum, project
+from excite.identification.estimators.quadratic.projection import distance_to_optimum, project
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.judgement.validation import correlation

@@ -13,9 +13,9 @@ from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.estimators.base import Estimate, SolveStatus
-from excite.identification.estimators.ls import LeastSquares
-from excite.identification.estimators.projection import ProjectionAnswer, project
-from excite.identification.estimators.qp import QuadraticProgram
+from excite.identification.estimators.least_squares.ls import LeastSquares
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.qp import QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import inertia_matrices

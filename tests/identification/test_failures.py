@@ -14,25 +14,25 @@ from excite.cli.main import app
 from excite.errors import NoSolutionError
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.inertia_cone import icosphere
-from excite.identification.estimators import ls, robust, wls
-from excite.identification.estimators import map as map_module
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.cls1 import BoundedNearBase
-from excite.identification.estimators.cls2 import PhysicallyFeasible
-from excite.identification.estimators.cls3 import DensityRealisable
-from excite.identification.estimators.conic import interior_point
-from excite.identification.estimators.entropic_newton import newton
-from excite.identification.estimators.entropic_problem import EntropicAnswer
-from excite.identification.estimators.hqp import HierarchicalProgram
-from excite.identification.estimators.lmi import PhysicallyConsistent
-from excite.identification.estimators.ls import LeastSquares
-from excite.identification.estimators.map import MaximumAPosteriori
-from excite.identification.estimators.projection import ProjectionAnswer
-from excite.identification.estimators.qp import QuadraticProgram
+from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
+from excite.identification.estimators.conic.cls3 import DensityRealisable
+from excite.identification.estimators.conic.conic import interior_point
+from excite.identification.estimators.conic.lmi import PhysicallyConsistent
+from excite.identification.estimators.entropic.entropic_newton import newton
+from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer
+from excite.identification.estimators.least_squares import ls, robust, wls
+from excite.identification.estimators.least_squares import map as map_module
+from excite.identification.estimators.least_squares.ls import LeastSquares
+from excite.identification.estimators.least_squares.map import MaximumAPosteriori
+from excite.identification.estimators.least_squares.robust import Huber
+from excite.identification.estimators.least_squares.wls import WeightedLeastSquares
+from excite.identification.estimators.quadratic.cls1 import BoundedNearBase
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer
+from excite.identification.estimators.quadratic.qp import QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.robust import Huber
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.estimators.wls import WeightedLeastSquares
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.physical import feasible_set
 from excite.identification.problem import IdentificationProblem

@@ -79,13 +79,15 @@ def test_forces_that_disagree_with_the_known_mass_are_named(ur10):
     assert "gain" in said(35.0 / 2.0, None)
     assert "the scale" in said(35.0, 36.0)
     assert said(38.0, None) == said(35.1, 35.0) == ""
-    assert result.to_json()["findings"][0].keys() == {"kind", "text", "figures", "places"}
+    assert result.to_json()["findings"][0].keys() == {
+        *("kind", "text", "figures", "places", "severity", "sure", "repaired", "remedy", "trials")
+    }
 
 
 def test_findings_about_the_log_come_with_the_result(ur10):
     degrees = changed(arm_log(ur10, 0, trials=3), lambda t: replace(t, q=np.degrees(t.q), q_cmd=None))
     kinds = [item.kind for item in identify(ur10, degrees, "wls", problem_settings=SETTINGS).findings]
-    assert kinds[:2] == ["degrees", "degrees"]
+    assert kinds[0] == "degrees"
 
 
 def test_a_sound_log_is_not_talked_down(ur10):

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.active_set import ActiveSetProjector
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.hierarchy import solve_hierarchy
-from excite.identification.estimators.hierarchy_state import Level
-from excite.identification.estimators.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
+from excite.identification.estimators.quadratic.hierarchy_state import Level
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
 from excite.identification.orthogonal import row_space
 
 N = 6

@@ -11,15 +11,19 @@ from scipy.optimize import minimize
 from excite.errors import NoSolutionError
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.linear import LinearConstraints, stack
-from excite.identification.estimators import robust
-from excite.identification.estimators.active_set import ActiveSetProjector
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.cls1 import BoundedNearBase, bound_rows, parameter_bounds
-from excite.identification.estimators.cls3 import DensityRealisable
-from excite.identification.estimators.hierarchy import solve_hierarchy
-from excite.identification.estimators.hierarchy_state import HierarchyAnswer, HierarchyState, Level
-from excite.identification.estimators.hqp import HierarchicalProgram, _recomputed_status, paper_levels
-from excite.identification.estimators.robust import Huber
+from excite.identification.estimators.conic.cls3 import DensityRealisable
+from excite.identification.estimators.least_squares import robust
+from excite.identification.estimators.least_squares.robust import Huber
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.cls1 import BoundedNearBase, bound_rows, parameter_bounds
+from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
+from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, HierarchyState, Level
+from excite.identification.estimators.quadratic.hqp import (
+    HierarchicalProgram,
+    _recomputed_status,
+    paper_levels,
+)
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.known_bounds import KnownBounds

@@ -11,26 +11,24 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from excite.cli.identify import METHODS
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.bounds import within_bounds
 from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs, mirrored_parameters
 from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.cls1 import BoundedNearBase
-from excite.identification.estimators.hqp import HierarchicalProgram
-from excite.identification.estimators.projection import ProjectionAnswer, project
-from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.robust import Huber
+from excite.identification.estimators.least_squares.robust import Huber
+from excite.identification.estimators.least_squares.wls import WeightedLeastSquares
+from excite.identification.estimators.quadratic.cls1 import BoundedNearBase
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
 from excite.identification.estimators.settings import EstimatorSettings
-from excite.identification.estimators.wls import WeightedLeastSquares
 from excite.identification.inertia import inertia_matrices
-from excite.identification.outside_cone import outside_cone
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.loading import load_robot
+from tests.identification.outside_cone import outside_cone
 from tests.identification.synthetic import arm_problem, modified_g1_parameters, segment_index, wrench_problem
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
@@ -46,10 +44,6 @@ def standing(g1) -> IdentificationProblem:
     feet = tuple(segment_index(g1, link) for link in FEET)
     true = modified_g1_parameters(g1)
     return wrench_problem(g1, true, seed=1, trials=2, duration=5.0, unmeasured=feet)
-
-
-def test_help_of_the_command_names_every_method():
-    assert METHODS.split(", ") == list(ESTIMATORS)
 
 
 class TestRobust:

@@ -12,10 +12,18 @@ from excite.identification.constraints.body import pseudo_inertia_cones
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, finite_or_raised, no_solution
+from excite.identification.estimators.conic.lmi import PhysicallyConsistent
+from excite.identification.estimators.entropic.geometric import (
+    entropic_divergence,
+    pullback_metric,
+    relative_map,
+)
 from excite.identification.estimators.fallback import best_feasible, best_known, estimate_at, plain_models
-from excite.identification.estimators.geometric import entropic_divergence, pullback_metric, relative_map
-from excite.identification.estimators.lmi import PhysicallyConsistent
-from excite.identification.estimators.projection import ProjectionAnswer, distance_to_optimum, project
+from excite.identification.estimators.quadratic.projection import (
+    ProjectionAnswer,
+    distance_to_optimum,
+    project,
+)
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.scaled import scaled_parameters
 from excite.identification.estimators.settings import EstimatorSettings

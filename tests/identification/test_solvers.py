@@ -10,8 +10,7 @@ from scipy.optimize import minimize
 
 from excite.identification.constraints.cones import Cones, triangle_of
 from excite.identification.constraints.linear import LinearConstraints, stack
-from excite.identification.estimators.active_set import ActiveSetProjector
-from excite.identification.estimators.conic import (
+from excite.identification.estimators.conic.conic import (
     ConicAnswer,
     ConicProblem,
     conic_distance,
@@ -20,13 +19,18 @@ from excite.identification.estimators.conic import (
     refined,
     stacked,
 )
-from excite.identification.estimators.conic_estimate import _is_ray
-from excite.identification.estimators.entropic import entropic_distance
-from excite.identification.estimators.entropic_newton import cholesky, newton
-from excite.identification.estimators.entropic_problem import EntropicAnswer, EntropicProblem
-from excite.identification.estimators.geometric import entropic_divergence, pullback_metric, relative_map
-from excite.identification.estimators.projection import project
-from excite.identification.estimators.semi_projection import (
+from excite.identification.estimators.conic.conic_estimate import _is_ray
+from excite.identification.estimators.entropic.entropic import entropic_distance
+from excite.identification.estimators.entropic.entropic_newton import cholesky, newton
+from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
+from excite.identification.estimators.entropic.geometric import (
+    entropic_divergence,
+    pullback_metric,
+    relative_map,
+)
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.projection import project
+from excite.identification.estimators.quadratic.semi_projection import (
     SemiAnswer,
     SemiProjection,
     completed,

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from excite.identification.judgement.essential import essential_parameters
 from excite.identification.judgement.statistics import base_statistics
-from excite.identification.noise.correlated import NoiseModel, estimate_noise, sandwich_meat, whitened_factor
+from excite.identification.noise.correlated import NoiseModel, estimate_noise, whitened_factor
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, regression
@@ -99,31 +97,6 @@ def _small_problem(n: int = 60) -> IdentificationProblem:
         prior=np.zeros(3),
         n_inertial=0,
     )
-
-
-def test_meat_is_the_sum_over_all_pairs_of_rows():
-    """XᵀΣX with Σ written out in full, gaps included."""
-    full = _small_problem()
-    kept = np.ones(120, dtype=bool)
-    kept[[10, 11, 40, 77]] = False
-    problem = replace(
-        full, Y=full.Y[kept], y=full.y[kept], weights=full.weights[kept], channel=full.channel[kept],
-        time=full.time[kept], trial=full.trial[kept],
-    )  # fmt: skip
-    covariance = np.zeros((3, 2, 2))
-    covariance[0], covariance[1], covariance[2] = [[1, 0.3], [0.3, 1]], [[0.4, 0.2], [-0.1, 0.3]], 0.05
-    noise = NoiseModel(np.ones(2), covariance)
-    sample = np.round(problem.time / 0.01).astype(int)
-    sigma = np.zeros((len(kept[kept]),) * 2)
-    for i in range(len(sigma)):
-        for j in range(len(sigma)):
-            lag = sample[j] - sample[i]
-            if abs(lag) < 3:
-                block = covariance[lag] if lag >= 0 else covariance[-lag].T
-                sigma[i, j] = block[problem.channel[i], problem.channel[j]]
-    assert np.linalg.eigvalsh(sigma)[0] > 0.0
-    found = sandwich_meat(problem, trial_grids(problem), problem.Y, noise)
-    np.testing.assert_allclose(found, problem.Y.T @ sigma @ problem.Y, rtol=1e-9)
 
 
 def test_whitening_with_white_noise_changes_nothing():

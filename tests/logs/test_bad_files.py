@@ -16,7 +16,7 @@ from tests.corpus.practice import columns
 
 SUFFIXES = tuple(reader.suffixes[0] for reader in READERS.values())
 # Files of these are read in this process, where hundreds of examples take seconds.
-HERE = tuple(reader.suffixes[0] for reader in READERS.values() if reader.apart is None)
+HERE = tuple(reader.suffixes[0] for reader in READERS.values() if reader.own_process is None)
 MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 # A change: where (as share of the file), what is done there, with which byte.
 CHANGES = st.lists(

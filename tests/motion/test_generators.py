@@ -10,7 +10,8 @@ from excite.motion.generators.bodyparts import central_range, leg_joints, upper_
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.curves import FourierCurve, SplineCurve
 from excite.motion.generators.fourier import amplitude_scale, start_conditions
-from excite.motion.generators.registry import GENERATORS, make_generator, plan_candidates
+from excite.motion.generators.mixture import plan_candidates
+from excite.motion.generators.registry import GENERATORS, make_generator
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 

@@ -18,7 +18,7 @@ import pytest
 
 from excite.campaign.check import check
 from excite.errors import InputError
-from excite.motion.generators.registry import plan_candidates, plan_proposals
+from excite.motion.generators.mixture import plan_candidates, plan_proposals
 from excite.parallel.cluster import executor
 from excite.parallel.engine import in_order
 from excite.robot.loading import load_robot

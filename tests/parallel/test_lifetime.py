@@ -50,6 +50,19 @@ for process in set(in_order(work.process, range(40), jobs=2)):
 list(in_order(work.sleep, range(8), jobs=2, shared=Path(sys.argv[1])))
 """
 
+# The program ends by itself, with workers that wait for more work.
+_PROGRAM = """
+import sys
+from excite.cli import main
+from excite.parallel.engine import in_order
+from tests.parallel import work
+def command():
+    list(in_order(work.identity, range(8), jobs=2))
+    sys.exit(0)
+main.main = command
+main.program()
+"""
+
 
 def _alive(process: int) -> bool:
     try:
@@ -161,3 +174,10 @@ def test_who_stops_early_ends_the_workers(tmp_path: Path) -> None:
     assert next(results) == 0
     results.close()  # type: ignore[attr-defined]
     assert list(in_order(work.identity, range(4), jobs=2)) == [0, 1, 2, 3]
+
+
+def test_the_program_ends_with_its_work_and_not_with_its_idle_workers() -> None:
+    started = time.perf_counter()
+    assert subprocess.run([sys.executable, "-c", _PROGRAM], cwd=_ROOT, timeout=120).returncode == 0
+    # Workers wait for more work for five minutes.
+    assert time.perf_counter() - started < 60.0

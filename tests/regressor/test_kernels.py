@@ -10,7 +10,6 @@ import pytest
 from excite.errors import InputError, RobotError
 from excite.regressor.kernels import (
     base_link_regressor,
-    centre_of_mass,
     forward_kinematics,
     inverse_dynamics,
     joint_torque_regressor,
@@ -66,10 +65,9 @@ def test_inverse_dynamics_is_pinocchios_and_the_regressors(sampled: Sampled) -> 
     assert relative(other, rows @ phi) < 1e-12
 
 
-def test_forward_kinematics_and_centre_of_mass(sampled: Sampled) -> None:
+def test_forward_kinematics(sampled: Sampled) -> None:
     model, data = sampled.model, sampled.model.createData()
     poses = forward_kinematics(model, sampled.q)
-    centre = centre_of_mass(model, sampled.q)
     corners = np.array([[0.1, 0.2, 0.3], [-0.4, 0.5, 0.0]])
     points = poses.point(model.njoints - 1, corners)
     for i, q in enumerate(sampled.q):
@@ -80,7 +78,6 @@ def test_forward_kinematics_and_centre_of_mass(sampled: Sampled) -> None:
         np.testing.assert_allclose(
             points[i], [data.oMi[model.njoints - 1].act(c) for c in corners], atol=1e-11
         )
-        np.testing.assert_allclose(centre[i], pin.centerOfMass(model, data, q), atol=1e-11)
 
 
 def test_inverse_dynamics_is_mujocos() -> None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
-from excite.diagnosis.answer.result import Diagnosis, LogFault, NextExperiment, Rollout
+from excite.diagnosis.answer.result import Diagnosis, NextExperiment, Rollout
+from excite.finding import Finding
 from excite.report.data import ForceComparison
 
 
@@ -45,7 +46,16 @@ def two_joints_diagnosed() -> Diagnosis:
             warnings=("the simulator ignores something",),
         ),
         next_experiment=NextExperiment("move the elbow with its load", ("backlash",), "next.parquet"),
-        faults=(LogFault("clipping", "a", "elbow clips in 12 samples <of a>", "a limit", False),),
+        faults=(
+            Finding(
+                "clipped",
+                "elbow clips in 12 samples <of a>",
+                {},
+                ("tau.elbow",),
+                severity="limits",
+                remedy="a limit",
+            ),
+        ),
         warnings=("judged on one trial",),
     )
 

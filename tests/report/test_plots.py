@@ -17,7 +17,7 @@ from excite.report.plots.masses import plot_masses
 from excite.report.plots.rsd import plot_rsd
 from excite.report.plots.snapshots import choose_motions, different_instants, plot_snapshots
 from excite.report.theme import ROLES, to_png, to_svg
-from excite.robot.shapes.collision import Shape
+from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion
 
 

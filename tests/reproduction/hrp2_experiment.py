@@ -25,9 +25,9 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.simulation.simulate import run_experiment
-from excite.simulation.twins import virtual_twin
 from excite.simulation.virtual_robot import VirtualRobot
 from tests.reproduction.hrp2 import MODIFIED
+from tests.reproduction.twins import virtual_twin
 
 # T-RO 2016, section VI: third-order Butterworth, 20 Hz.
 SETTINGS = ProblemSettings(cutoff_hz=20.0, order=3)

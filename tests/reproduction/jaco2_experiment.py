@@ -14,16 +14,16 @@ from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import prior_std
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.mixture import plan_candidates
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.com_box import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidates
 from excite.simulation.simulate import simulate
-from excite.simulation.twins import virtual_twin
 from excite.simulation.virtual_robot import VirtualRobot
 from tests.reproduction.jaco2 import TABLE_5_CONSISTENCY
+from tests.reproduction.twins import virtual_twin
 
 METHODS = {"CAD": None, "ULS": "ls", "CLS-1": "cls1", "CLS-2": "cls2", "CLS-3": "cls3"}
 # "Data Filtering": second-order Butterworth, 5 Hz; the model has no friction ("The Considered Robot Model").

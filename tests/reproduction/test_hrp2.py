@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.arrays import Array
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.mixture import plan_candidates
 from excite.robot.loading import load_robot
 from excite.safety.filter import filter_candidates
 from tests.reproduction.hrp2 import CONDITION_NUMBERS, MASS_PERCENT, MODIFIED, PARTS

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.doctor.suspicions import suspicions
+from excite.doctor.examine import examine
 from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.logs.log import Log
@@ -64,10 +64,11 @@ def test_the_wrist_needs_its_coupling(log: Log, least_squares: Identification) -
 def test_zeros_of_the_controller_are_named(log: Log) -> None:
     """Two joints whose zeros are a quarter turn from the model's, found by the torques alone."""
     raw = replace(log, trials=tuple(replace(trial, q=trial.q - ZEROS) for trial in log.trials))
-    (finding,) = suspicions(nominal_robot(log), raw, SETTINGS)
+    found = examine(nominal_robot(log), raw, SETTINGS).findings
+    (finding,) = [item for item in found if item.severity == "spoils"]
     assert finding.kind == "zero_position"
     assert "add -90° to joint_2, +90° to joint_3" in finding.text
-    assert suspicions(nominal_robot(log), log, SETTINGS) == ()
+    assert examine(nominal_robot(log), log, SETTINGS).healthy
 
 
 def test_published_drives_lie_in_the_intervals(data_dir: Path, log: Log) -> None:

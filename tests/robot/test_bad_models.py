@@ -22,7 +22,7 @@ from excite.robot.catalogue import example_robot_data
 from excite.robot.mjcf.conversion import convert_mjcf
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.urdf import stl
-from excite.robot.scaffold.draft import scaffold_description
+from excite.robot.scaffold.description import scaffold_description
 from excite.robot.scaffold.files import write_scaffold
 from excite.robot.shapes.mesh_files import mesh_points, read_meshes
 from tests.corpus.arm import MJCF, replaced

@@ -15,7 +15,8 @@ from excite.errors import RobotError, UnknownNameError
 from excite.robot.catalogue import bundled_robots, data_folder, find_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model, collision_shapes, shape_points
+from excite.robot.shapes.collision import collision_model, collision_shapes
+from excite.robot.shapes.shape import shape_points
 
 MASSES = {
     "g1": 33.341,

@@ -14,10 +14,11 @@ from excite.errors import RobotError
 from excite.robot.catalogue import data_folder, example_robot_data
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes, shape_pairs, shape_points
+from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes, shape_pairs
 from excite.robot.shapes.com_box import com_boxes, shape_bounds
 from excite.robot.shapes.ignored_pairs import review_pairs
 from excite.robot.shapes.mesh_files import mesh_points
+from excite.robot.shapes.shape import shape_points
 
 
 @pytest.fixture(scope="module")

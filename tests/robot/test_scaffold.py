@@ -13,7 +13,7 @@ import pytest
 from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data
 from excite.robot.loading import load_robot
-from excite.robot.scaffold.draft import scaffold_description
+from excite.robot.scaffold.description import scaffold_description
 from excite.robot.shapes.collision import collision_model
 from tests.robot.small import ARM
 

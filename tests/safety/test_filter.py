@@ -10,7 +10,7 @@ import pytest
 
 from excite.errors import InputError
 from excite.motion.generators.curves import SplineCurve
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.mixture import plan_candidates
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from excite.safety.repairs.path import MotionPath, angular_rates, coordinates_of, foot_displacements
+from excite.safety.repairs.path import MotionPath, angular_rates, coordinates_of
+from tests.safety.soles import foot_displacements
 
 
 def rotation_vectors(angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

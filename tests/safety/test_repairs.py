@@ -16,7 +16,7 @@ from excite.robot.shapes.collision import collision_model
 from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
-from excite.safety.repairs.path import MotionPath, foot_displacements
+from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.registry import REPAIRS, make_repairs
 from excite.safety.repairs.retiming import fastest_rate, smoothed_law
 from excite.safety.repairs.rows import PathLimits, Rows
@@ -24,6 +24,7 @@ from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.support import support_of, zmp_rows
 from excite.safety.repairs.time_scaling import largest_factor
 from excite.safety.repairs.transfers import transfer
+from tests.safety.soles import foot_displacements
 
 
 @pytest.fixture(scope="module")

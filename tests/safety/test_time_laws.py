@@ -239,7 +239,7 @@ def test_what_has_to_be_run_too_slowly_is_refused(
 def test_curves_with_a_speed_of_their_own_keep_it(
     path: MotionPath, candidate: Candidate, panda: Robot
 ) -> None:
-    outcome = Retiming(panda, Shares()).repair(Draft(replace(candidate, speed=0.8), path))
+    outcome = Retiming(panda, shares=Shares()).repair(Draft(replace(candidate, speed=0.8), path))
     assert isinstance(outcome, Draft) and outcome.law is not None
     assert outcome.law.duration == pytest.approx(candidate.length / 0.8)
     time = np.linspace(0.0, outcome.law.duration, 50)
@@ -250,11 +250,11 @@ def test_curves_with_a_speed_of_their_own_keep_it(
 def test_other_curves_are_run_as_fast_as_they_may(
     path: MotionPath, candidate: Candidate, panda: Robot
 ) -> None:
-    outcome = Retiming(panda, Shares()).repair(Draft(candidate, path))
+    outcome = Retiming(panda, shares=Shares()).repair(Draft(candidate, path))
     assert isinstance(outcome, Draft) and outcome.law is not None and outcome.limits is not None
     factor = largest_factor(outcome.limits, outcome.law, 400.0).factor
     assert 0.6 < factor < 1.3, "smoothing moves it a little off the limit"
-    assert isinstance(Retiming(panda, Shares()).repair(Draft(candidate)), Rejection)
+    assert isinstance(Retiming(panda, shares=Shares()).repair(Draft(candidate)), Rejection)
 
 
 # --- Transfers and samples

@@ -14,7 +14,7 @@ from excite.robot.robot import Robot
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
 from excite.simulation.drives import nominal_drives
 from excite.simulation.inertial import UnphysicalParametersError, box_parameters, principal_inertia
-from excite.simulation.mjcf import World, build_model
+from excite.simulation.mjcf import World, build_spec
 from excite.simulation.true_parameters import scattered_parameters
 from tests.simulation.motions import generator
 
@@ -22,7 +22,7 @@ ROBOTS = ("g1", "panda", "ur10", "iiwa14", "talos", "human")
 
 
 def _frictionless(robot: Robot, phi: Array) -> mujoco.MjModel:
-    model = build_model(robot, phi, nominal_drives(robot), World())
+    model = build_spec(robot, phi, nominal_drives(robot), World()).compile()
     model.dof_damping[:] = 0.0
     model.dof_armature[:] = 0.0
     model.dof_frictionloss[:] = 0.0
@@ -65,7 +65,7 @@ def test_positions_survive_the_way_to_mujoco_and_back(g1: Robot) -> None:
 
 
 def test_the_soles_lowest_points_are_the_corners(g1: Robot) -> None:
-    model = build_model(g1, g1.nominal_parameters, nominal_drives(g1), World())
+    model = build_spec(g1, g1.nominal_parameters, nominal_drives(g1), World()).compile()
     data = mujoco.MjData(model)
     data.qpos[:] = position_to_mujoco(g1.rest, floating=True)
     mujoco.mj_kinematics(model, data)
@@ -108,10 +108,10 @@ def test_unphysical_parameters_are_refused_by_segment(g1: Robot, change, message
     phi = g1.nominal_parameters.copy()
     change(phi[10 * 15 : 10 * 16])
     with pytest.raises(UnphysicalParametersError, match=message) as caught:
-        build_model(g1, phi, nominal_drives(g1), World())
+        build_spec(g1, phi, nominal_drives(g1), World()).compile()
     assert caught.value.segment == g1.segments[15].name
 
 
 def test_parameters_of_another_robot_are_refused(g1: Robot) -> None:
     with pytest.raises(InputError, match="ten parameters per segment"):
-        build_model(g1, g1.nominal_parameters[:-10], nominal_drives(g1), World())
+        build_spec(g1, g1.nominal_parameters[:-10], nominal_drives(g1), World()).compile()

@@ -11,7 +11,7 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.simulation.drives import nominal_drives
 from excite.simulation.inertial import principal_inertia
-from excite.simulation.twins import TorqueCalibration, virtual_twin
+from tests.reproduction.twins import TorqueCalibration, virtual_twin
 from tests.simulation.motions import generator
 
 

@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import excite
-from excite.atomic import completed, unwritable
+from excite.atomic import completed
 from excite.errors import ExciteError
+from excite.finding import Finding
+from excite.folders import unwritable
 from excite.json_document import to_json
 
 EXIT_USAGE = 2
@@ -35,6 +37,7 @@ class Failure:
         field: in which field, option or column of it.
         remedy: what to do.
         line: all of it in one line.
+        findings: of a log that cannot be used, worst first.
     """
 
     code: int
@@ -43,6 +46,7 @@ class Failure:
     field: str | None = None
     remedy: str | None = None
     line: str = ""
+    findings: tuple[Finding, ...] = ()
 
     def show(self, *, as_json: bool) -> None:
         """One line on stderr; with ``--json`` a document on stdout too."""
@@ -50,9 +54,10 @@ class Failure:
         if as_json:
             print(to_json({"error": self.to_json()}))
 
-    def to_json(self) -> dict[str, int | str | None]:
+    def to_json(self) -> dict[str, Any]:
         """The fields of ``{"error": …}``."""
-        return {
+        found = {"findings": [item.to_json() for item in self.findings]} if self.findings else {}
+        return found | {
             "code": self.code,
             "message": self.message,
             "file": self.file,
@@ -72,6 +77,7 @@ def of_error(error: ExciteError) -> Failure:
         field=None if field is None else one_line(str(field)),
         remedy=None if remedy is None else one_line(str(remedy)),
         line=one_line(str(error)),
+        findings=getattr(error, "findings", ()),
     )
 
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import typer
 
+from excite.parallel.cluster import executor
 from excite.parallel.jobs import Jobs
 
 
@@ -19,7 +20,5 @@ def workers(jobs: int | None, cluster: str | None) -> Iterator[Jobs]:
         return
     if jobs is not None:
         raise typer.BadParameter("give this or --jobs, not both", param_hint="'--cluster'")
-    from excite.parallel.cluster import executor
-
     with executor(cluster) as found:
         yield found

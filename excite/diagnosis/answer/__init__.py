@@ -1,0 +1,1 @@
+"""What a diagnosis says: gap, candidates, curves, and their words and tables."""

@@ -1,14 +1,16 @@
-"""What a diagnosis says."""
+"""What a diagnosis says: its verdict, gap and effects, as a document, as a sentence and in words for a terminal."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
+from excite.diagnosis.answer.tables import effect_table, gap_table
 from excite.finding import Finding
 
 SCHEMA = "excite.diagnosis/1"
@@ -170,9 +172,21 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The diagnosis in words and tables, for a terminal; starts with the sentence."""
-        from excite.diagnosis.answer.summary import summary_of
+        lines = [self.sentence(), ""]
+        if len(self.tied_locations) > 1:
+            lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
+        lines += gap_table(self.gap, self.where)
+        lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
+        if self.next_experiment is not None:
+            lines += ["", f"next: {self.next_experiment.why}"]
+        lines += _fault_lines(self.faults)
+        lines += [f"note: {text}" for text in self.warnings]
+        return "\n".join(lines)
 
-        return summary_of(self)
+
+def _fault_lines(faults: Sequence[Finding]) -> list[str]:
+    """One line a finding of the doctor."""
+    return [f"log: {item.text} ({item.remedy}{'; repaired' if item.repaired else ''})" for item in faults]
 
 
 def _follows(item: Where) -> bool:

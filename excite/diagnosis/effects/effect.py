@@ -14,8 +14,8 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.note import Beyond, Note, Noted
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import OwnTerm
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.own_columns import OwnTerm
 
 Theta = tuple[float, ...]
 
@@ -75,6 +75,7 @@ class Effect(ABC):
         searched: its non-linear parameters, in the order of ``theta``.
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
+        overlaps: effects that this form of one runs into: the same torque within a record, by another name.
         mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
         note: what a model leaves to its runner; None where that is nothing.
         term: the term of a baseline's drives that it is; None where it is none.
@@ -82,8 +83,7 @@ class Effect(ABC):
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
-        smooths: whether it can smooth the model's torque, and the encoders' noise in it, which is no evidence of it
-            where little else is.
+        smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
         of_channel: whether it is of the torque channel alone: a log without one has none of it.
         twins_without_torque: other names that mean the same where only commands and positions are known.
         twins_of_a_gain: other names for what a servo's gain does that was estimated wrongly.
@@ -94,6 +94,7 @@ class Effect(ABC):
     searched: ClassVar[tuple[Parameter, ...]] = ()
     confusable_with: ClassVar[tuple[str, ...]] = ()
     separating_motion: ClassVar[str] = ""
+    overlaps: ClassVar[tuple[str, ...]] = ()
     mujoco: ClassVar[str] = ""
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False
@@ -119,11 +120,6 @@ class Effect(ABC):
     @property
     def richer(self) -> tuple[Effect, ...]:
         """Other forms of the same physics with more parameters, tried once the effect is named, or where none is."""
-        return ()
-
-    @property
-    def kin(self) -> tuple[Effect, ...]:
-        """Effects that richer forms of this one run into: the same torque within a record, by another name."""
         return ()
 
     @property

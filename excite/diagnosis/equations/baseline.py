@@ -9,10 +9,10 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial
-from excite.diagnosis.equations.drive_terms import OwnTerm, own_signals, own_terms
+from excite.diagnosis.equations.friction_sign import SignChange
 from excite.diagnosis.equations.joint_torque import Fit, Solver
+from excite.diagnosis.equations.own_columns import OwnTerm, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.equations.sign_change import SignChange
 from excite.regressor.kernels import inverse_dynamics
 
 

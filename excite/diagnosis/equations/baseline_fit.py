@@ -6,11 +6,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import COULOMB, own_signals, own_terms
+from excite.diagnosis.equations.fitted_signs import first_signs
+from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Equations, Solver
+from excite.diagnosis.equations.own_columns import COULOMB, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.equations.sign_change import WIDTHS, SignChange
-from excite.diagnosis.equations.sign_changes import first_signs
 from excite.diagnosis.equations.standing_joints import standing_share
 from excite.identification.inertia import central_inertia_matrices
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor

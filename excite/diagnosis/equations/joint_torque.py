@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.diagnosis.equations.sandwich import std_of_trials
 
 # Columns smaller than this share of the largest one of their hypothesis are rounding errors.
 _NOTHING = 1e-7
@@ -231,24 +232,14 @@ class Solver:
 
     def _between(self, fit: Fit, columns: Array, widths: Array | None = None) -> Array:
         """The sandwich for columns ``(n_joints, n_rows, n)`` beside all that the fit has."""
-        e = self.equations
-        trials = np.unique(e.trial[e.use])
-        n, m = e.shared.shape[2], columns.shape[2]
-        normal, gradients = np.zeros((n + m, n + m)), np.zeros((len(trials), n + m))
-        normal[:n, :n] = np.eye(n)
+        e, n = self.equations, self.equations.shared.shape[2]
         size = np.sqrt((columns[:, e.use] ** 2).sum(axis=(0, 1)))
         scale = np.maximum(size, max(_NOTHING * float(size.max()), 1e-100))
-        if widths is not None:
-            normal[n:, n:] = np.diag(1.0 / (widths * scale) ** 2)
-        for j in range(e.n_joints):
-            own = _project(self._q[j], columns[j][e.use] / scale)
-            rows = np.hstack([self._a[j], own]) / fit.sigma[j]
-            rest = fit.residual[j][e.use] / fit.sigma[j]
-            normal += rows.T @ rows
-            gradients += [rest[e.trial[e.use] == k] @ rows[e.trial[e.use] == k] for k in trials]
-        # Columns that a short record cannot tell apart, or does not show, have no deviation of their own.
-        moved = (np.linalg.pinv(normal, rcond=1e-10, hermitian=True) @ gradients.T)[n:]
-        return np.sqrt((moved**2).sum(axis=1) * len(trials) / (len(trials) - 1)) / scale
+        own = [_project(q, block[e.use] / scale) for q, block in zip(self._q, columns, strict=True)]
+        rows = [np.hstack([a, o]) / s for a, o, s in zip(self._a, own, fit.sigma, strict=True)]
+        rest = [left[e.use] / s for left, s in zip(fit.residual, fit.sigma, strict=True)]
+        known = np.zeros(len(scale)) if widths is None else 1.0 / (widths * scale) ** 2
+        return std_of_trials(rows, rest, e.trial[e.use], np.concatenate([np.ones(n), known]))[n:] / scale
 
 
 def _project(q: Array, values: Array) -> Array:

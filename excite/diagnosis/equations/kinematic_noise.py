@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import ARMATURE, COULOMB, VISCOUS, own_terms
+from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass

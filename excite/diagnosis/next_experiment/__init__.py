@@ -1,0 +1,1 @@
+"""The next experiment: motions that would tell apart what a record leaves open."""

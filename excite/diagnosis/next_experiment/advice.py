@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.diagnosis.answer.result import NextExperiment
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.next_experiment.candidates import touching
+from excite.diagnosis.next_experiment.choice import Proposal, propose, written
 from excite.diagnosis.search.attribution import Attribution, Scored
 from excite.diagnosis.search.verdict import Judgement
-
-if TYPE_CHECKING:
-    from excite.diagnosis.next_experiment.choice import Proposal
 
 # Rivals that a motion is chosen for, the likeliest.
 _MOST = 5
@@ -47,10 +45,6 @@ def advice(
         proposal = file = None
         untold = ""
         if out is not None:
-            # Generators, checks and repairs are loaded where a motion is made.
-            from excite.diagnosis.next_experiment.candidates import touching
-            from excite.diagnosis.next_experiment.choice import propose, written
-
             floor = np.maximum(attribution.floor, baseline.solver.equations.floor)
             proposal = propose(baseline, [best, *others], floor, seed=0)
             file = None if proposal is None else written(proposal, out)

@@ -11,7 +11,7 @@ from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.next_experiment.paths import accelerations, retraced
 from excite.errors import RobotError
 from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.registry import plan_candidates
+from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion, MotionMetadata
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes

@@ -14,7 +14,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights
-from excite.diagnosis.equations.drive_terms import own_signals, own_terms
+from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.search.attribution import Scored
 from excite.diagnosis.search.hypotheses import Columns, Hypothesis, at_rows

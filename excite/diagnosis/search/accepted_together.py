@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.sign_changes import signs_again
+from excite.diagnosis.equations.fitted_signs import signs_again
 from excite.diagnosis.search.attribution import Scored
 from excite.diagnosis.search.hypotheses import Hypothesis, Search
 from excite.diagnosis.search.refinement import extended, price

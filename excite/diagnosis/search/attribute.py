@@ -12,7 +12,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.sign_changes import signs_again
+from excite.diagnosis.equations.fitted_signs import signs_again
 from excite.diagnosis.search.accepted_together import searched_together
 from excite.diagnosis.search.attribution import Attribution, Scored, Stage
 from excite.diagnosis.search.constants import beyond_constants
@@ -171,7 +171,8 @@ class Attributor:
     def _kin(self, context: Context, item: Hypothesis, scorer: Scorer) -> tuple[Scored, ...]:
         """An effect in a richer form and those that it runs into, the likeliest first; none where it has no kin."""
         search = Search(context, context.baseline.solver, self._kept)
-        kin = [effect for effect in item.effect.kin if effect.offered(self.baseline.modelled)]
+        named = [EFFECTS[name] for name in item.effect.overlaps]
+        kin = [effect for effect in named if effect.offered(self.baseline.modelled)]
         forms = side_by_side(lambda effect: in_richer_forms(search, effect, item.location), kin)
         others = side_by_side(polished, [form for of_one in forms for form in of_one])
         if not others:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import CONSTANT
 from excite.diagnosis.equations.joint_torque import Solver
+from excite.diagnosis.equations.own_columns import CONSTANT
 from excite.diagnosis.search.attribution import Scored
 from excite.diagnosis.search.hypotheses import Hypothesis
 from excite.diagnosis.search.refinement import effective_samples, price

@@ -10,9 +10,9 @@ from excite.arrays import Array
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import COULOMB, WIDTH_BOUNDS
+from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Solver
-from excite.diagnosis.equations.sign_change import WIDTHS, SignChange
+from excite.diagnosis.equations.own_columns import COULOMB, WIDTH_BOUNDS
 from excite.diagnosis.search.hypotheses import Hypothesis, Search
 
 # A richer form of an effect has to lower the loss by so much.

@@ -156,7 +156,7 @@ def tie(evidence: float) -> float:
 
 
 def _close(best: Scored, other: Scored) -> bool:
-    kin = other.name in {effect.name for effect in best.hypothesis.effect.kin}
+    kin = other.name in best.hypothesis.effect.overlaps
     # How a contact comes on is nobody's law: the form that was tried may be off by more than the rivals are.
     least = _KIN_SHARE * best.evidence if kin else tie(best.evidence)
     return same_gap(best, other) and nats_behind(best, other) < least

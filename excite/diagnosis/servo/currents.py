@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.arm import diagnose_arm
+from excite.diagnosis.arm.diagnose import diagnose_arm
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals

@@ -11,8 +11,8 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Shape
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
 from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.drive_terms import ARMATURE, own_terms
 from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.search.hypotheses import at_rows
 from excite.diagnosis.servo.servo import Servo, Signals

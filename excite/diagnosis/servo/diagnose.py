@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.arm import diagnose_arm, diagnose_torques
+from excite.diagnosis.arm.diagnose import TorqueRecord, diagnose_arm, diagnose_torques
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
@@ -72,10 +72,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
         return servo_floor(samples, servo, order)
 
     library = servo_effects(servo, log.header.joints)
-    result = diagnose_torques(
-        robot, replace(log, trials=asked), modelled, rng, closed, out, floor_of, library
-    )
-    return _judged(result, closed)
+    record = TorqueRecord(robot, replace(log, trials=asked), modelled, out, floor_of, library)
+    return _judged(diagnose_torques(record, rng, closed), closed)
 
 
 def _wound(

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import coulomb_level
+from excite.diagnosis.equations.own_columns import coulomb_level
 from excite.diagnosis.servo.servo import Servo, Signals
 
 # Less than this is not worth a sentence [rad]: a step of a 12-bit encoder.

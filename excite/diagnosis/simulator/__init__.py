@@ -1,0 +1,1 @@
+"""The augmented simulator of an arm, and its roll-outs against the record."""

@@ -12,7 +12,7 @@ from excite.diagnosis.effects.form import Draft, Form
 from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
 from excite.diagnosis.effects.note import Noted
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import COULOMB
+from excite.diagnosis.equations.own_columns import COULOMB
 from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, physical_plant, with_effect
 from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import AugmentedModel

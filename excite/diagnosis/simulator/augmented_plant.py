@@ -10,8 +10,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.effects.form import Form
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import ARMATURE, CONSTANT, COULOMB, VISCOUS, OwnTerm, own_terms
-from excite.diagnosis.equations.sign_change import sign_of_motion
+from excite.diagnosis.equations.friction_sign import sign_of_motion
+from excite.diagnosis.equations.own_columns import ARMATURE, CONSTANT, COULOMB, VISCOUS, OwnTerm, own_terms
 from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.links import carried_link

@@ -101,11 +101,12 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
     plain = errors(before.xml, samples, baseline.rigid, plan)
     if not np.isfinite(plain).all():
         raise InputError("roll-outs of the nominal simulator diverge", remedy="judge by the torques")
-    after, final, kept, whole = _helpful(attribution, baseline, before, effects, plan)
+    helpful = _helpful(attribution, baseline, before, effects, plan)
+    after, final, kept = helpful.model, helpful.baseline, helpful.effects
     augmented = errors(after.xml, samples, final.rigid, plan) if kept else plain
     with_all = augmented
     if len(kept) < len(effects) and plan.all_effects:
-        with_all = errors(whole.xml, samples, attribution.final.rigid, plan)
+        with_all = errors(helpful.whole.xml, samples, attribution.final.rigid, plan)
     left = effects[len(kept) :]
     unhelpful = [f"{e.effect.name} at {e.location}" for e in left if e.formless is None]
     unsaid = [e.formless for e in left if e.formless is not None]
@@ -128,19 +129,36 @@ def _floor(xml: str, baseline: Baseline, plan: Plan, plain: Array) -> dict[str, 
     return _rms(errors(xml, samples, baseline.rigid, noisy) - plain, samples.joints)
 
 
+@dataclass(frozen=True, eq=False)
+class _Helpful:
+    """The model with as many effects as help, and the one with all.
+
+    Attributes:
+        model: with the effects that help.
+        baseline: beside these.
+        effects: those.
+        whole: the model with all of them.
+    """
+
+    model: AugmentedModel
+    baseline: Baseline
+    effects: tuple[Found, ...]
+    whole: AugmentedModel
+
+
 def _helpful(
     attribution: Attribution,
     baseline: Baseline,
     before: AugmentedModel,
     effects: tuple[Found, ...],
     plan: Plan,
-) -> tuple[AugmentedModel, Baseline, tuple[Found, ...], AugmentedModel]:
+) -> _Helpful:
     """The model with as many effects as bring roll-outs of the identification trials nearer to the record.
 
     The last of them has to do so as well. With it comes the model that has all of them.
     """
     if not effects:
-        return before, baseline, (), before
+        return _Helpful(before, baseline, (), before)
     samples, check = baseline.samples, replace(plan, fitted=True, total_s=min(plan.total_s, _CHECKED_S))
 
     def left(model: AugmentedModel, rigid: Array) -> Array:
@@ -155,8 +173,8 @@ def _helpful(
         model, final, most = made[count]
         gain = plan.least_gain if count > 1 else 0.0
         if _nearer(most, made[0][2]) and _nearer(most, made[count - 1][2], gain):
-            return model, final, effects[:count], made[-1][0]
-    return before, baseline, (), made[-1][0]
+            return _Helpful(model, final, effects[:count], made[-1][0])
+    return _Helpful(before, baseline, (), made[-1][0])
 
 
 def _nearer(after: Array, before: Array, gain: float = 0.0) -> bool:

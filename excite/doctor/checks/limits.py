@@ -36,9 +36,25 @@ class Degrees(Check):
         columns = [robot.joint_index(name) for name in log.header.joints]
         speed = np.max([_speed(trial) for trial in log.trials], axis=0)
         degrees = inside & reach.outside & (manifold | (speed > _MANIFOLD * robot.limits.velocity[columns]))
-        if not degrees.any() or not inside.all():
+        if not degrees.any():
             return Outcome(log)
-        return _degrees(log, tuple(np.array(log.header.joints)[degrees]), float(furthest.max()))
+        # Most joints in degrees: all are, also those that hardly moved. Else these alone.
+        which = np.ones_like(degrees) if inside.all() and 2 * degrees.sum() > len(degrees) else degrees
+        names = tuple(np.array(log.header.joints)[which])
+        text = (
+            f"positions of {listed(names)} reach {furthest.max():.4g}, far beyond their limits in radians and inside "
+            "them in degrees: they look like degrees"
+        )
+        finding = Finding(
+            "degrees",
+            text,
+            {"largest": float(furthest.max())},
+            names,
+            severity="spoils",
+            repaired=True,
+            remedy="they were converted; write radians",
+        )
+        return Outcome(replace(log, trials=tuple(_in_radians(t, which) for t in log.trials)), (finding,))
 
 
 class Limits(Check):
@@ -97,36 +113,21 @@ class _Reach:
         return (self.low < self.lower) | (self.high > self.upper)
 
 
-def _degrees(log: Log, names: tuple[str, ...], largest: float) -> Outcome:
-    text = (
-        f"positions of {listed(names)} reach {largest:.4g}, far beyond their limits in radians and inside them in "
-        "degrees: they look like degrees"
-    )
-    finding = Finding(
-        "degrees",
-        text,
-        {"largest": largest},
-        names,
-        severity="spoils",
-        repaired=True,
-        remedy="they were converted; write radians",
-    )
-    return Outcome(replace(log, trials=tuple(_in_radians(trial) for trial in log.trials)), (finding,))
-
-
-def _in_radians(trial: Trial) -> Trial:
-    """Positions in radians; commands and velocities too, where they go with them."""
-    q = trial.q / _DEGREE
+def _in_radians(trial: Trial, which: NDArray[np.bool_]) -> Trial:
+    """Some joints' positions in radians; commands and velocities too, where they go with them."""
+    q = np.where(which, trial.q / _DEGREE, trial.q)
 
     def like(values: Array | None, reference: Array) -> Array | None:
-        """Divided where that brings it nearer in size."""
+        """Divided where that brings a column nearer in size."""
         if values is None:
             return None
-        times = max(float(np.abs(values).max()), 1e-12) / max(float(np.abs(reference).max()), 1e-12)
-        return values / _DEGREE if abs(np.log(times / _DEGREE)) < abs(np.log(times)) else values
+        sizes = [np.maximum(np.abs(x).max(axis=0), 1e-12) for x in (values, reference)]
+        times = sizes[0] / sizes[1]
+        return np.where(np.abs(np.log(times / _DEGREE)) < np.abs(np.log(times)), values / _DEGREE, values)
 
-    v = np.gradient(q, trial.time, axis=0)
-    return replace(trial, q=q, q_cmd=like(trial.q_cmd, q), v=like(trial.v, v))
+    return replace(
+        trial, q=q, q_cmd=like(trial.q_cmd, q), v=like(trial.v, np.gradient(q, trial.time, axis=0))
+    )
 
 
 def _torque_size(robot: Robot, log: Log) -> list[Finding]:

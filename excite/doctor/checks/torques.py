@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from excite.doctor.check import Check, Outcome
+from excite.doctor.drive_fit import drive_fit
 from excite.doctor.reading import Reading
-from excite.doctor.torque_samples import TorqueSamples, drive_fit, torque_samples
+from excite.doctor.torque_samples import TorqueSamples, torque_samples
 from excite.finding import Finding, listed
 from excite.logs.log import Log
 from excite.robot.robot import Robot

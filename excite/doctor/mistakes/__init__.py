@@ -1,0 +1,1 @@
+"""Mistakes of whoever wrote a log, one each: what it would look like, and how it is undone."""

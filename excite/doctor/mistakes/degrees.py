@@ -1,4 +1,4 @@
-"""Positions in degrees."""
+"""Positions that were logged in degrees instead of radians."""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from excite.excitation.optimisation.objective import Layout, Sampling
 from excite.excitation.optimisation.segments import closest_points
 from excite.regressor.kernels import Placements, forward_kinematics
 from excite.regressor.tree import PRISMATIC, read_tree
-from excite.robot.shapes.collision import TABLE, Shape, collision_model, collision_shapes
+from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes
+from excite.robot.shapes.shape import Shape
 
 # Pairs farther apart than this beyond the margin do not enter [m].
 _NEAR = 0.1
@@ -102,7 +103,7 @@ class Clearance:
         return float((self._close(x)[1].distance - self._required).min(initial=_NEAR))
 
     def _close(self, x: Array) -> tuple[Placements, _Close]:
-        q = self._sampling.whole(x)[0]
+        q = self._sampling.whole(x).q
         poses = forward_kinematics(self._tree, q)
         rotation, translation = poses.rotation[:, self._parents], poses.translation[:, self._parents]
         centres = np.einsum("nbij,bj->nbi", rotation, self._centres) + translation

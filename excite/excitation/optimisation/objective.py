@@ -75,6 +75,15 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Positions, velocities and accelerations at the instants, ``(n, …)`` each."""
+
+    q: Array
+    v: Array
+    a: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Sampling:
     """A layout's basis at given times.
 
@@ -87,27 +96,27 @@ class Sampling:
     time: Array
 
     @cached_property
-    def bases(self) -> tuple[Array, Array, Array]:
+    def bases(self) -> tuple[Array, ...]:
         """Basis and its first two derivatives, ``(n, k)`` each."""
         family = self.layout.family
         return family.basis(self.time, 0), family.basis(self.time, 1), family.basis(self.time, 2)
 
-    def moved(self, x: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations of the moved joints, ``(n, n_moved)`` each."""
+    def moved(self, x: Array) -> Trajectory:
+        """The motion of the moved joints, ``(n, n_moved)`` each."""
         offset, table = self.layout.parts(x)
         position, velocity, acceleration = (basis @ table.T for basis in self.bases)
-        return offset + position, velocity, acceleration
+        return Trajectory(offset + position, velocity, acceleration)
 
-    def whole(self, x: Array) -> tuple[Array, Array, Array]:
-        """``q, v, a`` of the whole robot, the rest of it at rest: ``(n, nq)``, ``(n, nv)``, ``(n, nv)``."""
+    def whole(self, x: Array) -> Trajectory:
+        """The motion of the whole robot, the rest of it at rest: ``(n, nq)``, ``(n, nv)``, ``(n, nv)``."""
         robot, joints = self.layout.robot, self.layout.joints
-        position, velocity, acceleration = self.moved(x)
+        moved = self.moved(x)
         q = np.tile(robot.rest, (len(self.time), 1))
         v, a = np.zeros((2, len(self.time), robot.model.nv))
-        q[:, robot.n_base_q + joints] = position
-        v[:, robot.n_base_v + joints] = velocity
-        a[:, robot.n_base_v + joints] = acceleration
-        return q, v, a
+        q[:, robot.n_base_q + joints] = moved.q
+        v[:, robot.n_base_v + joints] = moved.v
+        a[:, robot.n_base_v + joints] = moved.a
+        return Trajectory(q, v, a)
 
     def pulled(self, by_q: Array, by_v: Array, by_a: Array) -> Array:
         """Gradient ``(size,)`` from gradients in the moved joints' q, v, a, ``(n, n_moved)`` each."""
@@ -161,13 +170,15 @@ class Objective:
 
     def value(self, x: Array) -> float:
         """The figure that a person reads, of variables ``(size,)``, with Coulomb friction's sign as it is."""
-        q, v, a = self._sampling.whole(x)
+        whole = self._sampling.whole(x)
+        q, v, a = whole.q, whole.v, whole.a
         rows = self._rows(q, v, a, np.sign(v))
         return self._criterion.exact(rows.T @ rows / len(q), self._scale)
 
     def smooth(self, x: Array, sharpness: float) -> tuple[float, Array]:
         """The smoothed criterion and its gradient ``(size,)``."""
-        q, v, a = self._sampling.whole(x)
+        whole = self._sampling.whole(x)
+        q, v, a = whole.q, whole.v, whole.a
         sign = np.tanh(v / self._width)
         rows = self._rows(q, v, a, sign)
         result = self._criterion.smooth(rows.T @ rows / len(q), self._scale, sharpness)

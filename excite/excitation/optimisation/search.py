@@ -5,26 +5,24 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.optimisation.chain import Chain, Point
+from excite.excitation.optimisation.sampling import NAME, sampled, whole_curve
 from excite.excitation.optimisation.task import ExcitationTask
 from excite.motion.generators.curves import Curve
 from excite.motion.generators.generator import child_seed
-from excite.motion.motion import Motion, MotionMetadata
+from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs, check_jobs
 from excite.parallel.shared import Shared
 from excite.progress import Progress, silent
-from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.verdict import Verdict
 
-NAME = "optimised_fourier"
 # A motion that just misses its limits or collides between samples is made smaller in steps, down to this share.
 _SMALLER, _SMALLEST = 0.98, 0.5
 
@@ -217,42 +215,3 @@ def _made_safe(chain: Chain, index: int, point: Point) -> OptimisedMotion | str:
 def counts(task: ExcitationTask, kind: str) -> bool:
     """Whether a violation of that kind matters: collisions only where they are to be avoided."""
     return task.avoid_collisions or kind != "self_collision"
-
-
-def whole_curve(chain: Chain, x: Array) -> Curve:
-    """The motion of all joints, those that do not move at rest."""
-    layout = chain.layout
-    robot = layout.robot
-    offset, table = layout.parts(x)
-    start = robot.rest[robot.n_base_q :].copy()
-    whole = np.zeros((robot.n_joints, layout.family.n_coefficients))
-    start[layout.joints], whole[layout.joints] = offset, table
-    return layout.family.curve(start, whole)
-
-
-def sampled(robot: Robot, curve: Curve, name: str, seed: int | None = None) -> Motion:
-    """A curve in time as a motion at the robot's rate; a free base stands still on all its feet."""
-    n = max(2, int(np.ceil(curve.length * robot.description.sensors.rate_hz)))
-    time = np.linspace(0.0, curve.length, n + 1)
-    q = np.tile(robot.rest, (n + 1, 1))
-    v, a = np.zeros((2, n + 1, robot.model.nv))
-    q[:, robot.n_base_q :], v[:, robot.n_base_v :], a[:, robot.n_base_v :] = (
-        curve.evaluate(time, order) for order in range(3)
-    )
-    return Motion(
-        name=name,
-        robot=robot.name,
-        joint_names=robot.joint_names,
-        time=time,
-        q=q,
-        v=v,
-        a=a,
-        contacts={foot.name: np.ones(n + 1, dtype=bool) for foot in robot.feet},
-        metadata=MotionMetadata(
-            generator=NAME,
-            seed=seed,
-            targets=robot.joint_names,
-            robot_hash=robot.hash,
-            versions={package: version(package) for package in ("excite", "casadi", "numpy")},
-        ),
-    )

@@ -41,7 +41,8 @@ class TorqueLimits:
 
     def torques(self, x: Array) -> Array:
         """Torques in shares of what the limits leave, ``(n, n_moved)``."""
-        return self._torques(*self._sampling.whole(x))
+        whole = self._sampling.whole(x)
+        return self._torques(whole.q, whole.v, whole.a)
 
     def peaks(self, x: Array) -> Array:
         """Their largest magnitudes, ``(n_moved,)``."""
@@ -49,7 +50,8 @@ class TorqueLimits:
 
     def rows(self, x: Array, chosen: NDArray[np.intp]) -> tuple[Array, Array]:
         """What is left of the limits of the moved joints ``chosen``, ``(m,)``, and its gradient ``(m, size)``."""
-        q, v, a = self._sampling.whole(x)
+        whole = self._sampling.whole(x)
+        q, v, a = whole.q, whole.v, whole.a
         layout = self._sampling.layout
         robot, first = layout.robot, layout.robot.n_base_v
         share = self._torques(q, v, a)

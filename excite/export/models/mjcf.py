@@ -15,13 +15,9 @@ from excite.atomic import atomic_path
 from excite.errors import InputError, NoSolutionError
 from excite.export.models.bodies import changed_segments, split_segment
 from excite.export.models.mjcf_bodies import compiled, difference, segment_bodies
+from excite.export.models.mujoco_places import MujocoNames, robot_names
 from excite.export.models.urdf import TOLERANCE
-from excite.export.models.verification import (
-    MujocoNames,
-    held_joints,
-    mujoco_error,
-    robot_names,
-)
+from excite.export.models.verification import held_joints, mujoco_error
 from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.result import Identification

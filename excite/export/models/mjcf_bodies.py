@@ -13,7 +13,8 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.export.models.bodies import Member, moved_pseudo
-from excite.export.models.verification import MujocoNames, mujoco_places, random_states
+from excite.export.models.mujoco_places import MujocoNames, mujoco_places
+from excite.export.models.verification import random_states
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.reading.child import in_child
 from excite.robot.mjcf.conversion import COMPILE_MEMORY_GB, COMPILE_SECONDS

@@ -14,13 +14,8 @@ from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models.bodies import Member, centred, changed_segments, parameters_of, split_segment
-from excite.export.models.verification import (
-    held_joints,
-    mujoco_error,
-    pinocchio_error,
-    robot_names,
-    urdf_in_mujoco,
-)
+from excite.export.models.mujoco_places import robot_names
+from excite.export.models.verification import held_joints, mujoco_error, pinocchio_error, urdf_in_mujoco
 from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.inertia import pseudo_inertia_matrices

@@ -1,0 +1,1 @@
+"""Force plates: their readings, their moments about the ground, the ground reaction."""

@@ -1,0 +1,1 @@
+"""Postures of a person from markers."""

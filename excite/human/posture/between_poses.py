@@ -1,4 +1,4 @@
-"""Postures between postures."""
+"""Postures between those that are known: positions linearly, rotations on the shortest arc."""
 
 from __future__ import annotations
 

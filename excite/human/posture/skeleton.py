@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.human.segments import NAMES, PARENTS, SEGMENTS, ancestors
@@ -149,9 +148,3 @@ def exponential(turn: Array) -> Array:
     skew[..., 0, 1], skew[..., 0, 2], skew[..., 1, 2] = -z, y, -x
     skew[..., 1, 0], skew[..., 2, 0], skew[..., 2, 1] = z, -y, x
     return np.eye(3) + a[..., None, None] * skew + b[..., None, None] * (skew @ skew)
-
-
-def logarithm(rotation: Array) -> Array:
-    """Rotation vectors ``(…, 3)`` of rotation matrices ``(…, 3, 3)``, angles up to π."""
-    flat = rotation.reshape(-1, 3, 3)
-    return Rotation.from_matrix(flat).as_rotvec().reshape(*rotation.shape[:-2], 3)

@@ -1,0 +1,1 @@
+"""The weight of a person, and a weight that is worn."""

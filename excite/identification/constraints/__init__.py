@@ -1,0 +1,1 @@
+"""What inertial parameters must satisfy: masses, pseudo-inertias, bounds."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 
@@ -35,6 +36,11 @@ class LinearConstraints:
         violation = np.maximum(-slack, 0.0)
         violation[: self.n_equal] = np.abs(slack[: self.n_equal])
         return violation
+
+    def only(self, mask: NDArray[np.bool_]) -> LinearConstraints:
+        """The rows of a mask ``(n_rows,)``, all as inequalities."""
+        labels = tuple(label for label, keep in zip(self.labels, mask, strict=True) if keep)
+        return LinearConstraints(self.matrix[mask], self.bound[mask], labels)
 
 
 def stack(parts: Sequence[LinearConstraints], n_params: int) -> LinearConstraints:

@@ -1,41 +1,32 @@
-"""The estimators by name; adding one takes its file and a line here."""
+"""The estimators by name. A new one is one file beside this one and one line here."""
 
 from __future__ import annotations
 
-from excite.errors import UnknownNameError
-from excite.identification.estimators.base import Estimator
-from excite.identification.estimators.cls1 import BoundedNearBase
-from excite.identification.estimators.cls2 import PhysicallyFeasible
-from excite.identification.estimators.cls3 import DensityRealisable
-from excite.identification.estimators.hqp import HierarchicalProgram
-from excite.identification.estimators.lmi import PhysicallyConsistent
-from excite.identification.estimators.ls import LeastSquares
-from excite.identification.estimators.map import MaximumAPosteriori
-from excite.identification.estimators.physical import PhysicalRetrieval
-from excite.identification.estimators.qp import QuadraticProgram
-from excite.identification.estimators.robust import Huber
-from excite.identification.estimators.wls import WeightedLeastSquares
+from typing import TYPE_CHECKING
 
-ESTIMATORS: dict[str, type[Estimator]] = {
-    estimator.name: estimator
-    for estimator in (
-        LeastSquares,
-        WeightedLeastSquares,
-        Huber,
-        MaximumAPosteriori,
-        QuadraticProgram,
-        HierarchicalProgram,
-        BoundedNearBase,
-        PhysicallyFeasible,
-        DensityRealisable,
-        PhysicallyConsistent,
-        PhysicalRetrieval,
-    )
-}
+from excite.registry import Registry
+
+if TYPE_CHECKING:
+    from excite.identification.estimators.base import Estimator
+
+ESTIMATORS: Registry[Estimator] = Registry(
+    "method",
+    {
+        "ls": "excite.identification.estimators.least_squares.ls:LeastSquares",
+        "wls": "excite.identification.estimators.least_squares.wls:WeightedLeastSquares",
+        "robust": "excite.identification.estimators.least_squares.robust:Huber",
+        "map": "excite.identification.estimators.least_squares.map:MaximumAPosteriori",
+        "qp": "excite.identification.estimators.quadratic.qp:QuadraticProgram",
+        "hqp": "excite.identification.estimators.quadratic.hqp:HierarchicalProgram",
+        "cls1": "excite.identification.estimators.quadratic.cls1:BoundedNearBase",
+        "cls2": "excite.identification.estimators.conic.cls2:PhysicallyFeasible",
+        "cls3": "excite.identification.estimators.conic.cls3:DensityRealisable",
+        "lmi": "excite.identification.estimators.conic.lmi:PhysicallyConsistent",
+        "physical": "excite.identification.estimators.physical:PhysicalRetrieval",
+    },
+)
 
 
 def find_estimator(name: str) -> Estimator:
     """The estimator of that name; raises UnknownNameError."""
-    if name not in ESTIMATORS:
-        raise UnknownNameError("method", name, sorted(ESTIMATORS))
-    return ESTIMATORS[name]()
+    return ESTIMATORS.make(name)

@@ -1,0 +1,1 @@
+"""How good an identification is: validation, precision, what changed against the nominal model."""

@@ -1,0 +1,1 @@
+"""The noise of the equations: its size, its spectrum, the weights that follow."""

@@ -12,16 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.noise.colour import frequency_bins
 from excite.identification.noise.correlated import NoiseModel, fft_length
 from excite.identification.noise.spectra import (
     TransformedTrial,
     band_edges,
     band_of,
     blocks,
-    filter_of,
     spilled_power,
     transformed_trial,
+    trial_bins,
 )
 from excite.identification.noise.trial_grid import TrialGrid
 from excite.identification.problem import IdentificationProblem
@@ -68,7 +67,7 @@ class NoiseBands:
         shortest = min(grid.n_samples for grid in grids)
         memory = max(8.0 / min(1.0, problem.noise_bandwidth), 4.0 / narrowest)
         n_lags = int(min(memory, max(1.0, 0.2 * shortest)))
-        bins = frequency_bins(fft_length(8 * n_lags + 8), *filter_of(problem, grids[0]))
+        bins = trial_bins(problem, grids[0], fft_length(8 * n_lags + 8))
         spectrum = np.zeros((bins.n_fft // 2 + 1, *self.power.shape[1:]))
         spectrum[bins.kept] = bins.colour[:, None, None] * self.power[band_of(bins, self.edges)]
         covariance = np.fft.irfft(spectrum, bins.n_fft, axis=0)[: n_lags + 1]

@@ -118,40 +118,6 @@ def _correlation_length(covariance: Array, n_samples: int) -> int:
     return int(2 * outside[-1]) if len(outside) else 0
 
 
-def sandwich_meat(
-    problem: IdentificationProblem, grids: tuple[TrialGrid, ...], columns: Array, noise: NoiseModel
-) -> Array:
-    """``XᵀΣX`` with ``Σ`` the covariance of all rows under a noise model, ``(k, k)``.
-
-    Computed trial by trial in the frequency domain: ``1/N Σ_f X̂(f)ᴴ S(f) X̂(f)`` with zero padding, which
-    equals the sum over all pairs of instants.
-
-    Args:
-        problem: the problem.
-        grids: its trials' grids.
-        columns: ``X``, ``(n_rows, k)``, in the units in which the noise's ``std`` is one.
-        noise: the noise model; ``std`` is not used.
-    """
-    n_channels = len(problem.channel_names)
-    meat = np.zeros((columns.shape[1], columns.shape[1]))
-    for grid in grids:
-        n_fft = fft_length(grid.n_samples + len(noise.autocovariance))
-        values, vectors = np.linalg.eigh(noise.spectrum(n_fft))
-        # Frequencies at which the noise has nothing add nothing: most of them, after a low-pass filter.
-        kept = values.max(axis=1) > 1e-7 * values.max()
-        kept_values = np.maximum(values[kept], 0.0)
-        root = np.sqrt(kept_values)[:, :, None] * vectors[kept].conj().transpose(0, 2, 1)
-        double = np.full(n_fft // 2 + 1, 2.0)
-        double[0] = 1.0
-        if n_fft % 2 == 0:
-            double[-1] = 1.0
-        root *= np.sqrt(double[kept] / n_fft)[:, None, None]
-        x = grid.spread(columns[grid.rows], problem.channel, n_channels)
-        z = (root @ np.fft.rfft(x, n_fft, axis=0)[kept]).reshape(-1, columns.shape[1])
-        meat += z.real.T @ z.real + z.imag.T @ z.imag
-    return meat
-
-
 def whitened_factor(
     problem: IdentificationProblem, grids: tuple[TrialGrid, ...], columns: Array, noise: NoiseModel
 ) -> Array:

@@ -13,7 +13,6 @@ from excite.identification.noise.colour import Bins, alike_bands, frequency_bins
 from excite.identification.noise.correlated import fft_length
 from excite.identification.noise.trial_grid import TrialGrid
 from excite.identification.problem import IdentificationProblem
-from excite.rows.settings import Filters
 
 # Cells that bands are made of, and how much is held twice at a time.
 _CELLS = 256
@@ -40,10 +39,10 @@ class TransformedTrial:
     n_samples: int
 
 
-def filter_of(problem: IdentificationProblem, grid: TrialGrid) -> tuple[Filters | None, float, float]:
-    """Filter, rate at which it ran, rate of the rows [Hz], as :func:`frequency_bins` takes them."""
+def trial_bins(problem: IdentificationProblem, grid: TrialGrid, n_fft: int) -> Bins:
+    """The bins of a trial transformed over ``n_fft`` instants, with what the problem's filter leaves in each."""
     rate = 1.0 / grid.step_s
-    return problem.filters, problem.sampling_hz or rate, rate
+    return frequency_bins(n_fft, problem.filters, problem.sampling_hz or rate, rate)
 
 
 def transformed_trial(
@@ -51,7 +50,7 @@ def transformed_trial(
 ) -> TransformedTrial:
     """A trial's columns ``q`` ``(n_rows, k)`` and residual ``(n_rows,)`` transformed."""
     n_channels = len(problem.channel_names)
-    bins = frequency_bins(fft_length(2 * grid.n_samples), *filter_of(problem, grid))
+    bins = trial_bins(problem, grid, fft_length(2 * grid.n_samples))
     k = q.shape[1]
     x = np.empty((len(bins.kept), 2, n_channels, k))
     for start in range(0, k, _COLUMNS_AT_ONCE):

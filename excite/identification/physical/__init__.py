@@ -1,0 +1,1 @@
+"""Parameters that bodies can have, certified: bounds and their file, the feasible set, relaxation, search."""

@@ -1,4 +1,4 @@
-"""Trials in HDF5."""
+"""Trials in HDF5 files: one dataset a column."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Hdf5Reader(TrialReader):
 
     name: ClassVar[str] = "hdf5"
     suffixes: ClassVar[tuple[str, ...]] = (".h5", ".hdf5")
-    apart: ClassVar[str | None] = f"{__name__}:read_hdf5"
+    own_process: ClassVar[str | None] = f"{__name__}:read_hdf5"
 
     def _columns(self, path: Path) -> dict[str, Array]:
         _require_h5py(path)

@@ -1,4 +1,4 @@
-"""Trials in numpy archives."""
+"""Trials in numpy archives: one array a column."""
 
 from __future__ import annotations
 

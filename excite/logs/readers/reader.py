@@ -31,13 +31,13 @@ class TrialReader(ABC):
     Attributes:
         name: name of the format.
         suffixes: file name endings that it answers to, lower case, with the dot.
-        apart: function that reads a list of files in a process of its own, ``package.module:name``, for formats
+        own_process: function that reads a list of files in a process of its own, ``package.module:name``, for formats
             whose library damaged files make crash or hang; None for the others.
     """
 
     name: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
-    apart: ClassVar[str | None] = None
+    own_process: ClassVar[str | None] = None
 
     def read(self, path: Path) -> dict[str, Array]:
         """Read all columns, ``(n,)`` each, as they stand in the file; those that hold no numbers come empty.

@@ -1,4 +1,4 @@
-"""The formats of trial files that are known, by name."""
+"""The formats of trial files that are known, by name. A new one is one file beside this one and its line here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ from excite.reading.file import check_file
 _STARTING_S, _BYTES_PER_S = 20.0, 5e6
 
 READERS: dict[str, type[TrialReader]] = {
-    reader.name: reader for reader in (ParquetReader, CsvReader, NpzReader, Hdf5Reader)
+    reader.name: reader
+    for reader in (
+        ParquetReader,
+        CsvReader,
+        NpzReader,
+        Hdf5Reader,
+    )
 }
 
 
@@ -51,14 +57,14 @@ def read_trials(paths: Sequence[Path]) -> Iterator[dict[str, Array]]:
     """
     readers = [reader_for(path) for path in paths]
     found: dict[Path, dict[str, Array]] = {}
-    for function in {reader.apart for reader in readers if reader.apart is not None}:
-        own = [path for path, reader in zip(paths, readers, strict=True) if reader.apart == function]
-        found |= zip(own, _read_apart(function, own), strict=True)
+    for function in {reader.own_process for reader in readers if reader.own_process is not None}:
+        own = [path for path, reader in zip(paths, readers, strict=True) if reader.own_process == function]
+        found |= zip(own, _read_in_own_process(function, own), strict=True)
     for path, reader in zip(paths, readers, strict=True):
-        yield found.pop(path) if reader.apart is not None else reader.read(path)
+        yield found.pop(path) if reader.own_process is not None else reader.read(path)
 
 
-def _read_apart(function: str, paths: list[Path]) -> list[dict[str, Array]]:
+def _read_in_own_process(function: str, paths: list[Path]) -> list[dict[str, Array]]:
     size = sum(check_file(path, error=LogError).stat().st_size for path in paths)
     try:
         found: list[dict[str, Array]] = in_child(
@@ -72,5 +78,5 @@ def _read_apart(function: str, paths: list[Path]) -> list[dict[str, Array]]:
         if len(paths) == 1:
             raise
         # One by one, to name the file that it was.
-        return [_read_apart(function, [path])[0] for path in paths]
+        return [_read_in_own_process(function, [path])[0] for path in paths]
     return found

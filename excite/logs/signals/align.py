@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.errors import LogError
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,52 +43,31 @@ class Lag:
         )
 
 
-def estimate_lag(measured: Array, predicted: Array, rate_hz: float, max_lag_s: float = 0.1) -> Lag:
-    """Lag by cross-correlation: ``measured(t) ≈ predicted(t − lag)``.
+@dataclass(frozen=True, eq=False)
+class Shifted:
+    """Two groups of channels against each other at one lag.
 
-    Channels count alike. The peak is found to a fraction of a sample by a parabola; the signals should be
-    low-passed well below half the rate.
-
-    Args:
-        measured: ``(n, n_channels)`` uniformly sampled.
-        predicted: the same of what it is compared with.
-        rate_hz: their rate [Hz].
-        max_lag_s: largest lag looked for [s].
-
-    Returns:
-        The lag.
-
-    Raises:
-        LogError: the signals are shorter than twice the largest lag, or do not vary.
+    Attributes:
+        correlation: of both.
+        residual: what is left, ``(n, …)``, rows in order of time.
+        slope: its change with the lag, per second and of either sign, ``(n, …)``.
     """
-    reach = max(1, round(max_lag_s * rate_hz))
-    if len(measured) <= 4 * reach:
-        raise LogError(
-            f"{len(measured)} samples are too few for lags of {max_lag_s:g} s", remedy="record longer"
-        )
-    inner = slice(reach, len(measured) - reach)
-    model = _normalised(predicted)[inner]
-    signal = _normalised(measured)
 
-    def correlation(shift: int) -> tuple[float, Array, Array]:
-        part = signal[reach + shift : len(signal) - reach + shift]
-        gain = float((part * model).sum() / np.sqrt((part**2).sum() * (model**2).sum()))
-        return gain, part - model, np.gradient(model, axis=0) * rate_hz
-
-    return peak(correlation, reach, rate_hz)
+    correlation: float
+    residual: Array
+    slope: Array
 
 
-def peak(correlation: Callable[[int], tuple[float, Array, Array]], reach: int, rate_hz: float) -> Lag:
+def peak(correlation: Callable[[int], Shifted], reach: int, rate_hz: float) -> Lag:
     """The lag at which ``correlation`` is greatest.
 
     Args:
-        correlation: for a lag in samples, the correlation, the residual ``(n, …)`` and its change with the
-            lag ``(n, …)`` per second (of either sign), rows in order of time.
+        correlation: of both groups for a lag in samples.
         reach: largest lag [samples].
         rate_hz: samples per second.
     """
     shifts = np.arange(-reach, reach + 1)
-    values = np.array([correlation(int(shift))[0] for shift in shifts])
+    values = np.array([correlation(int(shift)).correlation for shift in shifts])
     best = int(np.argmax(values))
     offset = 0.0
     if 0 < best < len(shifts) - 1:
@@ -99,23 +77,15 @@ def peak(correlation: Callable[[int], tuple[float, Array, Array]], reach: int, r
         top = float(middle - 0.25 * (left - right) * offset)
     else:
         top = float(values[best])
-    _, residual, slope = correlation(int(shifts[best]))
+    found = correlation(int(shifts[best]))
     return Lag(
         lag_s=float(shifts[best] + offset) / rate_hz,
-        std_s=_deviation(residual, slope),
+        std_s=_deviation(found.residual, found.slope),
         correlation=top,
         correlation_before=float(values[reach]),
         tried_s=shifts / rate_hz,
         correlations=values,
     )
-
-
-def _normalised(values: Array) -> Array:
-    centred = values - values.mean(axis=0)
-    size = np.sqrt(np.mean(centred**2, axis=0))
-    if not (size > 0.0).any():
-        raise LogError("no channel varies", remedy="record a motion")
-    return centred / np.where(size > 0.0, size, 1.0)
 
 
 def _deviation(residual: Array, slope: Array) -> float:

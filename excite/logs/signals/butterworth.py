@@ -1,4 +1,4 @@
-"""Zero-phase low-pass filtering."""
+"""Zero-phase low-pass filtering of signals, and how much of white noise it leaves."""
 
 from __future__ import annotations
 

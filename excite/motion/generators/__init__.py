@@ -1,1 +1,1 @@
-
+"""Generators of candidate motions, one class each, by name in the registry."""

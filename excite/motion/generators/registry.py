@@ -1,112 +1,28 @@
-"""All generators by name, and the mixture of them that a plan is made of."""
+"""All generators by name. A new one is one file beside this one and one line here."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
+from typing import TYPE_CHECKING
 
-import numpy as np
+from excite.registry import Registry
 
-from excite.errors import UnknownNameError
-from excite.motion.generators.aimed import Aimed
-from excite.motion.generators.candidate import Candidate
-from excite.motion.generators.fourier import Fourier
-from excite.motion.generators.generator import Generator
-from excite.motion.generators.leg_swing import LegSwing
-from excite.motion.generators.proposal import Proposal
-from excite.motion.generators.random_joint import RandomJoint
-from excite.motion.generators.squat import Squat
-from excite.motion.generators.walking import Walking
-from excite.robot.robot import Robot
+if TYPE_CHECKING:
+    from excite.motion.generators.generator import Generator
 
-GENERATORS: dict[str, type[Generator]] = {
-    generator.name: generator for generator in (RandomJoint, Fourier, LegSwing, Squat, Walking, Aimed)
-}
-
-# Shares of a plan. Leg swings are what completes the rank of the base-link regressor.
-STANDING_MIX: Mapping[str, float] = {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}
-ARM_MIX: Mapping[str, float] = {"random_joint": 0.5, "fourier": 0.5}
-# The same where joints are aimed at. Squats load legs as no swing does.
-AIMED_STANDING_MIX: Mapping[str, float] = {"aimed": 0.8, "squat": 0.2}
-AIMED_ARM_MIX: Mapping[str, float] = {"aimed": 1.0}
+# Seeds of a plan follow the places in this table: new ones go to its end.
+GENERATORS: Registry[Generator] = Registry(
+    "generator",
+    {
+        "random_joint": "excite.motion.generators.random_joint:RandomJoint",
+        "fourier": "excite.motion.generators.fourier:Fourier",
+        "leg_swing": "excite.motion.generators.leg_swing:LegSwing",
+        "squat": "excite.motion.generators.squat:Squat",
+        "walking": "excite.motion.generators.walking:Walking",
+        "aimed": "excite.motion.generators.aimed:Aimed",
+    },
+)
 
 
 def make_generator(name: str) -> Generator:
     """The generator of that name; raises UnknownNameError."""
-    if name not in GENERATORS:
-        raise UnknownNameError("generator", name, sorted(GENERATORS))
-    return GENERATORS[name]()
-
-
-def draw(robot: Robot, proposal: Proposal) -> Candidate:
-    """The candidate that a proposal stands for; raises UnknownNameError."""
-    return make_generator(proposal.generator).draw(robot, proposal.seed, proposal.targets, proposal.name)
-
-
-def plan_candidates(
-    robot: Robot,
-    count: int,
-    seed: np.random.SeedSequence,
-    *,
-    mix: Mapping[str, float] | None = None,
-    targets: Sequence[str] = (),
-) -> list[Candidate]:
-    """Candidates of several generators, in shares.
-
-    Args:
-        robot: the robot.
-        count: how many in total.
-        seed: the candidates of generator ``name`` come from the child that the registry's order gives it.
-        mix: share by generator name; by default a mixture for standing robots or for arms, without or with targets.
-        targets: joints to aim at; each generator takes those that it can aim at, and a generator that can
-            aim at none of them is left out. Empty: all joints.
-
-    Returns:
-        ``count`` candidates, generator by generator, with unique names.
-
-    Raises:
-        UnknownNameError: a generator or a target is unknown.
-        RobotError: a generator of ``mix`` does not apply to the robot.
-    """
-    return [draw(robot, item) for item in plan_proposals(robot, count, seed, mix=mix, targets=targets)]
-
-
-def plan_proposals(
-    robot: Robot,
-    count: int,
-    seed: np.random.SeedSequence,
-    *,
-    mix: Mapping[str, float] | None = None,
-    targets: Sequence[str] = (),
-) -> Iterator[Proposal]:
-    """What :func:`plan_candidates` draws, not drawn yet; same arguments and errors."""
-    usual = (AIMED_STANDING_MIX, AIMED_ARM_MIX) if targets else (STANDING_MIX, ARM_MIX)
-    shares = dict(mix if mix is not None else usual[0] if robot.feet else usual[1])
-    for joint in targets:
-        robot.joint_index(joint)
-    aims = {name: _aims(make_generator(name), robot, targets) for name in shares}
-    if targets:
-        shares = {name: share for name, share in shares.items() if aims[name]}
-    numbers = _apportion(np.array(list(shares.values()), dtype=float), count)
-    drawn: list[Iterator[Proposal]] = []
-    for name, number in zip(shares, numbers, strict=True):
-        position = list(GENERATORS).index(name)
-        child = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, position))
-        drawn.append(make_generator(name).proposals(robot, int(number), child, aims[name]))
-    return chain.from_iterable(drawn)
-
-
-def _aims(generator: Generator, robot: Robot, targets: Sequence[str]) -> tuple[str, ...]:
-    if not targets or not generator.applies(robot):
-        return ()
-    possible = generator.aims(robot)
-    return tuple(joint for joint in targets if joint in possible)
-
-
-def _apportion(shares: np.ndarray, count: int) -> np.ndarray:
-    """Whole numbers in proportion to ``shares`` that add up to ``count`` (largest remainders)."""
-    exact = count * shares / shares.sum()
-    numbers = np.floor(exact).astype(int)
-    order = np.argsort(-(exact - numbers), kind="stable")
-    numbers[order[: count - int(numbers.sum())]] += 1
-    return numbers
+    return GENERATORS.make(name)

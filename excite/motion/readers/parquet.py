@@ -1,4 +1,4 @@
-"""``excite.motion/1`` in Parquet."""
+"""Reads motions of ``excite.motion/1`` from Parquet."""
 
 from __future__ import annotations
 

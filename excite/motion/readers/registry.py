@@ -13,7 +13,13 @@ from excite.motion.readers.ros2 import Ros2Reader
 from excite.motion.readers.table import TableReader
 
 READERS: dict[str, type[MotionReader]] = {
-    reader.name: reader for reader in (ParquetReader, NpzReader, TableReader, Ros2Reader)
+    reader.name: reader
+    for reader in (
+        ParquetReader,
+        NpzReader,
+        TableReader,
+        Ros2Reader,
+    )
 }
 
 
@@ -34,5 +40,5 @@ def read_motion(path: Path, joints: Sequence[str] = ()) -> RawMotion:
     raise MotionError(
         f"unknown format {path.suffix!r}",
         source=path,
-        remedy="use .parquet, .npz, .csv, .mcap, or a ROS 2 bag's folder",
+        remedy="use " + "; ".join(reader.summary for reader in READERS.values()),
     )

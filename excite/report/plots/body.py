@@ -11,7 +11,8 @@ from scipy.spatial import ConvexHull, QhullError
 from excite.arrays import Array
 from excite.errors import RobotError
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, Shape, collision_shapes
+from excite.robot.shapes.collision import TABLE, collision_shapes
+from excite.robot.shapes.shape import Shape
 
 _AZIMUTH, _ELEVATION = np.deg2rad(38.0), np.deg2rad(12.0)
 _SHORTEST_BONE = 0.01

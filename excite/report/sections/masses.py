@@ -1,4 +1,4 @@
-"""Masses of the segments."""
+"""The report's section on the masses of the segments."""
 
 from __future__ import annotations
 

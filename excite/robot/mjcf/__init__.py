@@ -1,0 +1,1 @@
+"""A MuJoCo model turned into a URDF."""

@@ -1,0 +1,1 @@
+"""A first ``robot.yaml`` for a model of one's own."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
-from excite.robot.scaffold.draft import scaffold_description
+from excite.robot.scaffold.description import scaffold_description
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_shapes, shape_points
+from excite.robot.shapes.collision import collision_shapes
+from excite.robot.shapes.shape import shape_points
 from excite.robot.urdf.numbers import numbers
 from excite.robot.urdf.tree import MOVING
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import yaml
 
-if TYPE_CHECKING:
-    from excite.robot.scaffold.draft import Draft
+from excite.robot.scaffold.draft import Draft
 
 _FREQUENCY = 8.0
 """Natural frequency of the servo that is proposed for the virtual robot [Hz]."""

@@ -1,0 +1,1 @@
+"""Collision geometry: shapes, hulls of meshes, pairs that may be ignored."""

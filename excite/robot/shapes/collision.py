@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
-from xml.etree import ElementTree
 
-import coal
 import numpy as np
 import pinocchio as pin
 from defusedxml.ElementTree import fromstring
@@ -16,44 +11,15 @@ from numpy.typing import NDArray
 
 from excite.errors import RobotError
 from excite.robot.links import link_placement
-from excite.robot.quantities import MAX_TRAVEL
 from excite.robot.robot import Robot
+from excite.robot.shapes.link_shapes import link_shapes
 from excite.robot.shapes.mesh_files import read_meshes
-from excite.robot.shapes.meshes import convex_hull
+from excite.robot.shapes.shape import Shape, coal_geometry
 
 Array = NDArray[np.float64]
-Kind = Literal["convex", "box", "capsule", "sphere", "cylinder"]
 
 TABLE = "table"
 _TABLE_SIZE = (4.0, 4.0, 1.0)
-# A hull of 96 corners may have to grow by a hundredth; of a smooth body the growth falls with the corners' square.
-_CORNERS, _SLACK = 96, 0.01
-
-
-@dataclass(frozen=True, eq=False)
-class Shape:
-    """A convex solid that moves with a joint.
-
-    Attributes:
-        name: unique name, ``LINK_NUMBER``.
-        link: link that it belongs to (``table`` for the surface that a fixed base stands on).
-        joint: index of the model joint that carries it, 0 for the world.
-        placement: its pose in the frame of that joint.
-        kind: ``convex``, ``box``, ``capsule``, ``sphere`` or ``cylinder``.
-        size: [m] box: full lengths along x, y, z; sphere: radius; capsule and cylinder: radius and
-            length along z (of a capsule: without its caps); empty for ``convex``.
-        vertices: corners of a ``convex`` in its own frame, ``(n, 3)`` [m], else None.
-        faces: triangles of a ``convex`` as vertex indices, ``(m, 3)``, anticlockwise from outside, else None.
-    """
-
-    name: str
-    link: str
-    joint: int
-    placement: pin.SE3
-    kind: Kind
-    size: tuple[float, ...] = ()
-    vertices: Array | None = None
-    faces: NDArray[np.int64] | None = None
 
 
 # By robot hash, so that a robot that was pickled to a worker process finds its geometry again.
@@ -116,38 +82,6 @@ def shape_pairs(
     return pairs
 
 
-def coal_geometry(shape: Shape) -> coal.CollisionGeometry:
-    """The coal geometry of a shape, in the shape's own frame."""
-    if shape.kind == "convex":
-        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-        for vertex in shape.vertices if shape.vertices is not None else ():
-            points.append(vertex)
-        for face in shape.faces if shape.faces is not None else ():
-            triangles.append(coal.Triangle(*(int(i) for i in face)))
-        geometry = coal.Convex(points, triangles)
-    else:
-        makers = {"box": coal.Box, "capsule": coal.Capsule, "sphere": coal.Sphere, "cylinder": coal.Cylinder}
-        geometry = makers[shape.kind](*shape.size)
-    geometry.computeLocalAABB()
-    return geometry
-
-
-def shape_points(shape: Shape) -> Array:
-    """Corners of a shape, or of the box around it, in the frame of its joint, ``(n, 3)`` [m]."""
-    if shape.vertices is not None:
-        points = shape.vertices
-    else:
-        radius, length = shape.size[0], shape.size[-1]
-        half = {
-            "box": 0.5 * np.array(shape.size),
-            "sphere": np.full(3, radius),
-            "cylinder": np.array([radius, radius, 0.5 * length]),
-            "capsule": np.array([radius, radius, 0.5 * length + radius]),
-        }[shape.kind]
-        points = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return points @ shape.placement.rotation.T + shape.placement.translation
-
-
 def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str]]:
     links = {shape.link for shape in shapes}
     for pair in robot.description.collision.ignored_pairs:
@@ -170,7 +104,7 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         meshes = root.iterfind(f"link/{block.geometry}/geometry/mesh")
         points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
         for link in root.findall("link"):
-            shapes += _link_shapes(robot, link, block.geometry, points)
+            shapes += link_shapes(robot, link, block.geometry, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
         number = sum(shape.link == authored.link for shape in shapes)
@@ -196,76 +130,3 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         below = pin.SE3(np.eye(3), np.array([0.0, 0.0, block.table_height - 0.5 * _TABLE_SIZE[2]]))
         shapes.append(Shape(TABLE, TABLE, 0, below, "box", _TABLE_SIZE))
     return tuple(shapes)
-
-
-def _link_shapes(
-    robot: Robot, link: ElementTree.Element, kind: str, points: Mapping[Path, Array]
-) -> list[Shape]:
-    name = link.get("name", "")
-    shapes = []
-    for number, element in enumerate(link.findall(kind)):
-        where = f"link {name!r}, {kind} {number}"
-        joint, placement = link_placement(robot.model, name, robot.source, where)
-        pose = placement * _origin(element.find("origin"))
-        geometry = element.find("geometry")
-        solid = geometry[0] if geometry is not None and len(geometry) else None
-        if solid is None:
-            raise RobotError(
-                "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
-            )
-        shapes.append(_solid(f"{name}_{number}", name, joint, pose, solid, robot, where, points))
-    return shapes
-
-
-def _solid(
-    name: str,
-    link: str,
-    joint: int,
-    pose: pin.SE3,
-    solid: ElementTree.Element,
-    robot: Robot,
-    where: str,
-    meshes: Mapping[Path, Array],
-) -> Shape:
-    if solid.tag == "mesh":
-        corners = robot.description.collision.hull_corners
-        points = meshes[Path(solid.get("filename", ""))] * _floats(solid.get("scale", "1 1 1"))
-        if np.abs(points).max() > MAX_TRAVEL:
-            raise RobotError(
-                f"its mesh reaches {np.abs(points).max():.3g} m from its origin",
-                source=robot.source,
-                field=where,
-                remedy='looks like millimetres: write scale="0.001 0.001 0.001"',
-            )
-        try:
-            hull = convex_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
-        except ValueError as error:
-            raise RobotError(
-                str(error), source=robot.source, field=where, remedy="author a shape instead"
-            ) from error
-        return Shape(name, link, joint, pose, "convex", (), hull.vertices, hull.faces)
-    if solid.tag == "box":
-        return Shape(name, link, joint, pose, "box", tuple(_floats(solid.get("size", "")).tolist()))
-    if solid.tag == "sphere":
-        return Shape(name, link, joint, pose, "sphere", (float(solid.get("radius", "nan")),))
-    if solid.tag in {"cylinder", "capsule"}:
-        size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
-        return Shape(name, link, joint, pose, "capsule" if solid.tag == "capsule" else "cylinder", size)
-    raise RobotError(
-        f"unknown geometry {solid.tag!r}",
-        source=robot.source,
-        field=where,
-        remedy="use a mesh, box or sphere",
-    )
-
-
-def _origin(origin: ElementTree.Element | None) -> pin.SE3:
-    if origin is None:
-        return pin.SE3.Identity()
-    return pin.SE3(
-        pin.rpy.rpyToMatrix(*_floats(origin.get("rpy", "0 0 0"))), _floats(origin.get("xyz", "0 0 0"))
-    )
-
-
-def _floats(text: str) -> Array:
-    return np.array([float(part) for part in text.split()])

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, Shape, collision_shapes
+from excite.robot.shapes.collision import TABLE, collision_shapes
+from excite.robot.shapes.shape import Shape
 
 Array = NDArray[np.float64]
 

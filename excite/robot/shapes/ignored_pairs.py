@@ -10,7 +10,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, coal_geometry, collision_shapes, shape_pairs
+from excite.robot.shapes.collision import TABLE, collision_shapes, shape_pairs
+from excite.robot.shapes.shape import coal_geometry
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Strict reading of URDF: its tree, inertias, geometry and numbers."""

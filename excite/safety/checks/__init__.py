@@ -1,0 +1,1 @@
+"""Checks of a motion, one class each, listed in the registry."""

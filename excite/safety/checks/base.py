@@ -1,4 +1,4 @@
-"""What a check is."""
+"""What a check is: the abstract class that all checks of a motion derive from."""
 
 from __future__ import annotations
 

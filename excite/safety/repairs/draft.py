@@ -9,8 +9,10 @@ from typing import ClassVar
 from excite.motion.generators.candidate import Candidate
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
+from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.rows import PathLimits
+from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_law import TimeLaw
 
 
@@ -59,12 +61,18 @@ class Repair(ABC):
 
     Attributes:
         name: registry name, also the name of the stage in timings.
+        robot: the robot whose drafts it repairs.
+        probe: its collisions; one of its own, if None is given.
+        shares: how much of each limit to use; the default leaves the verdict a margin.
     """
 
     name: ClassVar[str]
 
-    def __init__(self, robot: Robot) -> None:
-        self.robot = robot
+    def __init__(
+        self, robot: Robot, probe: CollisionProbe | None = None, shares: Shares | None = None
+    ) -> None:
+        self.robot, self.shares = robot, shares or Shares()
+        self.probe = probe or CollisionProbe(robot)
 
     @abstractmethod
     def repair(self, draft: Draft) -> Draft | Rejection:

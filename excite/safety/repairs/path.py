@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
@@ -120,17 +119,3 @@ def angular_rates(r: Array, dr: Array, ddr: Array) -> tuple[Array, Array]:
         + c2 * (np.cross(dr, first) + np.cross(r, np.cross(r, ddr)))
     )
     return omega, rate
-
-
-def foot_displacements(robot: Robot, q: Array) -> dict[str, Array]:
-    """Largest distance of each sole's corners from where they rest, by foot name, ``(n,)`` [m]."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.rest)
-    rest = {foot.name: np.array([data.oMi[foot.joint].act(c) for c in foot.sole]) for foot in robot.feet}
-    moved = {foot.name: np.empty(len(q)) for foot in robot.feet}
-    for i, row in enumerate(q):
-        pin.forwardKinematics(robot.model, data, row)
-        for foot in robot.feet:
-            corners = np.array([data.oMi[foot.joint].act(c) for c in foot.sole])
-            moved[foot.name][i] = np.linalg.norm(corners - rest[foot.name], axis=1).max()
-    return moved

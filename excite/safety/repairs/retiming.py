@@ -8,10 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.robot.robot import Robot
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.rows import PathLimits, Rows
-from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.time_law import TimeLaw
 
 # Shortest time that the path parameter takes for one unit [s], where nothing else limits it.
@@ -33,16 +31,12 @@ class Retiming(Repair):
 
     name: ClassVar[str] = "retiming"
 
-    def __init__(self, robot: Robot, shares: Shares) -> None:
-        super().__init__(robot)
-        self._shares = shares
-
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft with a time law, or the rejection ``no_time_law``."""
         if draft.path is None:
             return draft.rejected("no_path", "path")
         candidate = draft.candidate
-        limits = PathLimits(candidate, draft.path, self._shares)
+        limits = PathLimits(candidate, draft.path, self.shares)
         if candidate.speed is not None:
             s = np.linspace(0.0, candidate.length, 5)
             law = TimeLaw(s / candidate.speed, s, (candidate.speed, candidate.speed))

@@ -16,7 +16,7 @@ from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
 from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.shares import Shares
-from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
+from excite.safety.repairs.support import Support, friction_rows, load_shares, support_of, zmp_rows
 
 # An edge faces the free foot within this cosine of the angle to it.
 _FACING = 0.7
@@ -108,7 +108,7 @@ class PathLimits:
         centres = {name: corners.mean(axis=0) for name, corners in self._soles.items()}
         point = np.column_stack([-wrench[:, 0, 4], wrench[:, 0, 3]]) / wrench[:, 0, 2:3]
         carried = np.column_stack([self.candidate.supports(knots.s, foot.name) for foot in robot.feet])
-        share = _load_shares(point, np.array([centres[foot.name] for foot in robot.feet]), carried)
+        share = load_shares(point, np.array([centres[foot.name] for foot in robot.feet]), carried)
         middle = share @ np.array([centres[foot.name] for foot in robot.feet])
         about_middle = wrench[..., 3:] - np.cross(middle[:, None], wrench[..., :3])
         for k, foot in enumerate(robot.feet):
@@ -224,18 +224,6 @@ class PathLimits:
     def _support(self, carried: Array) -> Support:
         feet = [foot for foot, carries in zip(self._robot.feet, carried, strict=True) if carries]
         return support_of([self._soles[foot.name] for foot in feet], min(foot.friction for foot in feet))
-
-
-def _load_shares(point: Array, centres: Array, carried: Array) -> Array:
-    """Share of the load on each foot, ``(n, n_feet)``, from where it acts between two feet's centres."""
-    if len(centres) == 2:
-        line = centres[1, :2] - centres[0, :2]
-        second = np.clip((point - centres[0, :2]) @ line / (line @ line), 0.0, 1.0)
-        share = np.column_stack([1.0 - second, second])
-    else:
-        share = np.full(carried.shape, 1.0 / len(centres))
-    share = np.where(carried, np.maximum(share, 1e-9), 0.0)
-    return share / share.sum(axis=1, keepdims=True)
 
 
 def _two_sided(values: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from importlib.metadata import version
 from typing import ClassVar
 
@@ -11,8 +12,6 @@ import numpy as np
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import rest_joints
 from excite.motion.motion import Motion, MotionMetadata
-from excite.robot.robot import Robot
-from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.transfers import Transfer, transfer
 
@@ -26,10 +25,9 @@ class Sampling(Repair):
 
     name: ClassVar[str] = "sampling"
 
-    def __init__(self, robot: Robot, probe: CollisionProbe) -> None:
-        super().__init__(robot)
-        self._probe = probe
-        self._versions = {package: version(package) for package in _VERSIONS}
+    @cached_property
+    def _versions(self) -> dict[str, str]:
+        return {package: version(package) for package in _VERSIONS}
 
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft with a motion, or the rejection ``self_collision`` of a transfer."""
@@ -48,10 +46,10 @@ class Sampling(Repair):
         if not self.robot.floating and np.abs(q[0] - rest).max() > _NEAR:
             there, back = transfer(self.robot, rest, q[0], rate), transfer(self.robot, q[-1], rest, rate)
             for part in (there, back):
-                collision = self._probe.first(part.q)
+                collision = self.probe.first(part.q)
                 if collision is not None:
                     return draft.rejected(
-                        "self_collision", f"transfer, {self._probe.culprit(part.q[collision])}"
+                        "self_collision", f"transfer, {self.probe.culprit(part.q[collision])}"
                     )
             q, v, a = _joined(there, (q, v, a), back)
             time = np.arange(len(q)) / rate

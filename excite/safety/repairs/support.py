@@ -84,3 +84,15 @@ def friction_rows(w: Array, support: Support, share: float) -> Array:
     parts = np.stack([w[..., 0], w[..., 1], vertical / support.radius], axis=-1)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     return parts @ signs.T - share * support.friction * w[..., 2:3]
+
+
+def load_shares(point: Array, centres: Array, carried: Array) -> Array:
+    """Share of the load on each foot, ``(n, n_feet)``, from where it acts between two feet's centres."""
+    if len(centres) == 2:
+        line = centres[1, :2] - centres[0, :2]
+        second = np.clip((point - centres[0, :2]) @ line / (line @ line), 0.0, 1.0)
+        share = np.column_stack([1.0 - second, second])
+    else:
+        share = np.full(carried.shape, 1.0 / len(centres))
+    share = np.where(carried, np.maximum(share, 1e-9), 0.0)
+    return share / share.sum(axis=1, keepdims=True)

@@ -10,8 +10,6 @@ import numpy as np
 from excite.arrays import Array
 from excite.motion.generators.candidate import Candidate, Draws
 from excite.motion.generators.curves import Curve, SplineCurve
-from excite.robot.robot import Robot
-from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 
 # Samples in a span; a span takes 0.2 s or more, and between samples the probe's extra margin holds.
@@ -31,10 +29,6 @@ class Waypoints(Repair):
     """
 
     name: ClassVar[str] = "waypoints"
-
-    def __init__(self, robot: Robot, probe: CollisionProbe) -> None:
-        super().__init__(robot)
-        self._probe = probe
 
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft whose posture does not collide, or the rejection ``self_collision``."""
@@ -60,7 +54,7 @@ class Waypoints(Repair):
         """Whether joint positions ``(n, n_joints)`` do not collide with the base at rest."""
         q = np.tile(self.robot.rest, (len(joints), 1))
         q[:, self.robot.n_base_q :] = joints
-        return self._probe.first(q) is None
+        return self.probe.first(q) is None
 
 
 class _Walk:

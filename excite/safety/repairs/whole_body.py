@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import ClassVar
 from xml.etree import ElementTree
 
@@ -16,7 +17,6 @@ from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.curves import SplineCurve
 from excite.robot.robot import Robot
-from excite.safety.repairs.collisions import CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath, coordinates_of
 from excite.safety.repairs.shrinking import shrunk
@@ -45,10 +45,9 @@ class WholeBody(Repair):
 
     name: ClassVar[str] = "whole_body"
 
-    def __init__(self, robot: Robot, probe: CollisionProbe) -> None:
-        super().__init__(robot)
-        self._probe = probe
-        self._balancer = _Balancer(robot) if robot.feet else None
+    @cached_property
+    def _balancer(self) -> _Balancer | None:
+        return _Balancer(self.robot) if self.robot.feet else None
 
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft with a path; or ``unreachable``, ``joint_position``, ``self_collision``, ``foot_ground``."""
@@ -79,9 +78,9 @@ class WholeBody(Repair):
         foot = self._grounded(candidate, s, q)
         if foot is not None:
             return draft.rejected("foot_ground", foot)
-        collision = self._probe.first(q)
+        collision = self.probe.first(q)
         if collision is not None:
-            return draft.rejected("self_collision", self._probe.culprit(q[collision]))
+            return draft.rejected("self_collision", self.probe.culprit(q[collision]))
         return replace(draft, path=MotionPath(self.robot, s, coordinates_of(self.robot, q)))
 
     def _grounded(self, candidate: Candidate, s: Array, q: Array) -> str | None:

@@ -9,8 +9,8 @@ from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
-from excite.diagnosis.equations.drive_terms import ARMATURE
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.own_columns import ARMATURE
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.links import carried_link
 

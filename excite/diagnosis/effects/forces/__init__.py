@@ -1,0 +1,1 @@
+"""Effects of forces that depend on the joint's position: springs, ripple."""

@@ -11,8 +11,8 @@ from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 from excite.diagnosis.effects.note import Noted
-from excite.diagnosis.equations.drive_terms import COULOMB
-from excite.diagnosis.equations.sign_change import WIDTHS
+from excite.diagnosis.equations.friction_sign import WIDTHS
+from excite.diagnosis.equations.own_columns import COULOMB
 
 # A sign that changes over more than this share of a joint's speed (root mean square) is a slope: viscous friction.
 _SIGN = 0.25

@@ -12,8 +12,8 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta, Told
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.note import Beyond, JointStep, Note
-from excite.diagnosis.equations.drive_terms import COULOMB, VISCOUS, coulomb_level
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.own_columns import COULOMB, VISCOUS, coulomb_level
 from excite.lazy_kernel import LazyKernel
 
 # Samples over which what the record tells of the drift is averaged.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
-from excite.diagnosis.equations.drive_terms import VISCOUS
+from excite.diagnosis.equations.own_columns import VISCOUS
 
 
 class ViscousFriction(Effect):

@@ -1,0 +1,1 @@
+"""Effects of gears and rotors: armature, play, elasticity."""

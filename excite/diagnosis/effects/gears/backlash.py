@@ -1,4 +1,4 @@
-"""Play in a gear."""
+"""Play in a gear: its equations of motion behind hard, bouncing, soft and round contacts."""
 
 from __future__ import annotations
 
@@ -110,12 +110,7 @@ class SoftBacklash(Backlash):
     """Contacts that come on over a width instead of at once; in the middle they add up to a little stiffness."""
 
     searched = (*Backlash.searched, Parameter("softness", "rad", 2e-4, 0.02))
-
-    @property
-    def kin(self) -> tuple[Effect, ...]:
-        from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
-
-        return (JointElasticity(),)
+    overlaps = ("joint_elasticity",)
 
     @property
     def richer(self) -> tuple[Effect, ...]:

@@ -13,35 +13,22 @@ _FURTHEST = 1.0
 
 
 @LazyKernel
-def deflect(
-    load,
-    by_q,
-    by_v,
-    inertia,
-    by_qq,
-    by_qv,
-    starts,
-    begin,
-    dt,
-    stiffness,
-    damping,
-    gap,
-    cubic=0.0,
-    soft=0.0,
-    depth=0.0,
-):  # pragma: no cover - compiled
+def deflect(behind, gear, starts, begin, dt):  # pragma: no cover - compiled
     """Integrate ``M δ̈ = −τ(δ, δ̇) − k(δ) − D δ̇`` with a dead band of ±gap, by its midpoints.
 
-    load, by_q, by_v, inertia: ``(n,)`` torque τ that the link needs, its change with the joint's angle and speed, and
-    its inertia; by_qq, by_qv alike: second derivatives. The inertia behind a joint does not change with its own angle,
-    and so nothing does with the square of its own speed. ``starts`` marks the first sample of each trial, the first of
-    all among them, where the deflection is the static one and ``begin (n_trials, 2)`` more, angle and speed. The spring
-    is ``k x (1 + cubic x²)``; in the dead band there is neither spring nor damper. With ``soft`` each flank of the band
-    is ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s. With ``depth`` the flanks are round, their
-    force and their damping as those of two spheres: ``k x √(x/depth)`` (Hertz 1881; Hunt, Crossley 1975). Contacts push
-    and do not pull.
+    ``behind`` (:class:`~excite.diagnosis.effects.gears.gear.Behind`) is the torque τ that the link needs and what it
+    changes with. The inertia behind a joint does not change with its own angle, and so nothing does with the square of
+    its own speed. ``starts`` marks the first sample of each trial, the first of all among them, where the deflection is
+    the static one and ``begin (n_trials, 2)`` more, angle and speed.
+
+    ``gear`` (:class:`~excite.diagnosis.effects.gears.gear.Gear`) gives way: the spring is ``k x (1 + cubic x²)``; in
+    the dead band there is neither spring nor damper. With ``soft`` each flank of the band is
+    ``k s log(1 + exp((x − gap)/s))``: contact comes on over a width s. With ``depth`` the flanks are round, their
+    force and their damping as those of two spheres: ``k x √(x/depth)`` (Hertz 1881; Hunt, Crossley 1975). Contacts
+    push and do not pull.
     Returns δ, δ̇, δ̈ as the rows of ``(3, n)``.
     """
+    load, stiffness, gap, cubic = behind.load, gear.stiffness, gear.gap, gear.cubic
     n = len(load)
     out = np.empty((3, n))
     first, lengths = _trials(starts)
@@ -54,7 +41,7 @@ def deflect(
     for k in range(count):
         now[k], longest = load[first[k]], max(longest, lengths[k])
         # A load that falls as the link gives way softens the gear; it is not let carry all of it.
-        held = max(1.0 + by_q[first[k]] / stiffness, 0.2)
+        held = max(1.0 + behind.by_q[first[k]] / stiffness, 0.2)
         x[k] = _settled(-now[k] / (stiffness * held), gap, cubic / held) + begin[k, 0]
         s[k] = begin[k, 1]
     h = dt / 4
@@ -64,14 +51,14 @@ def deflect(
             here = first[k] + min(i, lengths[k] - 1)
             if i < lengths[k]:
                 out[0, here], out[1, here] = x[k], s[k]
-            now[k], m[k], mean[k] = load[here], inertia[here], 0.0
-            turn[k], drag[k] = by_q[here], by_v[here]
-            bend[k], twist[k] = by_qq[here], by_qv[here]
+            now[k], m[k], mean[k] = load[here], behind.inertia[here], 0.0
+            turn[k], drag[k] = behind.by_q[here], behind.by_v[here]
+            bend[k], twist[k] = behind.by_qq[here], behind.by_qv[here]
             then[k] = load[first[k] + min(i + 1, lengths[k] - 1)]
         for part in range(4):
             share = (part + 0.5) / 4
             for k in range(count):
-                held, kk, dd = _gear(x[k], s[k], stiffness, damping, gap, cubic, soft, depth)
+                held, kk, dd = _gear(x[k], s[k], gear)
                 held += (turn[k] + 0.5 * bend[k] * x[k]) * x[k]
                 kk += turn[k] + bend[k] * x[k] + twist[k] * s[k]
                 dd += drag[k] + twist[k] * x[k]
@@ -93,19 +80,20 @@ def deflect(
 
 
 @LazyKernel
-def _gear(x, s, stiffness, damping, gap, cubic, soft, depth):  # pragma: no cover - compiled
+def _gear(x, s, gear):  # pragma: no cover - compiled
     """Torque of a gear's spring at a deflection, its stiffness there, and its damping."""
-    if soft > 0.0:
-        held, share = _flanks(x, gap, soft)
+    stiffness, damping, gap = gear.stiffness, gear.damping, gear.gap
+    if gear.soft > 0.0:
+        held, share = _flanks(x, gap, gear.soft)
         return stiffness * held, stiffness * share, damping * share
     beyond = x - gap if x > gap else min(x + gap, 0.0)
     if beyond == 0.0:
         return 0.0, 0.0, 0.0
-    if depth > 0.0:
-        share = math.sqrt(abs(beyond) / depth)
+    if gear.depth > 0.0:
+        share = math.sqrt(abs(beyond) / gear.depth)
         held, kk, dd = stiffness * share * beyond, 1.5 * stiffness * share, damping * share
     else:
-        grown = cubic * beyond * beyond
+        grown = gear.cubic * beyond * beyond
         held, kk, dd = stiffness * (1.0 + grown) * beyond, stiffness * (1.0 + 3.0 * grown), damping
     if gap > 0.0 and (held + dd * s) * beyond < 0.0:
         return 0.0, 0.0, 0.0

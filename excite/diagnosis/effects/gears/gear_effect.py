@@ -66,7 +66,7 @@ class GearEffect(Effect, ABC):
         behind = Behind.joint(context, j, second_order=self.second_order)
         gear = self.gear(context, location, theta)
         begin = first_states(context, j, behind, gear)
-        return deflect(*behind, samples.starts, begin, 1.0 / samples.rate_hz, *gear)
+        return deflect(behind, gear, samples.starts, begin, 1.0 / samples.rate_hz)
 
     def told(self, context: Context, location: str, theta: Theta) -> Told:
         moved = self.deflection(context, location, theta)

@@ -83,7 +83,7 @@ class _Early:
 
     def left(self, begin: Array) -> Array:
         """Torque that a gear does not carry which begins so, ``(n_samples,)``; none where the motor stands."""
-        swung = deflect(*self.behind, self.starts, begin, self.dt, *self.gear)
+        swung = deflect(self.behind, self.gear, self.starts, begin, self.dt)
         return (self.carried - self.behind.needed(*swung)) * self.moving
 
     def fitted(self, reach: float, speed: float) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
-from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping, link_inertia
 from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
 from excite.diagnosis.effects.note import Beyond, Note
@@ -94,10 +93,7 @@ class HardeningElasticity(JointElasticity):
     """A gear that grows stiffer: ``k δ (1 + (δ/δ₀)²)``, as harmonic drives do; where it is nearly slack, like play."""
 
     searched = (*JointElasticity.searched, Parameter("hardening_at", "rad", 1e-4, 1.0))
-
-    @property
-    def kin(self) -> tuple[Effect, ...]:
-        return (Backlash(),)
+    overlaps = ("backlash",)
 
     @property
     def richer(self) -> tuple[Effect, ...]:

@@ -1,0 +1,1 @@
+"""Effects of readings and drives: gains, biases, offsets, delays, lags."""

@@ -8,8 +8,8 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.drive_terms import CONSTANT, COULOMB, coulomb_level
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, coulomb_level
 
 _ASYMMETRY = "coulomb_asymmetry"
 # Where friction differs between directions, half the difference is no more than its level; a fit is off by a little.

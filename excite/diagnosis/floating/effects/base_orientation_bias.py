@@ -45,7 +45,7 @@ class BaseOrientationBias(FloatingEffect):
         for first in (0, 3):
             v[:, first : first + 3] = v[:, first : first + 3] @ turn
             a[:, first : first + 3] = a[:, first : first + 3] @ turn
-        return state.but(q=q, v=v, a=a)
+        return state.replace(q=q, v=v, a=a)
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """Logged against true."""

@@ -34,7 +34,7 @@ class EncoderOffset(FloatingEffect):
         """Turn the joint."""
         q = state.q.copy()
         q[:, state.tree.idx_q[joint_of(state, location)]] += theta[0]
-        return state.but(q=q)
+        return state.replace(q=q)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's own column: it turns, and no more."""

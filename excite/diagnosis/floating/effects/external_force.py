@@ -42,7 +42,9 @@ class ExternalForce(FloatingEffect):
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Add it."""
         point = state.poses.point(segment_of(state, location) + 1, theta[4:7])
-        return state.but(extra=state.extra + state.at_base(_pull(theta, point - point.mean(axis=0)), point))
+        return state.replace(
+            extra=state.extra + state.at_base(_pull(theta, point - point.mean(axis=0)), point)
+        )
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """In closed form: it is tried at every link."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -54,7 +55,7 @@ class JointElasticity(FloatingEffect):
         q[:, iq] += bend
         v[:, iv] += rate
         a[:, iv] += _rates(state, rate)
-        return state.but(q=q, v=v, a=a)
+        return state.replace(q=q, v=v, a=a)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joint's columns along what each parameter lets it yield."""
@@ -81,7 +82,8 @@ class JointElasticity(FloatingEffect):
         A bent joint leans further, which changes its torque: to first order by what a turn of the joint alone makes
         of it. Rates are left out, since they would bring noise of accelerations into the torque a second time.
         """
-        torque, loads, softer = loads_of(state, joint)
+        at = loads_of(state, joint)
+        torque, loads, softer = at.torque, at.by_parameter, at.per_torque
         if not theta.any():
             return np.zeros(len(torque)), -loads
         adds = -leaning_of(state, joint)[:, None] * softer
@@ -90,11 +92,26 @@ class JointElasticity(FloatingEffect):
         return bend, more[:, None] * (bend[:, None] * adds - loads)
 
 
-def loads_of(state: State, joint: int) -> tuple[Array, Array, Array]:
-    """A joint's torque ``(n,)`` [N·m], what each parameter makes it yield by, and that per torque, ``(n, 2)``."""
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """What makes a joint yield.
+
+    Attributes:
+        torque: that it carries, ``(n,)`` [N·m].
+        by_parameter: what each parameter makes it yield by, ``(n, 2)``.
+        per_torque: the change of that with the torque, ``(n, 2)``.
+    """
+
+    torque: Array
+    by_parameter: Array
+    per_torque: Array
+
+
+def loads_of(state: State, joint: int) -> Loads:
+    """The loads of a joint, by its index in the tree."""
     torque = state.smooth_torques[:, state.tree.idx_v[joint]]
     ratio = np.abs(torque) / max(float(np.abs(torque).max()), 1e-9)
-    return (
+    return Loads(
         torque,
         np.column_stack([torque, ratio * torque]),
         np.column_stack([np.ones_like(ratio), 2.0 * ratio]),
@@ -105,7 +122,7 @@ def leaning_of(state: State, joint: int) -> Array:
     """``(n,)`` change of a joint's torque by its own turn [N·m/rad]."""
     iv, q = state.tree.idx_v[joint], state.q.copy()
     q[:, state.tree.idx_q[joint]] += _TURN
-    return (state.but(q=q).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
+    return (state.replace(q=q).smooth_torque(iv) - state.smooth_torques[:, iv]) / _TURN
 
 
 def _rates(state: State, values: Array) -> Array:

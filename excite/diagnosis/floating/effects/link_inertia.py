@@ -42,7 +42,7 @@ class LinkInertia(FloatingEffect):
         first = 10 * segment_of(state, location)
         phi = state.phi.copy()
         phi[first : first + 10] += theta
-        return state.but(phi=phi)
+        return state.replace(phi=phi)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """Columns of the regressor."""

@@ -34,7 +34,7 @@ class LinkLengthError(FloatingEffect):
         """Move the joint."""
         translations = state.tree.translations.copy()
         translations[joint_of(state, location)] += theta
-        return state.but(tree=replace(state.tree, translations=translations))
+        return state.replace(tree=replace(state.tree, translations=translations))
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """What the joint carries moves as one, turning with the parent: its mass, its moment, its sensors."""

@@ -109,7 +109,7 @@ class PressedContact(FloatingEffect):
             smooth = np.sqrt((sliding**2).sum(axis=1) + _STANDSTILL_M_S**2)
             rubs = theta[8] * share * float(theta[:3] @ normal) / smooth
             force = (force - rubs[:, None] * sliding) * np.maximum(0.0, 1.0 + theta[9] * sinking)[:, None]
-        return state.but(extra=state.extra + state.at_base(force, point))
+        return state.replace(extra=state.extra + state.at_base(force, point))
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """In closed form: a search fits dozens of surfaces."""

@@ -32,4 +32,4 @@ class SensorBias(FloatingEffect):
 
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Subtract it."""
-        return state.but(readings=state.readings | {location: state.readings[location] - theta})
+        return state.replace(readings=state.readings | {location: state.readings[location] - theta})

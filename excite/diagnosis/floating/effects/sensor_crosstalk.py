@@ -46,4 +46,4 @@ class SensorCrosstalk(FloatingEffect):
         source, target = (WRENCH_AXES.index(axis) for axis in pair.split("->"))
         reading = state.readings[name].copy()
         reading[:, target] -= theta[0] * reading[:, source]
-        return state.but(readings=state.readings | {name: reading})
+        return state.replace(readings=state.readings | {name: reading})

@@ -34,7 +34,7 @@ class SensorFrameOffset(FloatingEffect):
     def apply(self, state: State, location: str, theta: Array) -> State:
         """Move the sensor."""
         moved = state.placements[location] * _offset(theta)
-        return state.but(placements=state.placements | {location: moved})
+        return state.replace(placements=state.placements | {location: moved})
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """What it makes of the reading in the declared frame, by finite differences; the lever is the same."""

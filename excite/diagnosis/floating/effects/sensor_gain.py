@@ -34,7 +34,7 @@ class SensorGain(FloatingEffect):
         name, _, axis = location.partition(".")
         reading = state.readings[name].copy()
         reading[:, WRENCH_AXES.index(axis) if axis else slice(None)] /= 1.0 + theta[0]
-        return state.but(readings=state.readings | {name: reading})
+        return state.replace(readings=state.readings | {name: reading})
 
     def report(self, state: State, location: str, theta: Array, std: Array) -> dict[str, Estimate]:
         """The gain itself."""

@@ -52,7 +52,7 @@ class SoftTissue(FloatingEffect):
             q[:, iq] += turn
             v[:, iv] += rate
             a[:, iv] += again
-        return state.but(q=q, v=v, a=a)
+        return state.replace(q=q, v=v, a=a)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """The joints' columns along what each parameter makes them do."""

@@ -34,12 +34,13 @@ class SwingingJoint(JointElasticity):
 
     def bend(self, state: State, joint: int, theta: Array) -> tuple[Array, Array]:
         """What a joint yields, ``(n,)`` [rad], and its derivative by each parameter, ``(n, 2)``."""
-        torque, loads, softer = loads_of(state, joint)
+        at = loads_of(state, joint)
+        torque, loads, softer = at.torque, at.by_parameter, at.per_torque
         if not theta.any():
             return np.zeros(len(torque)), -loads
         leaning, iv, a = leaning_of(state, joint), state.tree.idx_v[joint], state.a.copy()
         a[:, iv] += _ACCELERATION
-        inertia = float((state.but(a=a).smooth_torque(iv) - torque).mean()) / _ACCELERATION
+        inertia = float((state.replace(a=a).smooth_torque(iv) - torque).mean()) / _ACCELERATION
 
         def bend(theta: Array) -> Array:
             compliance = softer @ theta

@@ -40,7 +40,7 @@ class TimeDelay(FloatingEffect):
             bend = slope[first] * (1.0 - u) - slope[first + 1] * u + (2.0 * u - 1.0) * rise
             there = logged[first] + u * rise + u * (1.0 - u) * bend
             readings[name] = state.readings[name] + there - logged
-        return state.but(readings=readings)
+        return state.replace(readings=readings)
 
 
 def _ahead(record: FloatingRecord, samples: float) -> tuple[NDArray[np.int64], Array]:

@@ -60,7 +60,7 @@ class UnloggedContact(FloatingEffect):
         """Add it."""
         share = self._share(len(state.q))
         point = state.poses.point(segment_of(state, location) + 1, theta[3:])
-        return state.but(extra=state.extra + state.at_base(share[:, None] * theta[:3], point))
+        return state.replace(extra=state.extra + state.at_base(share[:, None] * theta[:3], point))
 
     def _share(self, n: int) -> Array:
         """``(n,)`` share of a record with so many samples."""

@@ -84,7 +84,7 @@ class WobblingMass(FloatingEffect):
         wrench = state.at_base(-mass * further, state.poses.point(segment + 1, theta[1:4]))
         moment = cross(displaced, -mass * (held + further))
         wrench[:, 3:] += np.einsum("nji,nj->ni", state.poses.rotation[:, 1], moment)
-        return state.but(extra=state.extra + wrench)
+        return state.replace(extra=state.extra + wrench)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """Where there is no mass, how it would wobble does not matter."""

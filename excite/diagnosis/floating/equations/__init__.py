@@ -1,0 +1,1 @@
+"""The wrench equations of a free base: record, state under a hypothesis, derivatives, fit."""

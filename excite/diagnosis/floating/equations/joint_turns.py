@@ -70,9 +70,10 @@ class JointTurn:
     def _changed(self, what: str, column: int, step: float) -> State:
         values = getattr(self.state, what).copy()
         values[:, column] += step
-        return self.state.but(**{what: values})
+        return self.state.replace(**{what: values})
 
 
 def joint_turn(state: State, joint: int) -> JointTurn:
     """Derivatives for one joint (index in the tree); those of a state are computed once."""
-    return state.turns.setdefault(joint, JointTurn(state, joint))
+    kept: JointTurn = state.turns.setdefault(joint, JointTurn(state, joint))
+    return kept

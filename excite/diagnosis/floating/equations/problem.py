@@ -82,7 +82,7 @@ class Problem:
         if not delta.any():
             return self.nominal
         _ = self.nominal.regressor
-        return self.nominal.but(phi=self.record.tree.phi + delta)
+        return self.nominal.replace(phi=self.record.tree.phi + delta)
 
     @cached_property
     def nominal_rows(self) -> Array:

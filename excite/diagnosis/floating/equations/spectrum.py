@@ -221,13 +221,13 @@ def _pose_noise(record: FloatingRecord, state: State) -> Array:
             q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
         else:
             q[:, i + (i >= 6)] += step
-        change = (_thin(state, few).but(q=q).residual - nominal) / step
+        change = (_thin(state, few).replace(q=q).residual - nominal) / step
         total += variance * change.T @ change / len(change)
     return total
 
 
 def _thin(state: State, few: slice) -> State:
-    return state.but(
+    return state.replace(
         q=state.q[few],
         v=state.v[few],
         a=state.a[few],

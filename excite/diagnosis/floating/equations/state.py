@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import dataclasses
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,9 +16,6 @@ from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import Placements, base_link_regressor, forward_kinematics, inverse_dynamics
 from excite.regressor.tree import KinematicTree
-
-if TYPE_CHECKING:
-    from excite.diagnosis.floating.equations.joint_turns import JointTurn
 
 _MOTION = {"tree", "q"}
 _DEPENDS: dict[str, set[str]] = {
@@ -74,9 +72,9 @@ class State:
             placements={s.name: s.placement for s in record.robot.sensors},
         )
 
-    def but(self, **changes: Any) -> State:
+    def replace(self, **changes: Any) -> State:
         """A copy with fields replaced; what was computed and does not depend on them is kept."""
-        other, changed = replace(self, **changes), set(changes)
+        other, changed = dataclasses.replace(self, **changes), set(changes)
         # The base's equation holds nothing of segments beyond the sensors.
         if "phi" in changed and np.array_equal(other.measured_phi, self.measured_phi):
             changed.remove("phi")
@@ -149,8 +147,8 @@ class State:
         return body
 
     @cached_property
-    def turns(self) -> dict[int, JointTurn]:
-        """By joint, what ``joint_turn`` has found for this motion."""
+    def turns(self) -> dict[int, Any]:
+        """By joint, the derivatives that ``joint_turn`` has found for this motion; a store that it alone reads."""
         return {}
 
     @cached_property

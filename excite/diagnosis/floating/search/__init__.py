@@ -1,0 +1,1 @@
+"""The search for effects of robots with a free base."""

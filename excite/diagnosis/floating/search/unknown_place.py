@@ -110,7 +110,7 @@ def _open(problem: Problem, fitted: Fitted) -> _Open:
     colour = np.asarray(np.linalg.cholesky(record.sensor_noise), dtype=float)
     factor = np.linalg.inv(colour)
     white = in_band(record, state.residual)[few] @ factor.T
-    thin = state.but(q=state.q[few])
+    thin = state.replace(q=state.q[few])
     if not record.inertials_free:
         return _Open(thin, few, white, np.zeros((*white.shape, 0)), colour)
     regressor = problem.nominal.regressor[:, :, problem.index] * problem.scales

@@ -54,7 +54,7 @@ class Simulator:
     def drive(self) -> State:
         """The record as the model's notes say that it truly was, of the robot that the model says."""
         state = apply_all(self._said(), self.placed, self.theta)
-        return state.but(extra=np.broadcast_to(np.asarray(state.extra, dtype=float), (len(state.q), 6)))
+        return state.replace(extra=np.broadcast_to(np.asarray(state.extra, dtype=float), (len(state.q), 6)))
 
     def _said(self) -> State:
         """The logged motion and readings of the robot with the model's bodies, lengths and sensors."""
@@ -72,7 +72,7 @@ class Simulator:
             for site in (model.site(sensor.name),)
         }
         tree = replace(record.tree, translations=translations)
-        return State.logged(record).but(tree=tree, phi=phi, placements=placements)
+        return State.logged(record).replace(tree=tree, phi=phi, placements=placements)
 
     def run(self, window: slice, noise: Array | None = None, start: Array | None = None) -> Array:
         """Where the base ends up, less where it is, at each sample of a window, ``(n, 6)`` [m, rad].

@@ -1,0 +1,1 @@
+"""Injected effects of bodies and their placement."""

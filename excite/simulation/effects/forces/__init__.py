@@ -1,0 +1,1 @@
+"""Injected effects of forces and contacts."""

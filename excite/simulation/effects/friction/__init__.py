@@ -1,0 +1,1 @@
+"""Injected effects of friction in the joints."""

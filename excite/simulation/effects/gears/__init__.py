@@ -1,0 +1,1 @@
+"""Injected effects of gears: play, elasticity."""

@@ -1,4 +1,4 @@
-"""Play in a gear."""
+"""Play in a gear of the virtual robot, to be injected."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""Injected effects of readings and drives."""

@@ -1,0 +1,43 @@
+"""``excite doctor``: what is wrong with a log, and the log without it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.output import emit
+from excite.json_document import write_json
+
+NAME = "doctor"
+
+
+def command(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", metavar="ROBOT", help="The robot; by default the one that the log names."),
+    ] = None,
+    repair: Annotated[
+        Path | None,
+        typer.Option(
+            "--repair", metavar="DIR", help="Write the log with what could be repaired to this folder."
+        ),
+    ] = None,
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = None,
+) -> None:
+    """Say what is wrong with a log, worst first: rows, clock, units, signs, order, zeros, dead channels."""
+    model = None if robot is None else excite.robot_for_log(robot, log)
+    chart = excite.doctor(log, model, repair=repair)
+    document = chart.to_json(repaired=repair)
+    if out is not None:
+        write_json(document, out / "doctor.json")
+    if chart.usable:
+        emit(chart.summary(repaired=repair), document, as_json=as_json)
+    chart.check_usable()

@@ -1,0 +1,57 @@
+"""The tables of a diagnosis in words, for a terminal: the gap by channel, and effects with their rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from excite.diagnosis.answer.candidate import Candidate, measured
+from excite.diagnosis.answer.gap import Gap, Where
+
+_LISTED = 6
+
+
+def gap_table(gap: Gap, where: Sequence[Where]) -> list[str]:
+    """Lines with the gap by channel before and after, its noise floor, its share and what it depends on."""
+    share = {item.channel: item for item in where}
+    width = max([len(name) for name in gap.per_channel] + [7])
+    lines = [f"{'channel':{width}}  {'before':>9}  {'after':>9}  {'floor':>9}  share  depends on"]
+    for name, item in gap.per_channel.items():
+        place = share.get(name)
+        tail = "" if place is None else f"  {100 * place.share:4.0f}%  {place.depends_on}"
+        lines.append(
+            f"{name:{width}}  {item.before:9.3g}  {item.after:9.3g}  {item.noise_floor:9.3g}{tail} [{item.unit}]"
+        )
+    total = f"{gap.before:9.3g}  {gap.after:9.3g}  {gap.noise_floor:9.3g}"
+    return [*lines, f"{'all':{width}}  {total}  (of the signal)"]
+
+
+def effect_table(
+    effects: Sequence[Candidate], candidates: Sequence[Candidate], ambiguous_with: Sequence[Candidate]
+) -> list[str]:
+    """Lines with accepted effects in their order, then what the first one was preferred to.
+
+    Args:
+        effects: the accepted ones.
+        candidates: all that were compared, likeliest first.
+        ambiguous_with: candidates that the data cannot tell apart.
+    """
+    named = {(item.effect, item.location) for item in effects}
+    rivals = [item for item in candidates if (item.effect, item.location) not in named]
+    open_ = {(item.effect, item.location) for item in ambiguous_with}
+    listed = [*effects, *rivals][: max(_LISTED, len(effects) + len(open_))]
+    if not listed:
+        return []
+    lines = [f"{'effect':24} {'place':24} {'':9} {'evidence':>9} {'closed':>7}  parameters"]
+    for item in listed:
+        key = (item.effect, item.location)
+        standing = "as likely" if key in open_ else "accepted" if key in named else "tried"
+        lines.append(_line(item, standing))
+    return lines
+
+
+def _line(item: Candidate, standing: str) -> str:
+    values = ", ".join(f"{name} {measured(e)}" for name, e in item.parameters.items())
+    return (
+        f"{item.effect:24} {item.location or '':24} {standing:9} {item.evidence:9.1f} "
+        f"{100 * item.share_closed:6.0f}%  {values}"
+    )

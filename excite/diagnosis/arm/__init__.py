@@ -1,0 +1,1 @@
+"""Diagnosis of fixed-base logs with joint torques."""

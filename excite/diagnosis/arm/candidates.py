@@ -1,0 +1,81 @@
+"""Scored hypotheses as they stand in the document: with their values, what they close, and how likely they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.gap import Gap, share_closed
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.equations.units import at_joint
+from excite.diagnosis.search.attribution import Attribution, Scored
+from excite.diagnosis.search.verdict import Judgement, probabilities
+from excite.diagnosis.simulator.found import Found
+
+_LISTED = 8
+
+
+def candidate_of(
+    item: Scored, context: Context, gap: Gap, attribution: Attribution, tied: tuple[str, ...] = ()
+) -> Candidate:
+    """A scored hypothesis as it stands in the document; gaps on the validation trials."""
+    h = item.hypothesis
+    rows = ~attribution.final.samples.identification
+    residual = h.baseline.plain(h.fit.residual)
+    residual = residual[:, rows] if rows.any() else residual
+    after = float(np.sqrt(np.mean((residual**2).mean(axis=1) / attribution.scale**2)))
+    return Candidate(
+        effect=item.name,
+        location=item.location,
+        parameters=at_joint(
+            context.baseline.samples.robot,
+            item.location,
+            h.effect.estimates(context, item.location, h.theta, h.told),
+        ),
+        evidence=item.evidence,
+        gap_after=after,
+        share_closed=share_closed(gap.before, after, gap.noise_floor),
+        tied_locations=tied,
+    )
+
+
+def beside_others(item: Candidate, found: Found) -> Candidate:
+    """An accepted effect with the values that it has beside all others, not those when it was alone."""
+    values = {
+        name: replace(estimate, value=found.values.get(name, estimate.value))
+        for name, estimate in item.parameters.items()
+    }
+    return replace(item, parameters=values)
+
+
+def listed_candidates(
+    attribution: Attribution, judgement: Judgement, gap: Gap, effects: tuple[Candidate, ...]
+) -> tuple[tuple[Candidate, ...], int]:
+    """Candidates for the first effect, likeliest first, and how many of them are tied."""
+    first = attribution.stages[0]
+    made = [candidate_of(item, Context(item.hypothesis.baseline), gap, attribution) for item in first.ranking]
+    if not effects:
+        return tuple(made[:_LISTED]), 0
+    best = first.accepted
+    chance = probabilities(best, first.ranking, judgement.explained) if best is not None else {}
+    made = [replace(c, probability=chance.get((c.effect, c.location or ""))) for c in made]
+    # The place may be open where the name is not.
+    sure = sum(chance.get((effects[0].effect, place), 0.0) for place in effects[0].tied_locations)
+    head = [replace(effects[0], probability=sure)]
+    if judgement.renamed[0] is not None:
+        head[0] = replace(head[0], probability=0.5 * sure)
+        head.append(replace(head[0], effect=judgement.renamed[0]))
+    twins = {(r.name, r.location): twin for r, twin in zip(judgement.rivals, judgement.twins, strict=True)}
+    for c in made:
+        if (c.effect, c.location) not in twins:
+            continue
+        twin = twins[c.effect, c.location or ""]
+        # Two names for one thing share its probability.
+        chance_of = c.probability if twin is None or c.probability is None else 0.5 * c.probability
+        head.append(replace(c, probability=chance_of))
+        head += [] if twin is None else [replace(head[-1], effect=twin)]
+    known = {(c.effect, c.location) for c in head}
+    rest = [c for c in made if (c.effect, c.location) not in known]
+    return tuple((head + rest)[:_LISTED]), len(head) if judgement.verdict == "ambiguous" else 0

@@ -1,0 +1,149 @@
+"""What a joint's own drive adds to its torque: friction, rotor inertia, an offset, and how friction changes sign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.diagnosis.equations.friction_sign import SignChange, damping_of_bristles, sign_of_motion
+from excite.diagnosis.equations.samples import ArmSamples
+from excite.rows.drive_terms import DRIVE_TERMS
+
+# Bristles are believed where they lower the loss to this share, and so is their damping.
+_BETTER = 0.95
+# How a joint's friction changes sign is only thought over for a loss below this share.
+_CHANGED = 0.98
+# Factors between neighbouring values of the search, first and last.
+_FIRST_STEP, _LAST_STEP = 1.5, 1.06
+
+# What the search may reach: no velocity of a log tells less apart, nor deflections.
+WIDTH_BOUNDS, BREAKAWAY_BOUNDS, DAMPED_BOUNDS = (1e-3, 0.06), (5e-5, 2e-2), (0.01, 0.3)
+
+
+@dataclass(frozen=True, eq=False)
+class OwnTerm:
+    """A term of a joint's own drive, linear in its coefficient.
+
+    Attributes:
+        words: of ``modelled`` that ask for it.
+        column: torque of a motor per unit of the coefficient ``(n_samples,)``, from the samples, the motor's row and
+            how its dry friction changes sign.
+        once: whether two motors on one joint have it but once.
+    """
+
+    words: tuple[str, ...]
+    column: Callable[[ArmSamples, int, SignChange], Array]
+    once: bool = False
+
+    def asked(self, modelled: Sequence[str]) -> bool:
+        """Whether ``modelled`` asks for it."""
+        return any(word in modelled for word in self.words)
+
+
+VISCOUS = OwnTerm(DRIVE_TERMS["viscous"].effects, lambda samples, motor, sign: samples.of_motor("v", motor))
+COULOMB = OwnTerm(DRIVE_TERMS["coulomb"].effects, sign_of_motion)
+ARMATURE = OwnTerm(DRIVE_TERMS["armature"].effects, lambda samples, motor, sign: samples.of_motor("a", motor))
+# Constants of two motors on one joint are one constant.
+CONSTANT = OwnTerm(
+    DRIVE_TERMS["offset"].effects,
+    lambda samples, motor, sign: np.ones(len(samples.of_motor("v", motor))),
+    once=True,
+)
+
+
+def own_terms(modelled: Sequence[str]) -> tuple[OwnTerm, ...]:
+    """Terms of each joint's own that ``modelled`` asks for, in order."""
+    return tuple(term for term in (VISCOUS, COULOMB, ARMATURE, CONSTANT) if term.asked(modelled))
+
+
+def coulomb_level(modelled: Sequence[str], own: Array) -> float:
+    """Coulomb friction among a joint's own coefficients ``own (n_own,)`` [N·m]; 0 where it is not modelled."""
+    terms = own_terms(modelled)
+    return float(own[terms.index(COULOMB)]) if COULOMB in terms else 0.0
+
+
+def own_signals(samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, sign: SignChange) -> Array:
+    """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``.
+
+    Of its motor first; then the friction and rotor inertia of other motors that turn with it; last the damping of
+    its bristles, where dry friction has some.
+    """
+    columns = [
+        term.column(samples, motor, sign)
+        for motor in samples.motors(joint)
+        for term in terms
+        if motor == joint or not term.once
+    ]
+    if sign.damped and COULOMB in terms:
+        columns.append(damping_of_bristles(samples, joint, sign))
+    return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
+
+
+def best_sign(
+    target: Array, columns: list[Array], tried: Sequence[SignChange], kept: int | None = None
+) -> int:
+    """Index of the best of the sign changes: bristles only where they are clearly better, no change without a gain.
+
+    Args:
+        target: ``(n_rows,)`` what a joint's own terms have to explain.
+        columns: ``(n_rows, n_own)`` own terms, one for each of ``tried``.
+        tried: the sign changes, those without bristles among them.
+        kept: index of the sign change so far.
+    """
+    losses = np.array(
+        [_loss(target, c, positive=sign.damped) for c, sign in zip(columns, tried, strict=True)]
+    )
+    kinds = np.array([int(sign.bent) + int(sign.damped) for sign in tried])
+    found = int(np.argmin(np.where(kinds == 0, losses, np.inf)))
+    # The plainer one unless what it lacks is seen.
+    for kind in (1, 2):
+        best = int(np.argmin(np.where(kinds == kind, losses, np.inf)))
+        found = best if losses[best] < _BETTER * losses[found] else found
+    return found if kept is None or losses[found] < _CHANGED * losses[kept] else kept
+
+
+def refined(
+    target: Array,
+    rows_at: Callable[[float], Array],
+    value: float,
+    columns: Array,
+    use: NDArray[np.bool_],
+    bounds: tuple[float, float],
+) -> float:
+    """A number of a sign change searched between those of the grid: bisection of steps on a logarithmic scale.
+
+    Args:
+        target: ``(n_rows,)`` what a joint's own terms have to explain.
+        rows_at: own terms ``(n_rows, n_own)`` at a value of it.
+        value: where to begin.
+        columns: the own terms there.
+        use: ``(n_rows,)`` rows that are fitted.
+        bounds: of it.
+
+    Returns:
+        The value.
+    """
+    low, high = bounds
+    best, step = _loss(target[use], columns[use]), _FIRST_STEP
+    while step > _LAST_STEP:
+        moved = False
+        for way in (step, 1.0 / step):
+            if not low <= value * way <= high:
+                continue
+            new = rows_at(value * way)
+            loss = _loss(target[use], new[use])
+            if loss < best:
+                value, best, moved = value * way, loss, True
+                break
+        step = step if moved else step**0.5
+    return value
+
+
+def _loss(target: Array, columns: Array, *, positive: bool = False) -> float:
+    """Sum of squares that is left; infinite where the last coefficient has to be positive and is not."""
+    x = np.linalg.lstsq(columns, target, rcond=None)[0]
+    return np.inf if positive and x[-1] <= 0.0 else float(((target - columns @ x) ** 2).sum())

@@ -1,0 +1,35 @@
+"""The verb ``doctor``: what is wrong with a log, worst first, and the log without it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.doctor.examine import Chart, examine
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Log
+from excite.logs.robot import nominal_robot
+from excite.robot.robot import Robot
+
+
+def doctor(log: str | Path | Log, robot: Robot | None = None, *, repair: str | Path | None = None) -> Chart:
+    """Look a log through for what is no physics: rows, clock, units, signs, order, zeros, channels.
+
+    ``identify`` and ``diagnose`` do the same before they begin, and say the same.
+
+    Args:
+        log: a log folder, or a log in memory.
+        robot: the nominal model; by default the one that the log names.
+        repair: folder that the log is written to with everything repaired that could be; none is without it.
+
+    Returns:
+        The repaired log and the findings, worst first.
+
+    Raises:
+        LogError: the log is malformed, or ``repair`` holds something that is no log.
+        RobotError: the nominal model is malformed.
+    """
+    loaded = log if isinstance(log, Log) else load_log(log, robot)
+    chart = examine(robot or nominal_robot(loaded), loaded)
+    if repair is not None:
+        save_log(chart.log, repair)
+    return chart

@@ -1,0 +1,20 @@
+"""``excite.doctor/1``: what is wrong with a log, worst first."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from excite.documents.document import MOST_ENTRIES, Document, FilePath, Name
+from excite.documents.finding import Finding
+
+
+class Doctor(Document):
+    """What was found in a log, and where the repaired one is."""
+
+    schema_: Literal["excite.doctor/1"] = Field(alias="schema", description="version of this document")
+    robot: Name = Field(description="name of the robot")
+    healthy: bool = Field(description="whether nothing was found that spoils results")
+    findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(description="worst first")
+    repaired: FilePath | None = Field(default=None, description="folder of the repaired log")

@@ -1,0 +1,1 @@
+"""Estimators by cone programs: bodies that exist, within bounds."""

@@ -1,0 +1,95 @@
+"""The mixture of generators that a plan is made of, and what each of them proposes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+
+import numpy as np
+
+from excite.motion.generators.candidate import Candidate
+from excite.motion.generators.generator import Generator
+from excite.motion.generators.proposal import Proposal
+from excite.motion.generators.registry import GENERATORS, make_generator
+from excite.robot.robot import Robot
+
+# Shares of a plan. Leg swings are what completes the rank of the base-link regressor.
+STANDING_MIX: Mapping[str, float] = {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}
+ARM_MIX: Mapping[str, float] = {"random_joint": 0.5, "fourier": 0.5}
+# The same where joints are aimed at. Squats load legs as no swing does.
+AIMED_STANDING_MIX: Mapping[str, float] = {"aimed": 0.8, "squat": 0.2}
+AIMED_ARM_MIX: Mapping[str, float] = {"aimed": 1.0}
+
+
+def draw(robot: Robot, proposal: Proposal) -> Candidate:
+    """The candidate that a proposal stands for; raises UnknownNameError."""
+    return make_generator(proposal.generator).draw(robot, proposal.seed, proposal.targets, proposal.name)
+
+
+def plan_candidates(
+    robot: Robot,
+    count: int,
+    seed: np.random.SeedSequence,
+    *,
+    mix: Mapping[str, float] | None = None,
+    targets: Sequence[str] = (),
+) -> list[Candidate]:
+    """Candidates of several generators, in shares.
+
+    Args:
+        robot: the robot.
+        count: how many in total.
+        seed: the candidates of generator ``name`` come from the child that the registry's order gives it.
+        mix: share by generator name; by default a mixture for standing robots or for arms, without or with targets.
+        targets: joints to aim at; each generator takes those that it can aim at, and a generator that can
+            aim at none of them is left out. Empty: all joints.
+
+    Returns:
+        ``count`` candidates, generator by generator, with unique names.
+
+    Raises:
+        UnknownNameError: a generator or a target is unknown.
+        RobotError: a generator of ``mix`` does not apply to the robot.
+    """
+    return [draw(robot, item) for item in plan_proposals(robot, count, seed, mix=mix, targets=targets)]
+
+
+def plan_proposals(
+    robot: Robot,
+    count: int,
+    seed: np.random.SeedSequence,
+    *,
+    mix: Mapping[str, float] | None = None,
+    targets: Sequence[str] = (),
+) -> Iterator[Proposal]:
+    """What :func:`plan_candidates` draws, not drawn yet; same arguments and errors."""
+    usual = (AIMED_STANDING_MIX, AIMED_ARM_MIX) if targets else (STANDING_MIX, ARM_MIX)
+    shares = dict(mix if mix is not None else usual[0] if robot.feet else usual[1])
+    for joint in targets:
+        robot.joint_index(joint)
+    aims = {name: _aims(make_generator(name), robot, targets) for name in shares}
+    if targets:
+        shares = {name: share for name, share in shares.items() if aims[name]}
+    numbers = _apportion(np.array(list(shares.values()), dtype=float), count)
+    drawn: list[Iterator[Proposal]] = []
+    for name, number in zip(shares, numbers, strict=True):
+        position = list(GENERATORS).index(name)
+        child = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, position))
+        drawn.append(make_generator(name).proposals(robot, int(number), child, aims[name]))
+    return chain.from_iterable(drawn)
+
+
+def _aims(generator: Generator, robot: Robot, targets: Sequence[str]) -> tuple[str, ...]:
+    if not targets or not generator.applies(robot):
+        return ()
+    possible = generator.aims(robot)
+    return tuple(joint for joint in targets if joint in possible)
+
+
+def _apportion(shares: np.ndarray, count: int) -> np.ndarray:
+    """Whole numbers in proportion to ``shares`` that add up to ``count`` (largest remainders)."""
+    exact = count * shares / shares.sum()
+    numbers = np.floor(exact).astype(int)
+    order = np.argsort(-(exact - numbers), kind="stable")
+    numbers[order[: count - int(numbers.sum())]] += 1
+    return numbers

@@ -1,0 +1,126 @@
+"""A robot whose description is not complete yet, built with stand-ins for what only a person can say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from excite.errors import RobotError
+from excite.robot.description import RobotDescription
+from excite.robot.loading import build_robot
+from excite.robot.robot import Robot
+from excite.robot.scaffold.guesses import JointGuess
+from excite.robot.shapes.collision import collision_shapes
+from excite.robot.urdf.reading import parse_urdf
+
+
+@dataclass(frozen=True, eq=False)
+class WithGeometry:
+    """A robot, and what collision geometry could be built.
+
+    Attributes:
+        robot: the robot.
+        kind: ``collision`` or ``visual``; None where neither can be built.
+        fault: why not, None where one can.
+    """
+
+    robot: Robot
+    kind: str | None
+    fault: str | None
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """Builds a robot with stand-ins for what a person has not said yet."""
+
+    path: Path
+    floating: bool
+    free: tuple[JointGuess, ...]
+    locked: dict[str, float]
+    faults: tuple[str, ...]
+    rest: dict[str, float]
+
+    def with_geometry(self) -> WithGeometry:
+        """The robot with the first kind of geometry that can be built, or without any."""
+        reasons = []
+        for kind in ("collision", "visual"):
+            robot = self.robot(kind)
+            try:
+                collision_shapes(robot)
+            except RobotError as error:
+                reasons.append(f"{kind}: {error.what}")
+                continue
+            return WithGeometry(robot, kind, None)
+        return WithGeometry(self.robot("authored"), None, "; ".join(reasons))
+
+    def robot(self, geometry: str) -> Robot:
+        said = "stand-in"
+        one = {"default": 1.0, "source": said}
+        content = {
+            "schema": "excite.robot/1",
+            "name": said,
+            "title": said,
+            "model": {
+                "path": str(self.path.resolve()),
+                "acknowledged": dict.fromkeys(self.faults, said),
+                "source": said,
+            },
+            "base": "floating" if self.floating else "fixed",
+            "locked_joints": self.locked,
+            "posture": {"joints": self.rest, "base_height": 0.0, "source": said},
+            "limits": {
+                "position": {
+                    "joints": {g.name: (-np.pi, np.pi) for g in self.free if g.position is None},
+                    "source": said,
+                },
+                **{name: one for name in ("velocity", "acceleration", "jerk", "torque")},
+            },
+            "sensors": {
+                "rate_hz": 1.0,
+                "noise_position": 0.0,
+                "joint_torque": "link_side",
+                "wrench": self._wrench(),
+                "source": said,
+            },
+            "feet": self._feet(),
+            "controller": {"kp": one, "kd": one},
+            "collision": {"geometry": geometry, "margin": 0.01, "source": said},
+        }
+        try:
+            description = RobotDescription.model_validate(content)
+        except ValidationError as error:
+            first = error.errors()[0]
+            field = ".".join(str(part) for part in first["loc"])
+            what = f"cannot be described: {field} {first['msg']}"
+            raise RobotError(
+                what, source=self.path, remedy="correct the model, or rename its file"
+            ) from error
+        return build_robot(description, self.path)
+
+    def _feet(self) -> list[dict[str, object]]:
+        """One foot, for the schema's sake, on the root link."""
+        if not self.floating:
+            return []
+        corners = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+        root = parse_urdf(self.path)
+        children = {str(child.get("link")) for child in root.iterfind("joint/child")}
+        link = next(str(e.get("name")) for e in root.findall("link") if e.get("name") not in children)
+        return [{"name": "foot", "link": link, "sole": corners, "friction": 1.0, "source": "stand-in"}]
+
+    def _wrench(self) -> list[dict[str, object]]:
+        if not self.floating:
+            return []
+        link = self._feet()[0]["link"]
+        return [
+            {
+                "name": "foot",
+                "kind": "foot_ft",
+                "link": link,
+                "foot": "foot",
+                "noise_force": 1.0,
+                "noise_moment": 1.0,
+            }
+        ]

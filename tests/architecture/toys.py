@@ -1,0 +1,424 @@
+"""A toy member of every axis: its file, its lines in the registries, and what users then see of it.
+
+Run in a copy of the package that has the toys (``PYTHONPATH``), it prints one JSON object: by axis, what was seen.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Toy:
+    """A member that nobody needs.
+
+    Attributes:
+        file: its file, below the package.
+        text: what stands in it.
+        lines: by file of the package, lines to put in, each before the first line that begins with the text given.
+    """
+
+    file: str
+    text: str
+    lines: tuple[tuple[str, str, str], ...]
+
+
+def registered(
+    registry: str, module: str, name: str, entry: str, end: str
+) -> tuple[tuple[str, str, str], ...]:
+    """Two lines of a registry that imports its members: the import, and the entry."""
+    return (
+        (registry, "from excite.", f"from excite.{module} import {name}"),
+        (registry, end, f"        {entry},"),
+    )
+
+
+TOYS = {
+    "generator": Toy(
+        "motion/generators/toy.py",
+        """
+from dataclasses import replace
+
+from excite.motion.generators.generator import Generator
+from excite.motion.generators.random_joint import RandomJoint
+
+
+class Toy(Generator):
+    name = "toy"
+    summary = "random joints by another name"
+
+    def applies(self, robot):
+        return RandomJoint().applies(robot)
+
+    def aims(self, robot):
+        return RandomJoint().aims(robot)
+
+    def draw(self, robot, seed, targets, name):
+        return replace(RandomJoint().draw(robot, seed, targets, name), generator=self.name)
+""",
+        (("motion/generators/registry.py", "    },", '        "toy": "excite.motion.generators.toy:Toy",'),),
+    ),
+    "search": Toy(
+        "campaign/candidates/toy_search.py",
+        """
+import numpy as np
+
+from excite.campaign.candidates.search import CandidateSearch
+from excite.motion.generators.random_joint import RandomJoint
+
+
+class ToySearch(CandidateSearch):
+    name = "toy_search"
+
+    def candidates(self, asked, seed):
+        return RandomJoint().candidates(asked.robot, asked.count, np.random.SeedSequence(seed))
+""",
+        (
+            (
+                "campaign/candidates/registry.py",
+                "    },",
+                '        "toy_search": "excite.campaign.candidates.toy_search:ToySearch",',
+            ),
+        ),
+    ),
+    "check": Toy(
+        "safety/checks/toy.py",
+        """
+from excite.safety.checks.base import Check, CheckResult
+from excite.safety.verdict import Violation
+
+
+class ToyCheck(Check):
+    name = "toy"
+
+    def judge(self, sweep):
+        if sweep.motion.name != "disliked":
+            return CheckResult()
+        return CheckResult(violations=(Violation("toy", 0.0, "anywhere", 1.0, 0.0),))
+""",
+        registered("safety/checks/registry.py", "safety.checks.toy", "ToyCheck", "ToyCheck", "    )"),
+    ),
+    "repair": Toy(
+        "safety/repairs/toy.py",
+        """
+from excite.safety.repairs.draft import Repair
+
+
+class ToyRepair(Repair):
+    name = "toy"
+
+    def repair(self, draft):
+        return draft.rejected("toy", "anywhere") if draft.candidate.name.endswith("_001") else draft
+""",
+        registered("safety/repairs/registry.py", "safety.repairs.toy", "ToyRepair", "ToyRepair", "    )"),
+    ),
+    "estimator": Toy(
+        "identification/estimators/toy.py",
+        """
+from dataclasses import replace
+
+from excite.identification.estimators.base import Estimator
+from excite.identification.estimators.registry import find_estimator
+
+
+class ToyEstimator(Estimator):
+    name = "toy"
+    title = "weighted least squares by another name"
+
+    def estimate(self, problem, settings):
+        return replace(find_estimator("wls").estimate(problem, settings), method=self.name)
+""",
+        (
+            (
+                "identification/estimators/registry.py",
+                "    },",
+                '        "toy": "excite.identification.estimators.toy:ToyEstimator",',
+            ),
+        ),
+    ),
+    "injected effect": Toy(
+        "simulation/effects/forces/toy.py",
+        '''
+from excite.simulation.effects.effect import InjectedEffect
+from excite.simulation.effects.forces.joint_spring import SpringLaw
+
+
+class Toy(InjectedEffect):
+    """A spring by another name."""
+
+    name = "toy"
+    what = "a spring"
+    unit = "N·m/rad"
+    lower, upper = 0.0, 100.0
+
+    def locations(self, virtual):
+        return virtual.robot.joint_names
+
+    def default(self, virtual, location):
+        return 5.0
+
+    def apply(self, virtual, location, value):
+        return virtual.with_law(SpringLaw(virtual.robot.joint_index(location), value))
+''',
+        registered(
+            "simulation/effects/registry.py", "simulation.effects.forces.toy", "Toy", "Toy()", "    )"
+        ),
+    ),
+    "diagnosed effect": Toy(
+        "diagnosis/effects/friction/toy.py",
+        '''
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape
+
+
+class ToyDamping(Effect):
+    """``τ = c q v``: damping that grows with the position."""
+
+    name = "toy"
+    linear = (Parameter("coefficient", "N·m·s/rad²"),)
+    confusable_with = ("viscous_friction",)
+    separating_motion = "the joint to and fro at one end of its range"
+
+    def shape(self, context, location, theta):
+        j = context.row(location)
+        return Shape({j: (context.q[:, j] * context.v[:, j])[:, None]})
+''',
+        (
+            *registered(
+                "diagnosis/effects/registry.py",
+                "diagnosis.effects.friction.toy",
+                "ToyDamping",
+                "ToyDamping()",
+                "    )",
+            ),
+            # A word of the log format: only for logs that say that their model has it.
+            ("logs/vocabulary.py", ")", '    "toy",'),
+        ),
+    ),
+    "log reader": Toy(
+        "logs/readers/toy.py",
+        """
+import json
+
+import numpy as np
+
+from excite.logs.readers.reader import TrialReader
+
+
+class ToyReader(TrialReader):
+    name = "toy"
+    suffixes = (".toy",)
+
+    def _columns(self, path):
+        return {name: np.array(values) for name, values in json.loads(path.read_text()).items()}
+
+    def write(self, columns, path):
+        path.write_text(json.dumps({name: values.tolist() for name, values in columns.items()}))
+""",
+        (
+            (
+                "logs/readers/registry.py",
+                "from excite.logs.readers.",
+                "from excite.logs.readers.toy import ToyReader",
+            ),
+            ("logs/readers/registry.py", "    )", "        ToyReader,"),
+        ),
+    ),
+    "motion reader": Toy(
+        "motion/readers/toy.py",
+        """
+import json
+
+import numpy as np
+
+from excite.motion.readers.reader import MotionReader, RawMotion
+
+
+class ToyReader(MotionReader):
+    name = "toy"
+    summary = "JSON by another name (.toy)"
+
+    def recognises(self, path):
+        return path.suffix == ".toy"
+
+    def read(self, path, joints):
+        return RawMotion({name: np.array(values) for name, values in json.loads(path.read_text()).items()})
+""",
+        (
+            (
+                "motion/readers/registry.py",
+                "from excite.motion.readers.",
+                "from excite.motion.readers.toy import ToyReader",
+            ),
+            ("motion/readers/registry.py", "    )", "        ToyReader,"),
+        ),
+    ),
+    "exporter": Toy(
+        "export/toy.py",
+        """
+from excite.atomic import write_text
+from excite.export.exporter import Exporter
+
+
+class ToyExporter(Exporter):
+    name = "toy"
+    suffix = ".txt"
+    summary = "the number of samples"
+
+    def write(self, motion, path):
+        write_text(path, f"{motion.n_samples} samples")
+""",
+        (("export/registry.py", "    },", '        "toy": "excite.export.toy:ToyExporter",'),),
+    ),
+    "report section": Toy(
+        "report/sections/toy.py",
+        """
+from excite.report.html import section
+from excite.report.sections.section import Section
+
+
+class Toy(Section):
+    identifier = "toy"
+    title = "A toy"
+
+    def build(self, findings):
+        return section(self.identifier, self.title, "Nobody needs it.")
+""",
+        (
+            ("report/sections/registry.py", "from excite.", "from excite.report.sections.toy import Toy"),
+            ("report/sections/registry.py", ")", "    Toy(),"),
+        ),
+    ),
+}
+
+
+def add_toys(package: Path) -> None:
+    """Write the files of all toys into a copy of the package, and their lines into its registries."""
+    for toy in TOYS.values():
+        file = package / toy.file
+        if file.exists():
+            raise FileExistsError(file)
+        file.write_text(toy.text)
+        for name, before, line in toy.lines:
+            rows = (package / name).read_text().splitlines()
+            place = min(i for i, row in enumerate(rows) if row.startswith(before))
+            rows.insert(place, line)
+            (package / name).write_text("\n".join(rows) + "\n")
+
+
+def planned(folder: Path) -> dict[str, Any]:
+    """A plan of each of the toys that make candidates, with the toy's repair and check among the others."""
+    import excite
+
+    robot = excite.load_robot("ur10")
+    drawn = excite.plan(robot, n_candidates=2, generator="toy", seed=1)
+    searched = excite.plan(robot, n_candidates=1, generator="toy_search", seed=1)
+    drawn.save(folder / "plan")
+    motion = next(iter(drawn.accepted))
+    verdict = excite.check(robot, [motion.renamed("disliked")])
+    return {
+        "generator": {
+            "known": _known(lambda: excite.plan(robot, generator="?")),
+            "by": motion.metadata.generator,
+        },
+        "search": {"accepted": len(searched.accepted)},
+        "repair": drawn.to_json()["candidates"]["rejected"],
+        "check": [[violation.kind for violation in item.violations] for item in verdict.verdicts],
+        "report section": "Nobody needs it." in excite.report(folder / "plan").read_text(),
+    } | _moved(robot, motion, folder)
+
+
+def _moved(robot: Any, motion: Any, folder: Path) -> dict[str, Any]:
+    """The motion written and read, run with the toy's effect, and what the log of that tells."""
+    import excite
+    from excite.motion.content import motion_columns
+
+    text = excite.export_motion(motion, robot, "toy", folder / "exported.txt").read_text()
+    file = folder / "motion.toy"
+    file.write_text(json.dumps({name: column.tolist() for name, column in motion_columns(motion).items()}))
+    read = excite.load_motion(file, robot)
+    short = excite.simulate(robot, [motion], seed=0, nominal=True).log
+    other = excite.simulate(robot, [motion], inject=("toy:elbow_joint:20",), seed=0, nominal=True).log
+    entry = short.header.trials[0].model_copy(update={"file": "trial.toy"})
+    log = replace(short, header=short.header.model_copy(update={"trials": (entry,)}))
+    again = excite.load_log(excite.save_log(log, folder / "log"), robot)
+    (folder / "log" / "log.yaml").write_text(
+        (folder / "log" / "log.yaml").read_text().replace("trial.toy", "trial.strange")
+    )
+    return {
+        "exporter": {"text": text, "known": _known(lambda: excite.export_motion(motion, robot, "?", file))},
+        "motion reader": {
+            "same": bool((read.q == motion.q).all()),
+            "remedy": _remedy(lambda: excite.load_motion(folder / "log" / "log.yaml", robot)),
+        },
+        "injected effect": {
+            "changed": float(abs(other.trials[0].tau - short.trials[0].tau).max()),
+            "known": _known(lambda: excite.simulate(robot, [motion], inject=("?",))),
+        },
+        "log reader": {
+            "same": bool((again.trials[0].tau == short.trials[0].tau).all()),
+            "remedy": _remedy(lambda: excite.load_log(folder / "log", robot)),
+        },
+        "estimator": {
+            "method": excite.identify(robot, short, "toy").to_json()["method"],
+            "known": _known(lambda: excite.identify(robot, short, "?")),
+        },
+    }
+
+
+def diagnosed(folder: Path) -> dict[str, Any]:
+    """An axis with the toy's damping, diagnosed; and once more with a model that is said to have it."""
+    import numpy as np
+
+    import excite
+    from tests.diagnosis.test_one_joint import RATE_HZ, URDF, axis_header, pushed
+
+    rng = np.random.default_rng(0)
+    trials = []
+    for name, role, seconds, phase in (("a", "identification", 12.0, 0.3), ("b", "validation", 5.0, 1.1)):
+        trial = pushed(name, role, seconds, phase, rng)
+        speed = np.gradient(trial.q[:, 0], trial.time)
+        trials.append(replace(trial, tau=trial.tau + 1500.0 * trial.q * speed[:, None]))
+    modelled = ("rigid_body", "viscous_friction", "coulomb_friction", "torque_bias")
+    log = excite.Log(axis_header(RATE_HZ, modelled, ("a", "b")), tuple(trials), robot_text=URDF)
+    found = excite.diagnose(excite.save_log(log, folder / "damped"))
+    header = axis_header(RATE_HZ, (*modelled, "toy"), ("a", "b"))
+    excite.save_log(replace(log, header=header), folder / "modelled")
+    return {
+        "diagnosed effect": {
+            "verdict": found.verdict,
+            "effect": found.effect,
+            "warnings": [] if found.simulation is None else list(found.simulation.warnings),
+            "listed": [item.law for item in excite.effect_summaries() if item.name == "toy"],
+            "modelled": excite.load_log(folder / "modelled").header.modelled[-1],
+        }
+    }
+
+
+def _known(call: Callable[[], object]) -> list[str]:
+    from excite.errors import UnknownNameError
+
+    try:
+        call()
+    except UnknownNameError as error:
+        return list(error.known)
+    return []
+
+
+def _remedy(call: Callable[[], object]) -> str:
+    from excite.errors import InputError
+
+    try:
+        call()
+    except InputError as error:
+        return error.remedy
+    return ""
+
+
+if __name__ == "__main__":
+    place = Path(sys.argv[1])
+    print(json.dumps(planned(place) | diagnosed(place)))

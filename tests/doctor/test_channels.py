@@ -1,0 +1,130 @@
+"""Mistakes in a log are found, named with their cause, and none is seen where there is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from excite.doctor.examine import examine
+from excite.finding import Finding
+from excite.robot.loading import load_robot
+from tests.identification.practice_log import arm_log, changed
+
+
+def suspicions(robot, log) -> tuple[Finding, ...]:
+    """What spoils a log."""
+    return tuple(item for item in examine(robot, log).findings if item.severity == "spoils")
+
+
+JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def log(panda):
+    return arm_log(panda)
+
+
+def signs(*flipped: int) -> np.ndarray:
+    values = np.ones(7)
+    values[list(flipped)] = -1.0
+    return values
+
+
+def order(*pairs: tuple[int, int]) -> list[int]:
+    values = list(range(7))
+    for i, j in pairs:
+        values[i], values[j] = values[j], values[i]
+    return values
+
+
+FAULTS = {
+    "degrees": (lambda t: replace(t, q=np.degrees(t.q)), "degrees", JOINTS),
+    "two joints exchanged": (
+        lambda t: replace(t, q=t.q[:, order((1, 3))], tau=t.tau[:, order((1, 3))]),
+        "order",
+        (JOINTS[1], JOINTS[3]),
+    ),
+    "all joints reversed": (
+        lambda t: replace(t, q=t.q[:, ::-1], tau=t.tau[:, ::-1]),
+        "order",
+        JOINTS[:3] + JOINTS[4:],
+    ),
+    "torques exchanged": (
+        lambda t: replace(t, tau=t.tau[:, order((1, 2))]), "torque_order", (JOINTS[1], JOINTS[2]),
+    ),
+    "one torque turned": (lambda t: replace(t, tau=t.tau * signs(3)), "torque_sign", (JOINTS[3],)),
+    "all torques turned": (lambda t: replace(t, tau=-t.tau), "torque_sign", JOINTS),
+    "a position turned": (lambda t: replace(t, q=t.q * signs(1)), "position_sign", (JOINTS[1],)),
+    "zeros of two joints a quarter turn off": (
+        lambda t: replace(t, q=t.q + 0.5 * np.pi * np.array([0, -1, 0, 1, 0, 0, 0])),
+        "zero_position", (JOINTS[1], JOINTS[3]),
+    ),
+    "torques before a gear of 100": (lambda t: replace(t, tau=t.tau / 100.0), "torque_scale", JOINTS),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_mistake_is_named_with_its_place(panda, log, fault):
+    change, kind, places = FAULTS[fault]
+    found = suspicions(panda, changed(log, change))
+    assert [item.kind for item in found] == [kind]
+    assert found[0].places == places
+    assert found[0].figures and found[0].text
+
+
+def test_the_zeros_that_the_model_needs_are_stated(panda, log):
+    turned = changed(log, lambda t: replace(t, q=t.q + np.pi * np.array([0, 0, 0, 0.5, 0, 0, 0])))
+    (found,) = suspicions(panda, turned)
+    assert f"add -90° to {JOINTS[3]}" in found.text
+
+
+def test_exchanged_positions_are_named(panda, log):
+    found = suspicions(panda, changed(log, lambda t: replace(t, q=t.q[:, order((2, 4))])))
+    assert [item.kind for item in found] == ["order"]
+    assert found[0].places == (JOINTS[2], JOINTS[4])
+
+
+def test_motor_side_torques_called_link_side_are_named(panda, log):
+    found = suspicions(panda, changed(log, lambda t: t, torque="link_side"))
+    assert [item.kind for item in found] == ["torque_side"]
+    assert found[0].figures["rotor_share"] > 0.3
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("side", ["motor_side", "link_side"])
+def test_a_sound_log_raises_no_suspicion(panda, side, seed):
+    assert suspicions(panda, arm_log(panda, seed, torque=side, trials=2)) == ()
+
+
+def test_logs_without_torques_are_left_alone(panda, log):
+    assert suspicions(panda, changed(log, lambda t: replace(t, tau=None), torque="none")) == ()
+
+
+def test_weak_channels_are_named_and_move_nothing(panda, log) -> None:
+    """A channel in another unit and one that reads nothing but noise are no exchange of joints."""
+    rng = np.random.default_rng(1)
+
+    def weaken(trial):
+        tau = np.array(trial.tau)
+        tau[:, 3] *= 0.02
+        tau[:, 5] = 1e-3 * rng.standard_normal(len(tau))
+        return replace(trial, tau=tau)
+
+    found = suspicions(panda, changed(log, weaken))
+    assert {(item.kind, item.places) for item in found} == {
+        ("torque_scale", (JOINTS[3],)),
+        ("weak_torque", (JOINTS[5],)),
+    }
+
+
+def test_joints_declared_without_torque_raise_no_suspicion(panda, log) -> None:
+    quiet = changed(log, lambda t: replace(t, tau=np.delete(t.tau, 3, 1).dot(np.delete(np.eye(7), 3, 0))))
+    header = quiet.header.model_copy(update={"no_torque": (JOINTS[3],)})
+    assert suspicions(panda, replace(quiet, header=header)) == ()

@@ -1,0 +1,92 @@
+"""Odd numbers in logs are named with their likely cause; sound logs are left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from excite.doctor.examine import examine
+from excite.logs.log import Cleaning
+from excite.robot.loading import load_robot
+from tests.identification.practice_log import arm_log, changed
+
+NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def log(panda):
+    return arm_log(panda)
+
+
+def kinds(log, robot) -> dict[str, tuple[str, ...]]:
+    return {item.kind: item.places for item in examine(robot, log).findings}
+
+
+def flipped(j: int) -> np.ndarray:
+    signs = np.ones(7)
+    signs[j] = -1.0
+    return signs
+
+
+def swapped(i: int, j: int) -> list[int]:
+    order = list(range(7))
+    order[i], order[j] = order[j], order[i]
+    return order
+
+
+def constant(values: np.ndarray, j: int) -> np.ndarray:
+    values = values.copy()
+    values[:, j] = 0.25
+    return values
+
+
+def with_velocity(trial, factor):
+    return replace(trial, v=np.gradient(trial.q, trial.time, axis=0) * factor)
+
+
+FAULTS = {
+    "degrees": (lambda t: replace(t, q=np.degrees(t.q), q_cmd=None), "degrees", NAMES),
+    "one in degrees": (
+        lambda t: replace(t, q=t.q * np.where(np.arange(7) == 2, 180 / np.pi, 1.0), q_cmd=None),
+        "degrees",
+        NAMES[2:3],
+    ),
+    "commands in degrees": (lambda t: replace(t, q_cmd=np.degrees(t.q_cmd)), "command_degrees", NAMES),
+    "positions exchanged": (lambda t: replace(t, q=t.q[:, swapped(0, 2)]), "order", (NAMES[0], NAMES[2])),
+    "a command turned": (lambda t: replace(t, q_cmd=t.q_cmd * flipped(4)), "command_sign", NAMES[4:5]),
+    "a dead torque": (lambda t: replace(t, tau=constant(t.tau, 5)), "constant", (f"tau.{NAMES[5]}",)),
+    "time in milliseconds": (lambda t: replace(t, time=1e3 * t.time), "time_unit", ("time",)),
+    "time that went back": (
+        lambda t: replace(t, cleaning=Cleaning(reordered_rows=2)), "reordered_rows", (),
+    ),
+    "a velocity turned": (lambda t: with_velocity(t, flipped(3)), "velocity", NAMES[3:4]),
+    "torques in N·mm": (lambda t: replace(t, tau=1e3 * t.tau), "torque_size", NAMES),
+    "too short": (
+        lambda t: replace(t, time=t.time[:60], q=t.q[:60], tau=t.tau[:60], q_cmd=None), "too_few_rows", (),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_with_its_place(panda, log, fault):
+    change, kind, places = FAULTS[fault]
+    found = kinds(changed(log, change), panda)
+    assert kind in found
+    assert found[kind] == places
+
+
+def test_a_sound_log_is_left_alone(panda, log):
+    assert examine(panda, log).findings == ()
+    assert examine(panda, changed(log, lambda t: with_velocity(t, 1.0))).findings == ()
+
+
+def test_milliseconds_are_named(panda, log):
+    text = next(f.text for f in examine(panda, changed(log, FAULTS["time in milliseconds"][0])).findings)
+    assert "milliseconds" in text
