@@ -104,17 +104,21 @@ class Note(ABC):
         return 0.0
 
     @classmethod
+    def numbers(cls) -> tuple[str, ...]:
+        """Names of its numbers, in order."""
+        # They are its dataclass' fields, which its abstract class has none of.
+        known: Any = cls
+        return tuple(f.name for f in fields(known))
+
+    @classmethod
     def of(cls, values: Mapping[str, float]) -> Self:
         """The note with those of the values that are its own."""
-        # A note's numbers are its dataclass' fields, which its abstract class has none of.
-        known: Any = cls
-        return cls(**{f.name: values[f.name] for f in fields(known) if f.name in values})
+        return cls(**{name: values[name] for name in cls.numbers() if name in values})
 
     def text(self) -> str:
         """Its numbers by name; those that it does not have are left out."""
-        this: Any = self
-        numbers = ((f.name, getattr(this, f.name)) for f in fields(this))
-        return " ".join(f"{name}={value:.9g}" for name, value in numbers if value is not None)
+        values = ((name, getattr(self, name)) for name in self.numbers())
+        return " ".join(f"{name}={value:.9g}" for name, value in values if value is not None)
 
 
 @dataclass(frozen=True, eq=False)

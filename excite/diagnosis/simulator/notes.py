@@ -37,15 +37,23 @@ def _read(name: str, text: str) -> Noted:
             field=word,
             remedy=f"name it {NOTE}.EFFECT.PLACE, with an effect that leaves notes",
         )
+    pairs = [pair.partition("=") for pair in text.split()]
     try:
-        values = {key: float(value) for key, value in (pair.split("=") for pair in text.split())}
-        return Noted(word, place, kind.of(values))
+        values = {key: float(value) for key, _, value in pairs}
+        note = kind.of(values)
     except (TypeError, ValueError) as error:
-        raise InputError(
-            f"the note {NOTE}.{name} cannot be read ({text})",
-            field=word,
-            remedy="write NAME=NUMBER for each number",
-        ) from error
+        raise _unreadable(name, text, kind) from error
+    if set(values) - set(kind.numbers()):
+        raise _unreadable(name, text, kind)
+    return Noted(word, place, note)
+
+
+def _unreadable(name: str, text: str, kind: type[Note]) -> InputError:
+    return InputError(
+        f"the note {NOTE}.{name} cannot be read ({text})",
+        field=name,
+        remedy=f"write NAME=NUMBER, with the names {', '.join(kind.numbers())}",
+    )
 
 
 def _of_effect(word: str) -> type[Note] | None:

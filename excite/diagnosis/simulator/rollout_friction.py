@@ -60,8 +60,8 @@ class JointFriction:
                 self._whole[part.joint].static = part.note.static
         for j in self._whole:
             steps[j].bends = True
-        own = [(part.joint, part.bristle) for part in self._parts if part.bristle is not None]
-        self.bristles: tuple[tuple[int, Bristle], ...] = (*self._whole.items(), *own)
+        self._own = [(part, part.bristle) for part in self._parts if part.bristle is not None]
+        self.bristles = (*self._whole.items(), *((part.joint, bristle) for part, bristle in self._own))
         self.acts = bool(self._parts)
 
     def start(self, window: Window) -> None:
@@ -78,7 +78,8 @@ class JointFriction:
         level, viscous = level.copy(), np.zeros(len(level))
         for part in self._parts:
             j = part.joint
-            part.held = part.note.held(float(level[j]))
+            if part.bristle is not None:
+                part.held = part.note.held(float(level[j]))
             level[j], more = part.note.friction(level[j], self._steps[j])
             viscous[j] += more
         return np.maximum(level, 0.0), viscous
@@ -91,7 +92,7 @@ class JointFriction:
         parts = [(j, b, level[j]) for j, b in self._whole.items()]
         for j in self._whole:
             level[j] = 0.0
-        parts += [(part.joint, part.bristle, part.held) for part in self._parts if part.bristle is not None]
+        parts += [(part.joint, bristle, part.held) for part, bristle in self._own]
         for j, bristle, size in parts:
             f, d = bristle.force(max(size, 0.0), float(v[j]), step)
             force[j] += f
