@@ -59,6 +59,8 @@ _PUBLIC = {
     "load_bounds": "excite.identification.physical.bounds_file",
     "write_bounds_template": "excite.identification.physical.bounds_template",
     "EstimatorSettings": "excite.identification.estimators.settings",
+    "estimator_settings": "excite.identification.estimators.method_settings",
+    "method_summaries": "excite.identification.estimators.summary",
     "estimate_torque_delay": "excite.identification.alignment",
     "explain_signals": "excite.identification.explanation",
     "save_signal_figure": "excite.report.plots.signals",

@@ -65,9 +65,9 @@ def numpy_columns(table: pa.Table) -> dict[str, NDArray[Any]]:
 
 def _numpy(column: pa.ChunkedArray) -> NDArray[Any]:
     if not _is_number(column.type) or column.null_count or not column.num_chunks:
-        return column.to_numpy()
+        return np.asarray(column.to_numpy())
     return np.concatenate([np.from_dlpack(chunk) for chunk in column.chunks])
 
 
 def _is_number(kind: pa.DataType) -> bool:
-    return pa.types.is_integer(kind) or pa.types.is_floating(kind)
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))

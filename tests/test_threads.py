@@ -9,13 +9,12 @@ import sys
 PROGRAM = """
 import hashlib, json
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify_problem
 from tests.identification.coverage import Case, Experiment
 
 problem = Experiment("panda", Case(5.0, every=2), duration=8.0).problem(0)
 for method in ("wls", "qp"):
-    found = identify_problem(problem, None, find_estimator(method), EstimatorSettings())
+    found = identify_problem(problem, None, find_estimator(method))
     print(hashlib.sha256(json.dumps(found.to_json()).encode()).hexdigest())
 """
 

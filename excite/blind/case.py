@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -121,7 +122,7 @@ def _fit(arm: Arm, effect: str, joint: int) -> int:
 def recordings_of(virtual: VirtualRobot, arm: Arm) -> list[Recording]:
     """Identification trials, validation trials, then the first command again, without noise."""
     runs = [*arm.motions, replace(arm.motions[0], name=f"trial_{N_TRIALS + N_VALIDATION:02d}")]
-    memory: dict = {}
+    memory: dict[Any, Any] = {}
     recordings: list[Recording] = []
     for k, motion in enumerate(runs):
         recording = execute(virtual, motion, session_s=k * (TRIAL_S + PAUSE_S), memory=memory)

@@ -12,7 +12,7 @@ import numpy as np
 from excite.errors import NoSolutionError
 from excite.json_document import write_json
 from excite.logs.files import save_log
-from excite.logs.log import Log
+from excite.logs.log import Log, Role
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
@@ -20,7 +20,7 @@ from excite.reading.number import check_seed
 from excite.robot.robot import Robot
 from excite.simulation.effects.registry import inject as inject_effects
 from excite.simulation.replay import Replay
-from excite.simulation.simulate import Role, run_experiment
+from excite.simulation.simulate import run_experiment
 from excite.simulation.true_parameters import TrueParameters
 from excite.simulation.virtual_robot import VirtualRobot, changed_robot, nominal_robot
 

@@ -15,8 +15,8 @@ from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
 from excite.excitation.conditioning import Conditioning
-from excite.identification.identify import Identification
 from excite.identification.problem import build_problem
+from excite.identification.result import Identification
 from excite.logs.log import Log
 from excite.report.data import (
     ConditioningComparison,
@@ -96,7 +96,7 @@ def force_comparison(
         time=time,
         measured=curves(problem.y),
         nominal=curves(problem.Y @ problem.prior),
-        identified=curves(problem.Y @ identification.all_parameters),
+        identified=curves(problem.Y @ identification.identified.all),
     )
 
 
@@ -104,7 +104,7 @@ def mass_comparison(robot: Robot, identification: Identification, truth: Path | 
     """Masses of all segments; the true ones where ``truth.json`` of a virtual robot is there."""
     changed = {item.link for item in identification.changes.segments}
     return MassComparison(
-        names=identification.segments,
+        names=identification.identified.segments,
         nominal=identification.nominal[::10].copy(),
         identified=identification.masses,
         true=true_masses(robot, truth) if truth is not None and os.path.lexists(truth) else None,

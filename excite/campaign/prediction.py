@@ -55,7 +55,7 @@ class PredictedStatistics:
     def std(self) -> Array:
         """Standard deviations, ``(n_base,)``."""
         inverse = solve_triangular(self.factor, np.eye(len(self.factor)))
-        return np.sqrt(np.einsum("ij,jk,ik->i", inverse, self.meat, inverse, optimize=True))
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", inverse, self.meat, inverse, optimize=True)))
 
     @property
     def rsd_percent(self) -> Array:
@@ -150,4 +150,4 @@ def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
 
 def _sharp_friction(robot: Robot, velocity: Array) -> Array:
     """Coulomb friction of the declared drives, ``(n, n_joints)`` [N·m or N]."""
-    return nominal_drives(robot).coulomb * np.sign(velocity)
+    return np.asarray(nominal_drives(robot).coulomb * np.sign(velocity))

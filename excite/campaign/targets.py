@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from excite.excitation.weakness import UnexcitedParameter
-from excite.identification.result import BaseParameter
+from excite.identification.parameter_statistics import BaseParameter
 from excite.robot.robot import Robot
 
 # A parameter that would need more than this many times the motion run so far is left to the noise.

@@ -9,6 +9,7 @@ import typer
 
 import excite
 from excite.claim import claimed
+from excite.cli.session.methods_help import METHOD_HELP
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -19,6 +20,7 @@ from excite.cli.session.options import (
 )
 from excite.cli.session.output import EXIT_NEGATIVE, emit, progress_bars
 from excite.cli.session.workers import workers
+from excite.identification.estimators.registry import DEFAULT_METHOD
 
 NAME = "campaign"
 
@@ -32,7 +34,7 @@ def command(
         float, typer.Option("--target-rsd", min=0.0, help="Relative standard deviation to reach [percent].")
     ] = 15.0,
     max_iterations: Annotated[int, typer.Option("--max-iterations", min=1, help="Iterations at most.")] = 3,
-    method: Annotated[str, typer.Option("--method", help="Estimator: ls, wls, qp, …")] = "qp",
+    method: Annotated[str, typer.Option("--method", help=METHOD_HELP)] = DEFAULT_METHOD,
     on_robot: Annotated[
         bool,
         typer.Option(

@@ -72,7 +72,7 @@ def command(
         typer.Option(
             "--identify",
             metavar="METHOD",
-            help="Identify at once (lmi, hqp, …): table of segment masses, URDF and OpenSim model.",
+            help="Identify at once by a method below (lmi, hqp): table of segment masses, URDF, OpenSim model.",
         ),
     ] = None,
     loaded: Annotated[
@@ -99,16 +99,16 @@ def command(
     if identify is None and (asymmetric or mass_range):
         option = "--asymmetric" if asymmetric else "--mass-range"
         raise InputError("identifies nothing", field=option, remedy="add --identify hqp")
-    estimator = segment_settings(identify or "", asymmetric, mass_range)
+    estimator = None if identify is None else segment_settings(identify, asymmetric, mass_range)
     settings = excite.MeasureSettings(
-        table=table,  # type: ignore[arg-type]
+        table=table,
         markers=markers,
         up=up,
         cutoff_hz=cutoff_hz,
         hold_out=hold_out,
         segment_mass=named_numbers("--segment-mass", segment_mass),
     )
-    subject = excite.Subject(mass, height, sex)  # type: ignore[arg-type]
+    subject = excite.Subject(mass, height, sex)
     _check_whole(trials, loaded, identify, out)
     with progress_bars() as progress:
         person = excite.measure_person(subject, trials, tuple(static or ()), settings, progress)
@@ -140,7 +140,7 @@ def _evaluated(
     folder: Path,
     loaded: int,
     identify: str | None,
-    estimator: EstimatorSettings,
+    estimator: EstimatorSettings | None,
 ) -> tuple[dict[str, Any], str]:
     """The document and what is said of it, after all that was asked for was written beside the log."""
     document, said = person.to_json(), []

@@ -42,6 +42,7 @@ from excite.cli.session.failure import (  # noqa: E402
     of_usage,
 )
 from excite.cli.session.interruption import Interrupted, handle_signals, say_interrupted  # noqa: E402
+from excite.cli.session.methods_help import MethodsCommand  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
 
 # What typer raises for a command line that means nothing; it is click's, which typer may or may not bring along.
@@ -57,6 +58,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+# Commands whose help has more to say than their options.
+_CLASSES = dict.fromkeys((identify, campaign, human), MethodsCommand)
 
 for _module in (
     robots,
@@ -75,7 +79,7 @@ for _module in (
     report,
     demo,
 ):
-    app.command(name=_module.NAME)(_module.command)
+    app.command(name=_module.NAME, cls=_CLASSES.get(_module))(_module.command)
 
 
 app.add_typer(blind.app, name=blind.NAME)

@@ -68,7 +68,7 @@ def determined(factor: Array, tol: float) -> NDArray[np.bool_]:
     _, values, vectors = np.linalg.svd(r_factor(scaled), full_matrices=True)
     values = np.concatenate([values, np.zeros(len(vectors) - len(values))])
     share = (vectors[values < tol * values[0]] ** 2).sum(axis=0)
-    return present & (share <= _SHARE)
+    return np.asarray(present & (share <= _SHARE))
 
 
 def _state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> tuple[Array, Array, Array]:

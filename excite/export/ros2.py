@@ -20,7 +20,7 @@ _BAG_VERSION: Literal[9] = 9  # readable from Humble on
 
 def nanoseconds(time: np.ndarray) -> np.ndarray:
     """Times since the first sample as whole nanoseconds, ``(n,)`` integers, from ``(n,)`` seconds."""
-    return np.round((np.asarray(time) - time[0]) * 1e9).astype(np.int64)
+    return np.asarray(np.round((np.asarray(time) - time[0]) * 1e9).astype(np.int64))
 
 
 class Ros2Exporter(Exporter):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from numpy.linalg import LinAlgError
 
@@ -19,7 +20,7 @@ from excite.logs.log import Log
 
 
 def attempt(
-    estimator: Estimator, problem: IdentificationProblem, settings: EstimatorSettings, rows: Regression
+    estimator: Estimator[Any], problem: IdentificationProblem, settings: EstimatorSettings, rows: Regression
 ) -> tuple[Estimate, NoSolutionError | None]:
     """Estimate; a failure comes with the best point known, the nominal model where there is no other.
 

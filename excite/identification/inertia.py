@@ -54,4 +54,4 @@ def central_inertia_matrices(parameters: Array) -> Array:
     mass = np.where(ten[:, 0] > 0.0, ten[:, 0], np.nan)
     h = ten[:, 1:4]
     square = np.einsum("ij,ij->i", h, h)[:, None, None] * np.eye(3) - np.einsum("ij,ik->ijk", h, h)
-    return inertia_matrices(parameters) - square / mass[:, None, None]
+    return np.asarray(inertia_matrices(parameters) - square / mass[:, None, None])

@@ -31,7 +31,7 @@ class RowSpace:
     @property
     def rank(self) -> int:
         """Number of independent rows."""
-        return self.image.shape[1]
+        return int(self.image.shape[1])
 
 
 def row_space(matrix: Array, tolerance: float = RANK_TOLERANCE) -> RowSpace:

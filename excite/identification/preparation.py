@@ -120,7 +120,7 @@ def _averaged(prepared: Prepared, settings: ProblemSettings, filters: Filters) -
     def mean(values: Array, resample: Callable[[Array, Array, Array], Array]) -> Array:
         average = average_periods(resample(trial.time, values, grid), count, settings.skip_periods)
         kept.append((average.n_periods, np.atleast_1d(average.std)))
-        return average.mean[place % count]
+        return np.asarray(average.mean[place % count])
 
     torque = trial.tau if trial.tau is not None else trial.current
     base = trial.base

@@ -86,7 +86,7 @@ class IdentificationProblem:
     @property
     def n_params(self) -> int:
         """Number of columns."""
-        return self.Y.shape[1]
+        return int(self.Y.shape[1])
 
     def factor(self) -> Array:
         """Upper triangular factor of the weighted rows with the measurement as last column.
@@ -107,7 +107,7 @@ class IdentificationProblem:
 
     def rows_of(self, channel: str) -> NDArray[np.bool_]:
         """Mask of the rows of a channel, ``(n_rows,)``."""
-        return self.channel == self.channel_names.index(channel)
+        return np.asarray(self.channel == self.channel_names.index(channel))
 
 
 _PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")

@@ -48,7 +48,12 @@ class Regression:
         return square_factor(np.vstack(list(scaled)))
 
     def weighted(self, std: Array, noise: NoiseModel | None = None) -> Regression:
-        """The same rows with other channel weights ``1/std``."""
+        """The same rows with other channel weights ``1/std``.
+
+        Args:
+            std: noise of each channel, ``(n_channels,)`` [the channels' units].
+            noise: its correlation, None where it is taken to be white.
+        """
         return replace(self, std=np.asarray(std, dtype=float), noise=noise)
 
     def residual_variances(self, parameters: Array) -> Array:
@@ -56,7 +61,7 @@ class Regression:
         tail = np.append(parameters, -1.0)
         squares = np.einsum("cij,j->ci", self.channel_factors, tail)
         counts = np.bincount(self.problem.channel, minlength=len(self.channel_factors))
-        return (squares**2).sum(axis=1) / np.maximum(counts, 1)
+        return np.asarray((squares**2).sum(axis=1) / np.maximum(counts, 1))
 
 
 @one_blas_thread
@@ -94,6 +99,11 @@ def iterate_weights(rows: Regression, *, iterations: int = 10, tolerance: float 
     Starts from the weights that the problem states; stops when no weight moves by more than ``tolerance``.
     The noise model of the final residuals comes with the result, scaled up for the degrees of freedom that
     the fit has taken.
+
+    Args:
+        rows: condensed rows.
+        iterations: rounds at most; 0 keeps the stated weights.
+        tolerance: largest relative change of a weight at which the rounds end.
     """
     problem = rows.problem
     std = stated_std(problem)
@@ -141,12 +151,19 @@ def minimum_norm(a: Array, b: Array) -> Array:
     """Minimum-norm least-squares solution of ``a x ≈ b`` by a complete orthogonal factorisation.
 
     No iteration that could fail to converge, as the singular value decompositions of LAPACK do now and then.
+
+    Args:
+        a: ``(m, n)``.
+        b: ``(m,)`` or ``(m, k)``.
+
+    Returns:
+        ``(n,)`` or ``(n, k)``; singular values below ``RANK_TOLERANCE`` of the largest count as zero.
     """
-    return lstsq(a, b, cond=RANK_TOLERANCE, lapack_driver="gelsy", check_finite=False)[0]
+    return np.asarray(lstsq(a, b, cond=RANK_TOLERANCE, lapack_driver="gelsy", check_finite=False)[0])
 
 
 def square_factor(rows: Array) -> Array:
-    """``R`` of ``rows = Q R`` as a square upper triangle (zero rows added where there are too few)."""
+    """``R`` of ``(m, n)`` ``rows = Q R`` as a triangle ``(n, n)``, zero rows added where there are too few."""
     r = triangle(rows)
     square = np.zeros((rows.shape[1], rows.shape[1]))
     square[: len(r)] = r

@@ -107,4 +107,4 @@ def _in_motion(positions: list[Array], n: int) -> NDArray[np.bool_]:
     changes = np.any(np.diff(np.column_stack(positions), axis=0) != 0.0, axis=1)
     passed = np.concatenate([[0], np.cumsum(np.concatenate([[False], changes]))])
     rows = np.arange(n)
-    return passed[np.minimum(rows + _AROUND + 1, n)] > passed[np.maximum(rows - _AROUND, 0)]
+    return np.asarray(passed[np.minimum(rows + _AROUND + 1, n)] > passed[np.maximum(rows - _AROUND, 0)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +81,7 @@ class LogHeader(_Block):
     torque_constants: dict[Name, Factor] = {}
     no_torque: tuple[Name, ...] = Field(default=(), max_length=MAX_NAMES)
     coupling: dict[Name, dict[Name, Factor]] = {}
-    controller: dict | None = None
+    controller: dict[Any, Any] | None = None
     base_link: Name | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None
     sensors: tuple[SensorHeader, ...] = Field(default=(), max_length=MAX_NAMES)

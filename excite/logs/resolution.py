@@ -52,7 +52,7 @@ def channel_noise(time: Array, values: Array) -> Array:
     """
     rows = np.arange(len(time), dtype=float)
     sizes = [np.median(np.abs(misfit(clock, values)), axis=0) for clock in (time, rows)]
-    return 1.4826 * np.minimum(*sizes)
+    return np.asarray(1.4826 * np.minimum(*sizes))
 
 
 def _common_step(levels: Array, least: float) -> float:

@@ -81,7 +81,7 @@ class Motion:
     @property
     def floating(self) -> bool:
         """Whether it moves a free base."""
-        return self.v.shape[1] > len(self.joint_names)
+        return bool(self.v.shape[1] > len(self.joint_names))
 
     def joint_positions(self) -> Array:
         """Positions of the actuated joints, ``(n, n_joints)`` [rad or m]."""

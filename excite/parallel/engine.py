@@ -103,7 +103,7 @@ class _Round:
         self,
         crew: LocalCrew | ForeignCrew,
         function: Callable[[Any, Any], Any],
-        shared: Shared,
+        shared: Shared[Any],
         stage: str,
     ) -> None:
         self._crew, self._function, self._shared, self._stage = crew, function, shared, stage

@@ -66,11 +66,12 @@ class LocalCrew:
         self.in_flight = _IN_FLIGHT_A_WORKER * self._workers
         self._pool: _Pool | None = None
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Hand a task over; starts the workers, if need be."""
         if self._pool is None:
             self._pool = _taken(self._workers, self._jobs)
-        return self._pool.executor.submit(function, *arguments)
+        task: Future[Any] = self._pool.executor.submit(function, *arguments)
+        return task
 
     def renew(self) -> None:
         """Put new workers in the place of broken ones."""

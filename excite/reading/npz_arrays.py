@@ -8,6 +8,7 @@ import tokenize
 import zlib
 from collections.abc import Container
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile, ZipFile, ZipInfo
 
 from numpy.lib import format as npy
@@ -45,7 +46,7 @@ def read_npz(
     longest_text: int = _LONGEST_TEXT,
     remedy: str = "write it again",
     error: type[InputError] = InputError,
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray[Any]]:
     """Arrays of an npz archive by name: numbers, flags and short texts.
 
     Args:
@@ -61,7 +62,7 @@ def read_npz(
             is of another kind, or is larger than allowed or than it declares.
     """
     path = check_file(path, limit=limit, error=error)
-    arrays: dict[str, NDArray] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     left = limit
     name: str | None = None
     try:
@@ -99,7 +100,7 @@ def _fault(archive: ZipFile, member: ZipInfo, longest_text: int) -> str | None:
     """What is wrong with a member before its values are read; None where nothing is."""
     with archive.open(member) as stream:
         version = npy.read_magic(stream)
-        header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        header: Any = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         shape, _, dtype = header(stream)
         content = member.file_size - stream.tell()
     if dtype.kind not in _KINDS or dtype.itemsize > 4 * longest_text:

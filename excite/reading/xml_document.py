@@ -75,7 +75,8 @@ def parse_xml(
     parser = DefusedXMLParser(target=_BoundedBuilder(max_depth))
     try:
         parser.feed(content)
-        return parser.close()
+        root: ElementTree.Element = parser.close()
+        return root
     except DefusedXmlException as reason:
         raise error(
             f"declares XML entities ({type(reason).__name__})",

@@ -36,7 +36,7 @@ class Placements:
         ``local`` of shape ``(3,)`` gives ``(n, 3)``, of shape ``(k, 3)`` gives ``(n, k, 3)``.
         """
         rotated = np.einsum("nij,...j->n...i", self.rotation[:, joint], local)
-        return rotated + self.translation[:, joint].reshape(-1, *[1] * (np.ndim(local) - 1), 3)
+        return np.asarray(rotated + self.translation[:, joint].reshape(-1, *[1] * (np.ndim(local) - 1), 3))
 
 
 def forward_kinematics(model: pin.Model | KinematicTree, q: Array) -> Placements:

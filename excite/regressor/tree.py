@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -68,7 +69,7 @@ class KinematicTree:
         return self.n_segments > 0 and self.kinds[1] == FREE_FLYER
 
     @property
-    def structure(self) -> tuple[NDArray, ...]:
+    def structure(self) -> tuple[NDArray[Any], ...]:
         """The arrays that every kernel takes first, as one tuple, in the kernels' order."""
         placed = (self.rotations, self.translations, self.axes, self.aligned)
         return self.kinds, self.parents, self.idx_q, self.idx_v, *placed
@@ -138,4 +139,4 @@ def _unaligned_axis(model: pin.Model, j: int) -> Array:
     model.joints[j].calc(data, pin.neutral(model), np.zeros(model.nv))
     subspace = np.asarray(data.S).reshape(6, -1)[:, 0]
     axis = subspace[:3] if np.any(subspace[:3]) else subspace[3:]
-    return axis / np.linalg.norm(axis)
+    return np.asarray(axis / np.linalg.norm(axis))

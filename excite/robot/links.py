@@ -50,8 +50,8 @@ def carried_link(model: pin.Model, joint: int) -> str:
             and frame.parentJoint == joint
             and frame.placement.isIdentity(1e-12)
         ):
-            return frame.name
-    return model.names[joint]
+            return str(frame.name)
+    return str(model.names[joint])
 
 
 def link_placement(model: pin.Model, link: str, source: object, field: str) -> tuple[int, pin.SE3]:

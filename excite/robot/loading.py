@@ -154,4 +154,4 @@ def _rest(
             pin.forwardKinematics(model, data, q)
             heights = [data.oMi[foot.joint].act(corner)[2] for foot in feet for corner in foot.sole]
             q[2] -= min(heights)
-    return q
+    return np.asarray(q)

@@ -55,12 +55,12 @@ class BaseRows:
 
     @property
     def drive_prior(self) -> Array:
-        """Empty."""
+        """Empty, ``(0,)``."""
         return np.zeros(0)
 
     @property
     def drive_spread(self) -> Array:
-        """Empty."""
+        """Empty, ``(0,)``."""
         return np.zeros(0)
 
     @cached_property

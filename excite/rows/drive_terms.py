@@ -70,7 +70,7 @@ class JointSamples:
     def _shared(self) -> Array:
         if self.motors is None:
             return np.zeros(len(self.joints), dtype=bool)
-        return np.count_nonzero(self.motors, axis=1) > 1
+        return np.asarray(np.count_nonzero(self.motors, axis=1) > 1)
 
     def own(self, values: Array) -> Array:
         """Columns that act on their own joint only: ``(m, n_joints)`` → ``(m, n_joints, n_joints)``."""
@@ -80,7 +80,7 @@ class JointSamples:
         return columns
 
     def driven(self, values: Array) -> Array:
-        """Columns of torques at the motors, brought to the joints by ``Cᵀ``: same shapes as :meth:`own`."""
+        """Columns of torques at the motors, brought to the joints by ``Cᵀ``, ``(m, n_joints, n_joints)``."""
         if self.motors is None:
             return self.own(values)
         return self.motors.T[None] * values[:, None, :]
@@ -118,12 +118,22 @@ def slides(model: pin.Model, column: int) -> bool:
 
 
 def smooth_sign(velocity: Array, width: float | Array) -> Array:
-    """``tanh(velocity / width)``, the plain sign for width 0; one width for all or one a column."""
+    """``tanh(velocity / width)``, the plain sign for width 0; one width for all or one a column.
+
+    Args:
+        velocity: ``(…, n_joints)`` [rad/s or m/s].
+        width: a number or ``(n_joints,)`` [as the velocity].
+
+    Returns:
+        Of the velocity's shape, within ±1.
+    """
     return np.where(np.equal(width, 0.0), np.sign(velocity), np.tanh(velocity / np.maximum(width, 1e-300)))
 
 
 def encoder_columns(samples: JointSamples) -> Array:
-    """Change of the rigid bodies' torques per unit of encoder offset, true position = logged + offset.
+    """Change of the rigid bodies' torques per unit of encoder offset, ``(m, n_joints, n_joints)`` [N·m/rad].
+
+    The true position is the logged one and the offset.
 
     Taken at the nominal parameters: a first-order correction, whose own error is that of a few milliradians
     of the difference between nominal and true torques.

@@ -88,7 +88,7 @@ class JointRows:
 
     @property
     def noise(self) -> Array:
-        """Standard deviation of each joint's torque noise at full rate, 1 where it is not stated [N·m]."""
+        """Standard deviation of each joint's torque noise at full rate, 1 if not stated, ``(n_joints,)`` [N·m]."""
         return per_joint(
             self.robot.description.sensors.noise_torque, self.channel_names, np.ones(len(self.channel_names))
         )
@@ -122,7 +122,7 @@ class JointRows:
 
     @cached_property
     def motors(self) -> Array | None:
-        """Matrix from joint to motor velocities, None where each joint has its own motor."""
+        """Matrix from joint to motor velocities, ``(n_motors, n_joints)``, None where each joint has its own motor."""
         coupling = self.settings.coupling or self.header.coupling
         return coupling_matrix(self.channel_names, coupling) if coupling else None
 
@@ -167,7 +167,9 @@ class JointRows:
                 field="torque",
                 remedy="state torque_constants in log.yaml, or drive_gains in the settings [N·m/A]",
             )
-        return trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
+        return np.asarray(
+            trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
+        )
 
 
 def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:

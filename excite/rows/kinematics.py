@@ -97,21 +97,38 @@ def trial_rate(header: LogHeader, trial: Trial) -> float:
     if abs(own - header.rate_hz) < 1e-3 * header.rate_hz:
         return header.rate_hz
     span = trial.time[-1] - trial.time[0]
-    return (len(trial.time) - 1 + trial.cleaning.missing_rows) / span
+    return float((len(trial.time) - 1 + trial.cleaning.missing_rows) / span)
 
 
 def positions_on_grid(time: Array, values: Array, grid: Array) -> Array:
-    """Positions at ``grid``; unchanged where the grid is the trial's own."""
+    """Positions at ``grid``; unchanged where the grid is the trial's own.
+
+    Args:
+        time: stamps ``(n,)`` [s].
+        values: ``(n, k)`` [rad or m].
+        grid: ``(m,)`` [s]; the very array ``time`` where nothing is to be interpolated.
+
+    Returns:
+        ``(m, k)``.
+    """
     return values if grid is time else resample_smooth(time, values, grid)
 
 
 def forces_on_grid(time: Array, values: Array, grid: Array) -> Array:
-    """Torques, currents or wrenches at ``grid``; unchanged where the grid is the trial's own."""
+    """Torques, currents or wrenches at ``grid``, ``(m, k)``: as :func:`positions_on_grid`, without overshooting."""
     return values if grid is time else resample_noisy(time, values, grid)
 
 
 def root_pose(pose: Array, offset: pin.SE3) -> Array:
-    """Poses of the free-flyer from poses of a link at ``offset`` on it, ``(n, 7)``, signs continuous."""
+    """Poses of the free-flyer from poses of a link at ``offset`` on it, signs of the quaternions continuous.
+
+    Args:
+        pose: of the link in the world, ``(n, 7)``: position [m], quaternion x y z w.
+        offset: of the link's frame in the free-flyer's.
+
+    Returns:
+        ``(n, 7)``, as ``pose``.
+    """
     pose = np.hstack([pose[:, :3], continuous_quaternions(pose[:, 3:])])
     if offset.isIdentity(1e-12):
         return pose

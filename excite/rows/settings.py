@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Literal
+from typing import Any, Literal
 
 from excite.errors import InputError, UnknownNameError
 from excite.rows.drive_terms import DRIVE_TERMS
@@ -13,7 +13,7 @@ from excite.rows.drive_terms import DRIVE_TERMS
 _CHOICES = {"clock": ("stamps", "positions"), "differentiation": ("central", "fourier")}
 
 
-def _setting(default: float | int | None, unit: str, low: float, high: float, what: str):
+def _setting(default: float | int | None, unit: str, low: float, high: float, what: str) -> Any:
     """One numeric setting: default, unit, bounds (both allowed) and meaning, declared once."""
     return field(default=default, metadata={"unit": unit, "low": low, "high": high, "what": what})
 

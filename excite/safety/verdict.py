@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 SCHEMA = "excite.check/1"
 
@@ -101,7 +102,7 @@ class Verdict:
             return f"{self.violations[0]}{more}"
         return f"could not compute {', '.join(self.not_computed)}" if self.not_computed else ""
 
-    def to_json(self) -> dict:
+    def to_json(self) -> dict[str, Any]:
         """The motion's entry in an ``excite.check/1`` document, and ``not_applicable``."""
         return {
             "motion": self.motion,
@@ -116,7 +117,7 @@ class Verdict:
         return f"{self.motion}: safe" if self.safe else f"{self.motion}: unsafe, {self.reason}"
 
 
-def check_document(verdicts: Iterable[Verdict]) -> dict:
+def check_document(verdicts: Iterable[Verdict]) -> dict[str, Any]:
     """The ``excite.check/1`` document of several verdicts; ``safe`` if all are and there is at least one."""
     entries = [verdict.to_json() for verdict in verdicts]
     safe = bool(entries) and all(entry["safe"] for entry in entries)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def execute(
     settle_s: float = SETTLE_S,
     stop: Stop | None = None,
     session_s: float = 0.0,
-    memory: dict | None = None,
+    memory: dict[Any, Any] | None = None,
 ) -> Recording:
     """Run one motion from rest.
 

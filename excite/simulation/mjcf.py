@@ -98,7 +98,7 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
     return spec
 
 
-def _add_body(robot: Robot, bodies: list, joint: int, phi: Array) -> mujoco.MjsBody:
+def _add_body(robot: Robot, bodies: list[mujoco.MjsBody], joint: int, phi: Array) -> mujoco.MjsBody:
     import mujoco
 
     model = robot.model

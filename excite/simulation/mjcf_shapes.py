@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 GROUND = "ground"
 
 
-def add_shapes(spec: mujoco.MjSpec, bodies: list, robot: Robot) -> None:
+def add_shapes(spec: mujoco.MjSpec, bodies: list[mujoco.MjsBody], robot: Robot) -> None:
     """Collision shapes, and the pairs of them that must not meet."""
     shapes = collision_shapes(robot)
     for shape in shapes:

@@ -56,7 +56,7 @@ class Plant:
     robot: Robot
     drives: Drives
     session_s: float = 0.0
-    memory: dict = field(default_factory=dict)
+    memory: dict[Any, Any] = field(default_factory=dict)
     qpos: NDArray[np.int64] = field(init=False)
     dof: NDArray[np.int64] = field(init=False)
     friction: Array = field(init=False)

@@ -175,7 +175,7 @@ class _Fall:
         height, w, x, y, z = qpos[2:7].tolist()
         a, b, c = self.vertical[sample]
         cosine = 2.0 * a * (x * z + w * y) + 2.0 * b * (y * z - w * x) + c * (1.0 - 2.0 * (x * x + y * y))
-        return cosine < _FALL_COSINE or self.height[sample] - height > FALL_HEIGHT_M
+        return bool(cosine < _FALL_COSINE or self.height[sample] - height > FALL_HEIGHT_M)
 
 
 def _feet(

@@ -123,12 +123,15 @@ class ToyRepair(Repair):
 from dataclasses import replace
 
 from excite.identification.estimators.base import Estimator
+from excite.identification.estimators.least_squares.wls import WlsSettings
 from excite.identification.estimators.registry import find_estimator
 
 
-class ToyEstimator(Estimator):
+class ToyEstimator(Estimator[WlsSettings]):
     name = "toy"
     title = "weighted least squares by another name"
+    use = "tests"
+    settings_class = WlsSettings
 
     def estimate(self, problem, settings):
         return replace(find_estimator("wls").estimate(problem, settings), method=self.name)

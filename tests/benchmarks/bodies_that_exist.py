@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.identification.estimators.conic.cls3 import DensityRealisable
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
 from excite.identification.identify import identify
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
@@ -75,7 +74,7 @@ def _virtual() -> Iterator[Row]:
             problem = wrench_problem(robot, 1.05 * robot.nominal_parameters, seed=0, trials=2, duration=8.0)
             yield _row(
                 f"virtual {name}",
-                lambda problem=problem: DensityRealisable().estimate(problem, EstimatorSettings()).parameters,
+                lambda problem=problem: DensityRealisable().estimate(problem, Cls3Settings()).parameters,
             )
         else:
             log = arm_log(robot, 0, trials=3)

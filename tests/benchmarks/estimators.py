@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from excite.identification.constraints.sphere import SphereRows
 from excite.identification.estimators.base import Estimate
-from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
-from excite.identification.estimators.conic.cls3 import DensityRealisable
-from excite.identification.estimators.conic.lmi import PhysicallyConsistent
-from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
+from excite.identification.estimators.conic.cls2 import Cls2Settings, PhysicallyFeasible
+from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
+from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram, HqpSettings
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.problem import IdentificationProblem
@@ -48,11 +48,11 @@ def rows() -> list[Row]:
     size = f"{len(robot.segments)} bodies, {problem.n_rows} rows"
     table = [*base, *_hierarchical(problem, condensed, size)]
     for name, solve, settings in (
-        ("cls2", PhysicallyFeasible().solve, EstimatorSettings()),
-        ("cls3", DensityRealisable().solve, EstimatorSettings()),
-        ("lmi", PhysicallyConsistent().solve, EstimatorSettings()),
-        ("lmi, pullback", PhysicallyConsistent().solve, EstimatorSettings(regulariser="pullback")),
-        ("lmi, entropic", PhysicallyConsistent().solve, EstimatorSettings(regulariser="entropic")),
+        ("cls2", PhysicallyFeasible().solve, Cls2Settings()),
+        ("cls3", DensityRealisable().solve, Cls3Settings()),
+        ("lmi", PhysicallyConsistent().solve, LmiSettings()),
+        ("lmi, pullback", PhysicallyConsistent().solve, LmiSettings(regulariser="pullback")),
+        ("lmi, entropic", PhysicallyConsistent().solve, LmiSettings(regulariser="entropic")),
     ):
         seconds, estimate = _fastest(solve, condensed, settings)
         if name == "cls2":
@@ -68,7 +68,7 @@ def _hierarchical(problem: IdentificationProblem, condensed: Regression, size: s
     names = tuple(segment.link for segment in problem.robot.segments)
     table = []
     for share in (0.35, 0.05):
-        settings = EstimatorSettings(mass_range=share)
+        settings = HqpSettings(mass_range=share)
         seconds, estimate = _fastest(HierarchicalProgram().solve, condensed, settings)
         sphere = SphereRows(problem, settings.sphere_epsilon, settings.sphere_subdivisions)
         worst = float(sphere.violations(estimate.parameters).max())
@@ -122,7 +122,7 @@ def _timed(run: Callable[[], Result], repeats: int) -> tuple[Seconds, Result]:
 
 
 def _fastest(
-    solve: Callable[[Regression, EstimatorSettings], Estimate],
+    solve: Callable[[Regression, Any], Estimate],
     condensed: Regression,
     settings: EstimatorSettings,
 ) -> tuple[Seconds, Estimate]:

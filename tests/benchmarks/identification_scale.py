@@ -12,7 +12,6 @@ _PROGRAM = """
 import json, resource, sys, time
 import numpy as np
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify_problem
 from excite.robot.loading import load_robot
 from tests.benchmarks.identification_scale import big_problem
@@ -20,7 +19,7 @@ from tests.benchmarks.identification_scale import big_problem
 robot = load_robot("g1")
 problem = big_problem(robot)
 built, used = time.perf_counter(), time.process_time()
-found = identify_problem(problem, None, find_estimator(sys.argv[1]), EstimatorSettings())
+found = identify_problem(problem, None, find_estimator(sys.argv[1]))
 print(json.dumps({
     "rows": problem.n_rows, "columns": problem.n_params,
     "wall": time.perf_counter() - built, "processor": time.process_time() - used,

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
+from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.judgement.changes import Changes
 from excite.identification.judgement.consistency import check_consistency
+from excite.identification.judgement.judgement import Judgement, TotalMassReport
 from excite.identification.judgement.uncertainty import ParameterUncertainty
-from excite.identification.result import Identification, TotalMassReport
+from excite.identification.parameter_statistics import ParameterStatistics
+from excite.identification.result import Identification
+from excite.identification.solution import Solution
 from excite.robot.robot import Robot
 
 
@@ -20,24 +24,28 @@ def identification_of(
     n = len(parameters) + len(drives or {})
     return Identification(
         robot=robot.name,
-        method="lmi",
-        status="solved",
-        n_samples=1000,
-        links=tuple(segment.link for segment in robot.segments),
-        segments=names,
-        unmeasured=(),
-        parameters=parameters,
-        nominal=robot.nominal_parameters.copy(),
-        drive_names=tuple(drives or {}),
-        drives=np.array(list((drives or {}).values())),
-        base=(),
-        structural_rank=None,
-        essential=(),
-        consistency=check_consistency(parameters, names),
-        fit={},
-        validation={},
-        changes=Changes((), 1.0, 1.0),
-        total_mass=TotalMassReport(float(parameters[::10].sum()), robot.mass, None, None, None),
+        solution=Solution("lmi", "solved", True, 1000, {}, None),
+        identified=IdentifiedParameters(
+            links=tuple(segment.link for segment in robot.segments),
+            segments=names,
+            unmeasured=(),
+            inertial=parameters,
+            nominal=robot.nominal_parameters.copy(),
+            drive_names=tuple(drives or {}),
+            drives=np.array(list((drives or {}).values())),
+        ),
+        statistics=ParameterStatistics(
+            base=(),
+            structural_rank=None,
+            essential=(),
+            uncertainty=ParameterUncertainty(np.full(n, 0.01), np.linspace(0.0, 1.0, n)),
+        ),
+        judgement=Judgement(
+            consistency=check_consistency(parameters, names),
+            fit={},
+            validation={},
+            changes=Changes((), 1.0, 1.0),
+            total_mass=TotalMassReport(float(parameters[::10].sum()), robot.mass, None, None, None),
+        ),
         findings=(),
-        uncertainty=ParameterUncertainty(np.full(n, 0.01), np.linspace(0.0, 1.0, n)),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,20 +12,20 @@ from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.ellipsoid import ellipsoid_matrix
 from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
 from excite.identification.estimators.conic.cls3 import DensityRealisable
-from excite.identification.estimators.conic.lmi import PhysicallyConsistent
-from excite.identification.estimators.least_squares.ls import LeastSquares
+from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
+from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
 from excite.identification.estimators.least_squares.map import MaximumAPosteriori
 from excite.identification.estimators.least_squares.robust import Huber
-from excite.identification.estimators.least_squares.wls import WeightedLeastSquares
+from excite.identification.estimators.least_squares.wls import WeightedLeastSquares, WlsSettings
 from excite.identification.estimators.physical import PhysicalRetrieval
 from excite.identification.estimators.quadratic.cls1 import BoundedNearBase
 from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
 from excite.identification.estimators.quadratic.qp import QuadraticProgram
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.judgement.statistics import base_statistics
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.robot.loading import load_robot
+from tests.identification.estimated import estimated
 from tests.identification.synthetic import arm_problem, wrench_problem
 
 AGREE = 1e-8
@@ -41,22 +42,22 @@ def no_levels(rows, settings, scaled):
     return ()
 
 
-def in_spreads(problem: IdentificationProblem, settings: EstimatorSettings, difference: np.ndarray) -> float:
+def in_spreads(problem: IdentificationProblem, settings: dict[str, Any], difference: np.ndarray) -> float:
     """Largest difference in units of the spreads."""
-    return float(np.abs(difference / prior_std(problem, settings.spreads(problem.robot))).max())
+    return float(np.abs(difference / prior_std(problem, settings.get("prior_spread", 0.5))).max())
 
 
 class TestLeastSquares:
     def test_ls_is_wls_with_unit_weights(self, problem):
         unit = replace(problem, weights=np.ones(problem.n_rows))
-        settings = EstimatorSettings(ls_reference="nominal", weight_iterations=0)
-        a = LeastSquares().estimate(unit, settings).parameters
-        b = WeightedLeastSquares().estimate(unit, settings).parameters
+        settings = dict(ls_reference="nominal", weight_iterations=0)
+        a = estimated(LeastSquares(), unit, **settings).parameters
+        b = estimated(WeightedLeastSquares(), unit, **settings).parameters
         assert in_spreads(problem, settings, a - b) < AGREE
 
     def test_both_norms_fit_alike(self, problem):
-        zero = LeastSquares().estimate(problem, EstimatorSettings())
-        nominal = LeastSquares().estimate(problem, EstimatorSettings(ls_reference="nominal"))
+        zero = LeastSquares().estimate(problem, LsSettings())
+        nominal = LeastSquares().estimate(problem, LsSettings(ls_reference="nominal"))
         assert zero.residual == pytest.approx(nominal.residual, rel=1e-9)
         assert np.linalg.norm(zero.parameters) < np.linalg.norm(nominal.parameters)
 
@@ -72,30 +73,30 @@ class TestLeastSquares:
             time=np.arange(problem.n_rows) * 0.01,
             trial=np.zeros(problem.n_rows, dtype=np.int64),
         )
-        settings = EstimatorSettings(huber=100.0, ls_reference="nominal")
-        a = Huber().estimate(single, settings).parameters
-        b = LeastSquares().estimate(single, settings).parameters
+        settings = dict(huber=100.0, ls_reference="nominal")
+        a = estimated(Huber(), single, **settings).parameters
+        b = estimated(LeastSquares(), single, **settings).parameters
         assert in_spreads(problem, settings, a - b) < AGREE
 
     def test_robust_without_outliers_is_wls_with_its_deviations(self, problem):
-        settings = EstimatorSettings(huber=100.0, weight_iterations=0)
-        found = Huber().estimate(problem, settings)
+        settings = dict(huber=100.0, weight_iterations=0)
+        found = estimated(Huber(), problem, **settings)
         stated = replace(problem, weights=1.0 / found.regression.std[problem.channel])
-        expected = WeightedLeastSquares().estimate(stated, settings).parameters
+        expected = estimated(WeightedLeastSquares(), stated, **settings).parameters
         assert in_spreads(problem, settings, found.parameters - expected) < AGREE
 
     def test_wls_with_stated_weights_is_ls_on_rows_multiplied_by_them(self, problem):
-        settings = EstimatorSettings(ls_reference="nominal", weight_iterations=0)
+        settings = dict(ls_reference="nominal", weight_iterations=0)
         weight = problem.weights
         scaled = replace(
             problem, Y=problem.Y * weight[:, None], y=problem.y * weight, weights=np.ones(problem.n_rows)
         )
-        a = LeastSquares().estimate(scaled, settings).parameters
-        b = WeightedLeastSquares().estimate(problem, settings).parameters
+        a = estimated(LeastSquares(), scaled, **settings).parameters
+        b = estimated(WeightedLeastSquares(), problem, **settings).parameters
         assert in_spreads(problem, settings, a - b) < AGREE
 
     def test_base_parameters_of_wls_are_the_least_squares_base_parameters(self, problem):
-        found = WeightedLeastSquares().estimate(problem, EstimatorSettings())
+        found = WeightedLeastSquares().estimate(problem, WlsSettings())
         statistics = base_statistics(found.regression)
         difference = statistics.base.values(found.parameters) - statistics.estimate
         assert np.abs(difference / statistics.std).max() < AGREE
@@ -103,26 +104,26 @@ class TestLeastSquares:
     def test_hqp_whose_levels_do_not_bind_is_wls(self):
         problem = arm_problem(load_robot("panda"), seed=0, error=0.02, noise=1e-3)
         wide = equivalent_boxes(problem.robot, growth=40.0)
-        settings = EstimatorSettings(sphere_epsilon=0.0, mirror=None, mass_range=1e6, com_boxes=wide)
-        found = HierarchicalProgram().estimate(problem, settings)
-        expected = WeightedLeastSquares().estimate(problem, settings).parameters
+        settings = dict(sphere_epsilon=0.0, mirror=None, mass_range=1e6, com_boxes=wide)
+        found = estimated(HierarchicalProgram(), problem, **settings)
+        expected = estimated(WeightedLeastSquares(), problem, **settings).parameters
         assert not found.active
         assert in_spreads(problem, settings, found.parameters - expected) < AGREE
 
     def test_physical_whose_bounds_do_not_bind_leaves_what_ls_leaves(self):
         """Eq. (15) of Xu et al. 2020 over all base parameters: its least value is that of least squares."""
         problem = arm_problem(load_robot("panda"), seed=0, error=0.02)
-        settings = EstimatorSettings(ls_reference="nominal")
-        physical = PhysicalRetrieval(essential=False).estimate(problem, settings)
-        plain = LeastSquares().estimate(problem, settings)
+        settings = dict(ls_reference="nominal")
+        physical = estimated(PhysicalRetrieval(essential=False), problem, **settings)
+        plain = estimated(LeastSquares(), problem, **settings)
         assert physical.residual == pytest.approx(plain.residual, rel=AGREE)
         difference = problem.Y @ (physical.parameters - plain.parameters)
         assert np.linalg.norm(difference) < AGREE * np.linalg.norm(problem.y)
 
     def test_hqp_without_constraint_levels_is_the_least_squares_solution_nearest_to_nominal(self, problem):
-        settings = EstimatorSettings()
-        found = HierarchicalProgram(levels=no_levels).estimate(problem, settings)
-        scales = prior_std(problem, settings.spreads(problem.robot))
+        settings = dict()
+        found = estimated(HierarchicalProgram(levels=no_levels), problem, **settings)
+        scales = prior_std(problem, 0.5)
         weights = 1.0 / found.regression.std[problem.channel]
         inverse = np.linalg.pinv(problem.Y * weights[:, None] * scales, rcond=1e-8)
         expected = problem.prior + scales * (inverse @ (problem.residual(problem.prior) * weights))
@@ -130,9 +131,9 @@ class TestLeastSquares:
 
     def test_cls1_with_bounds_that_do_not_bind_is_wls(self, problem):
         limits = np.full((2, problem.n_params), np.inf) * np.array([[-1.0], [1.0]])
-        settings = EstimatorSettings(parameter_bounds=limits)
-        a = BoundedNearBase().estimate(problem, settings).parameters
-        b = WeightedLeastSquares().estimate(problem, settings).parameters
+        settings = dict(parameter_bounds=limits)
+        a = estimated(BoundedNearBase(), problem, **settings).parameters
+        b = estimated(WeightedLeastSquares(), problem, **settings).parameters
         assert in_spreads(problem, settings, a - b) < AGREE
 
 
@@ -142,24 +143,24 @@ class TestConstrained:
         """The model is right and the noise small: all stay near the model, where every constraint holds by far."""
         problem = arm_problem(load_robot("panda"), seed=seed, error=0.0, noise=1e-3)
         wide = equivalent_boxes(problem.robot, growth=40.0)
-        settings = EstimatorSettings(prior_spread=0.01, inertia_floor=0.0, com_boxes=wide, bound_width=1e3)
-        expected = MaximumAPosteriori().estimate(problem, settings).parameters
+        settings = dict(prior_spread=0.01, inertia_floor=0.0, com_boxes=wide, bound_width=1e3)
+        expected = estimated(MaximumAPosteriori(), problem, **settings).parameters
         for estimator in (
             QuadraticProgram(),
             PhysicallyConsistent(),
             DensityRealisable(),
             PhysicallyFeasible(),
         ):
-            found = estimator.estimate(problem, settings)
+            found = estimated(estimator, problem, **settings)
             assert in_spreads(problem, settings, found.parameters - expected) < AGREE, found.method
 
     def test_all_that_know_the_total_mass_agree_where_it_alone_binds(self, g1):
         problem = wrench_problem(g1, g1.nominal_parameters, seed=4, trials=1, duration=6.0, noise=0.05)
         wide = equivalent_boxes(g1, growth=40.0)
-        settings = EstimatorSettings(com_boxes=wide, inertia_floor=0.0, prior_spread=0.01)
-        expected = QuadraticProgram().estimate(problem, settings)
+        settings = dict(com_boxes=wide, inertia_floor=0.0, prior_spread=0.01)
+        expected = estimated(QuadraticProgram(), problem, **settings)
         for estimator in (PhysicallyConsistent(), DensityRealisable()):
-            found = estimator.estimate(problem, settings)
+            found = estimated(estimator, problem, **settings)
             assert found.active == expected.active == ("total_mass:robot",)
             assert in_spreads(problem, settings, found.parameters - expected.parameters) < AGREE
 
@@ -167,12 +168,12 @@ class TestConstrained:
         n = len(problem.robot.segments)
         huge = ellipsoid_matrix(np.zeros((n, 3)), np.full((n, 3), 50.0))
         boxes = np.tile(np.array([[-40.0] * 3, [40.0] * 3]), (n, 1, 1))
-        settings = EstimatorSettings(
+        settings = dict(
             com_boxes=boxes, com_ellipsoids=huge, body_ellipsoids=huge, alpha=0.1, inertia_floor=0.01
         )
-        a = DensityRealisable().estimate(problem, settings)
-        b = PhysicallyConsistent().estimate(problem, settings)
-        free = MaximumAPosteriori().estimate(problem, settings)
+        a = estimated(DensityRealisable(), problem, **settings)
+        b = estimated(PhysicallyConsistent(), problem, **settings)
+        free = estimated(MaximumAPosteriori(), problem, **settings)
         # The cones do bind: otherwise this would only repeat the test above.
         assert in_spreads(problem, settings, b.parameters - free.parameters) > 1e-3
         assert in_spreads(problem, settings, a.parameters - b.parameters) < AGREE
@@ -183,7 +184,7 @@ class TestConstrained:
         for error in (2e-2, 2e-3):
             problem = arm_problem(load_robot("panda"), seed=0, error=error, noise=1e-6)
             found = [
-                PhysicallyConsistent().estimate(problem, EstimatorSettings(regulariser=name, alpha=1e-3))
+                PhysicallyConsistent().estimate(problem, LmiSettings(regulariser=name, alpha=1e-3))
                 for name in ("pullback", "entropic")
             ]
             changes = [item.parameters - problem.prior for item in found]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ from excite.identification.constraints.ellipsoid import body_ellipsoids, com_ell
 from excite.identification.constraints.linear import LinearConstraints
 from excite.identification.estimators.base import SolveStatus
 from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
-from excite.identification.estimators.conic.cls3 import DensityRealisable
+from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
 from excite.identification.estimators.conic.conic import (
     ConicAnswer,
     ConicProblem,
@@ -26,16 +24,16 @@ from excite.identification.estimators.conic.lmi import PhysicallyConsistent
 from excite.identification.estimators.entropic.entropic_newton import newton
 from excite.identification.estimators.entropic.entropic_problem import EntropicAnswer, EntropicProblem
 from excite.identification.estimators.entropic.geometric import entropic_divergence, pullback_metric
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.problem import IdentificationProblem
 from excite.robot.loading import load_robot
+from tests.identification.estimated import estimated
 from tests.identification.synthetic import arm_problem, segment_index, wrench_problem
 
 CONIC = (PhysicallyConsistent, DensityRealisable, PhysicallyFeasible)
 # A weak pull lets noise push bodies out of what can exist, so that the cones bind.
-WEAK = EstimatorSettings(alpha=1e-2, inertia_floor=0.0)
+WEAK = dict(alpha=1e-2, inertia_floor=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +104,7 @@ def no_rows(n: int) -> LinearConstraints:
 class TestGuarantees:
     @pytest.mark.parametrize("kind", CONIC)
     def test_hold_when_recomputed_and_the_cones_bind(self, kind, problem):
-        found = kind().estimate(problem, WEAK)
+        found = estimated(kind(), problem, **WEAK)
         parameters = found.parameters
         assert (parameters[::10] >= -1e-9).all()
         assert np.linalg.eigvalsh(central_inertia_matrices(parameters)).min() > -1e-9
@@ -120,8 +118,8 @@ class TestGuarantees:
     def test_cls3_centres_and_masses_lie_in_their_ellipsoids(self, problem):
         """Eq. (6) of Golluccio et al. 2020, and tr(J Q) ≥ 0, from the parameters."""
         boxes = equivalent_boxes(problem.robot, growth=0.05)
-        settings = replace(WEAK, com_boxes=boxes)
-        parameters = DensityRealisable().estimate(problem, settings).parameters
+        settings = dict(WEAK, com_boxes=boxes)
+        parameters = estimated(DensityRealisable(), problem, **settings).parameters
         pseudo = pseudo_inertia_matrices(parameters)
         bodies = body_ellipsoids(problem.prior, boxes)
         assert np.einsum("sij,sij->s", pseudo, bodies).min() > -1e-6
@@ -132,8 +130,8 @@ class TestGuarantees:
         assert value.min() < 1e-4, "no ellipsoid binds"
 
     def test_cls2_bounds_hold(self, problem):
-        settings = replace(WEAK, bound_width=0.2)
-        ten = PhysicallyFeasible().estimate(problem, settings).parameters.reshape(-1, 10)
+        settings = dict(WEAK, bound_width=0.2)
+        ten = estimated(PhysicallyFeasible(), problem, **settings).parameters.reshape(-1, 10)
         nominal = problem.prior.reshape(-1, 10)[:, 0]
         assert (np.abs(ten[:, 0] - nominal) <= 0.2 * 0.5 * nominal + 1e-6).all()
 
@@ -141,7 +139,7 @@ class TestGuarantees:
         wrong = com_ellipsoids(problem.prior, equivalent_boxes(problem.robot))
         wrong[2] = np.eye(4)
         with pytest.raises(InputError, match=r"panda_link3|link3"):
-            DensityRealisable().estimate(problem, EstimatorSettings(com_ellipsoids=wrong))
+            DensityRealisable().estimate(problem, Cls3Settings(com_ellipsoids=wrong))
 
 
 def test_nominal_bodies_fit_into_their_ellipsoids(g1):
@@ -161,7 +159,7 @@ class TestLyingSolvers:
     @pytest.mark.parametrize("kind", CONIC)
     @pytest.mark.parametrize("lie", ["ignores", "far", "nan", "infeasible"])
     def test_is_caught(self, kind, lie, problem):
-        honest = kind().estimate(problem, WEAK)
+        honest = estimated(kind(), problem, **WEAK)
 
         def liar(conic: ConicProblem) -> ConicAnswer:
             true = interior_point(conic)
@@ -174,7 +172,7 @@ class TestLyingSolvers:
             return ConicAnswer(true.z, true.multipliers, infeasible=True)
 
         try:
-            found = kind(liar).estimate(problem, WEAK)
+            found = estimated(kind(liar), problem, **WEAK)
         except NoSolutionError as error:
             assert (error.exit_code == 3 and np.isfinite(error.best.residual)) or lie == "nan"
             assert error.best.status is not SolveStatus.SOLVED or lie == "infeasible"
@@ -193,7 +191,7 @@ class TestLyingSolvers:
             return EntropicAnswer(np.full_like(true.z, np.nan), true.multipliers)
 
         with pytest.raises(NoSolutionError):
-            PhysicallyConsistent(entropic=liar).estimate(problem, replace(WEAK, regulariser="entropic"))
+            estimated(PhysicallyConsistent(entropic=liar), problem, **WEAK, regulariser="entropic")
 
 
 @pytest.mark.parametrize("kind", [PhysicallyConsistent, DensityRealisable])
@@ -202,9 +200,9 @@ def test_contradiction_is_reported(kind, regulariser, g1):
     """A total mass below that of the feet, which stay nominal."""
     feet = tuple(segment_index(g1, link) for link in ("left_ankle_roll_link", "right_ankle_roll_link"))
     standing = wrench_problem(g1, g1.nominal_parameters, seed=0, trials=1, duration=4.0, unmeasured=feet)
-    settings = EstimatorSettings(total_mass=0.5, regulariser=regulariser)
+    settings = dict(total_mass=0.5, regulariser=regulariser)
     with pytest.raises(NoSolutionError, match="infeasible") as caught:
-        kind().estimate(standing, settings)
+        estimated(kind(), standing, **settings)
     assert np.isfinite(caught.value.best.parameters).all()
 
 
@@ -268,7 +266,7 @@ class TestGeometricDistances:
     @pytest.mark.parametrize("regulariser", ["pullback", "entropic"])
     @pytest.mark.parametrize("alpha", [1e-4, 1.0, 1e3])
     def test_bodies_can_exist_whatever_the_weight(self, regulariser, alpha, problem):
-        settings = EstimatorSettings(regulariser=regulariser, alpha=alpha)
-        found = PhysicallyConsistent().estimate(problem, settings)
+        settings = dict(regulariser=regulariser, alpha=alpha)
+        found = estimated(PhysicallyConsistent(), problem, **settings)
         names = tuple(segment.link for segment in problem.robot.segments)
         assert check_consistency(found.parameters, names).pseudo_inertia_min_eigenvalue >= -1e-9

@@ -13,11 +13,11 @@ from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.estimators.base import Estimate, SolveStatus
-from excite.identification.estimators.least_squares.ls import LeastSquares
+from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
-from excite.identification.estimators.quadratic.qp import QuadraticProgram
+from excite.identification.estimators.quadratic.qp import QpSettings, QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS, find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import inertia_matrices
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.problem import IdentificationProblem
@@ -42,7 +42,7 @@ def validation(g1) -> IdentificationProblem:
 @pytest.fixture(scope="module")
 def estimates(problem) -> Callable[[str], Estimate]:
     """The estimate of a method with default settings, computed once."""
-    return cache(lambda name: find_estimator(name).estimate(problem, EstimatorSettings()))
+    return cache(lambda name: find_estimator(name).estimate(problem, estimator_settings(name)))
 
 
 @pytest.mark.parametrize("name", sorted(ESTIMATORS))
@@ -69,7 +69,7 @@ class TestEveryEstimator:
     def test_same_problem_same_bytes_and_nothing_changed(self, name, problem, estimates):
         before = problem.Y.tobytes(), problem.y.tobytes(), problem.prior.tobytes()
         first = estimates(name)
-        second = find_estimator(name).estimate(problem, EstimatorSettings())
+        second = find_estimator(name).estimate(problem, estimator_settings(name))
         assert first.parameters.tobytes() == second.parameters.tobytes()
         assert before == (problem.Y.tobytes(), problem.y.tobytes(), problem.prior.tobytes())
 
@@ -91,7 +91,7 @@ class TestEveryEstimator:
         y = problem.y.copy()
         y[7] = np.nan
         with pytest.raises(InputError, match="finite"):
-            find_estimator(name).estimate(replace(problem, y=y), EstimatorSettings())
+            find_estimator(name).estimate(replace(problem, y=y), estimator_settings(name))
 
 
 def test_registry_refuses_unknown_names():
@@ -103,7 +103,7 @@ def test_ls_is_the_pseudo_inverse(problem):
     """Eq. (5) of Jovic et al. 2016: φ = Y⁺ f, against numpy on the rows themselves."""
     seen = np.flatnonzero(np.abs(problem.Y).max(axis=0) > 0.0)
     expected = np.linalg.lstsq(problem.Y[:, seen], problem.y, rcond=1e-8)[0]
-    found = LeastSquares().estimate(problem, EstimatorSettings()).parameters[seen]
+    found = LeastSquares().estimate(problem, LsSettings()).parameters[seen]
     np.testing.assert_allclose(problem.Y[:, seen] @ found, problem.Y[:, seen] @ expected, atol=1e-6)
     assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(expected), rel=1e-3)
 
@@ -112,9 +112,7 @@ def test_qp_without_active_constraints_is_ridge_regression(g1):
     """Eq. (4) of Jovic et al. 2015 with constraints that do not bind has a closed form."""
     problem = wrench_problem(g1, g1.nominal_parameters, seed=4, trials=1, duration=6.0, noise=0.05)
     wide = equivalent_boxes(g1, growth=40.0)
-    settings = EstimatorSettings(
-        com_boxes=wide, inertia_floor=0.0, prior_spread=0.01, total_mass=None, alpha=3.0
-    )
+    settings = QpSettings(com_boxes=wide, inertia_floor=0.0, prior_spread=0.01, total_mass=None, alpha=3.0)
     rows = iterate_weights(regression(problem))
     found = QuadraticProgram().estimate(problem, settings)
     scales = prior_std(problem, 0.01)
@@ -136,7 +134,7 @@ def test_qp_without_active_constraints_is_ridge_regression(g1):
 class TestConstraintsOfTheProgram:
     def test_hold_when_recomputed(self, problem, g1):
         boxes = equivalent_boxes(g1)
-        settings = EstimatorSettings(total_mass=40.0, com_boxes=boxes, alpha=1e-6, inertia_floor=0.05)
+        settings = QpSettings(total_mass=40.0, com_boxes=boxes, alpha=1e-6, inertia_floor=0.05)
         parameters = QuadraticProgram().estimate(problem, settings).parameters
         mass, first = parameters[::10], parameters.reshape(-1, 10)[:, 1:4]
         assert mass.sum() == pytest.approx(40.0, abs=1e-6)
@@ -149,7 +147,7 @@ class TestConstraintsOfTheProgram:
 
     def test_all_sphere_vectors_hold(self, problem):
         """Eq. (13) of Jovic et al. 2016 on its 10 242 vectors, evaluated directly."""
-        parameters = QuadraticProgram().estimate(problem, EstimatorSettings()).parameters
+        parameters = QuadraticProgram().estimate(problem, QpSettings()).parameters
         vectors = icosphere(5)
         assert vectors.shape == (10242, 3)
         values = np.einsum("vi,sij,vj->sv", vectors, inertia_matrices(parameters), vectors)
@@ -158,7 +156,7 @@ class TestConstraintsOfTheProgram:
     def test_symmetry_makes_pairs_equal(self, g1, problem):
         pairs = [(i, s.pair) for i, s in enumerate(g1.segments) if s.pair is not None and s.pair > i]
         assert pairs, "the robot names no pairs"
-        parameters = QuadraticProgram().estimate(problem, EstimatorSettings(symmetry=0.0)).parameters
+        parameters = QuadraticProgram().estimate(problem, QpSettings(symmetry=0.0)).parameters
         for left, right in pairs:
             assert parameters[10 * left] == pytest.approx(parameters[10 * right], abs=1e-6)
             mirrored = parameters[10 * left + 1 : 10 * left + 4] * [1, -1, 1]
@@ -171,7 +169,7 @@ class TestConstraintsOfTheProgram:
     def test_contradiction_is_reported_with_the_best_found(self, problem, g1):
         frozen = sum(problem.prior[10 * k] for k in problem.unmeasured)
         with pytest.raises(NoSolutionError, match="infeasible") as caught:
-            QuadraticProgram().estimate(problem, EstimatorSettings(total_mass=0.5 * frozen))
+            QuadraticProgram().estimate(problem, QpSettings(total_mass=0.5 * frozen))
         assert np.isfinite(caught.value.best.parameters).all()
 
 
@@ -181,7 +179,7 @@ class TestLyingSolvers:
             return ProjectionAnswer(target.copy(), np.zeros(len(constraints.bound)))
 
         with pytest.raises(NoSolutionError, match="violated"):
-            QuadraticProgram(ignores_constraints).estimate(problem, EstimatorSettings(total_mass=45.0))
+            QuadraticProgram(ignores_constraints).estimate(problem, QpSettings(total_mass=45.0))
 
     def test_feasible_answer_that_is_not_optimal(self, problem):
         def too_far(target, constraints):
@@ -190,14 +188,14 @@ class TestLyingSolvers:
             return ProjectionAnswer(nominal.z, honest.multipliers)
 
         with pytest.raises(NoSolutionError, match="not optimal"):
-            QuadraticProgram(too_far).estimate(problem, EstimatorSettings())
+            QuadraticProgram(too_far).estimate(problem, QpSettings())
 
     def test_answer_that_is_not_finite(self, problem):
         def lost(target, constraints):
             return ProjectionAnswer(np.full_like(target, np.nan), np.zeros(len(constraints.bound)))
 
         with pytest.raises(NoSolutionError, match="not finite"):
-            QuadraticProgram(lost).estimate(problem, EstimatorSettings())
+            QuadraticProgram(lost).estimate(problem, QpSettings())
 
 
 @pytest.mark.parametrize(
@@ -216,4 +214,4 @@ class TestLyingSolvers:
 )
 def test_bad_settings_are_refused_by_name(name, value):
     with pytest.raises(InputError, match=name):
-        EstimatorSettings(**{name: value})
+        QpSettings(**{name: value})

@@ -32,12 +32,12 @@ from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
 from excite.identification.estimators.quadratic.projection import ProjectionAnswer
 from excite.identification.estimators.quadratic.qp import QuadraticProgram
 from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import inertia_matrices, pseudo_inertia_matrices
 from excite.identification.physical import feasible_set
 from excite.identification.problem import IdentificationProblem
 from excite.logs.files import save_log
 from excite.robot.loading import load_robot
+from tests.identification.estimated import estimated
 from tests.identification.practice_log import arm_log
 from tests.identification.synthetic import arm_problem, modified_g1_parameters, segment_index, wrench_problem
 
@@ -72,7 +72,7 @@ def broken(*_, **__):
     raise LinAlgError("SVD did not converge")
 
 
-SETTINGS = EstimatorSettings(sphere_epsilon=1e-4, mirror=None)
+SETTINGS = dict(sphere_epsilon=1e-4, mirror=None)
 
 
 @pytest.fixture(scope="module")
@@ -116,9 +116,9 @@ def linear_violation(problem: IdentificationProblem, parameters: np.ndarray) -> 
 def test_best_point_meets_the_constraints(estimator, standing):
     mass = float(modified_g1_parameters(standing.robot)[::10].sum())
     regulariser = "euclidean" if getattr(estimator, "_entropic", newton) is newton else "entropic"
-    settings = replace(SETTINGS, regulariser=regulariser, total_mass=mass, bound_width=20.0)
+    settings = dict(SETTINGS, regulariser=regulariser, total_mass=mass, bound_width=20.0)
     with pytest.raises(NoSolutionError) as caught:
-        estimator.estimate(standing, settings)
+        estimated(estimator, standing, **settings)
     best = caught.value.best
     assert caught.value.exit_code == 3
     assert best.status not in (SolveStatus.SOLVED, SolveStatus.INFEASIBLE), "there is a point"
@@ -143,7 +143,7 @@ def test_best_point_of_cls1_keeps_its_bounds(standing):
     bounds = standing.prior + np.maximum(0.1 * np.abs(standing.prior), 1e-4) * np.array([[-1.0], [1.0]])
     for projector in (no_point, no_numbers):
         with pytest.raises(NoSolutionError) as caught:
-            BoundedNearBase(projector).estimate(standing, replace(SETTINGS, parameter_bounds=bounds))
+            estimated(BoundedNearBase(projector), standing, **SETTINGS, parameter_bounds=bounds)
         parameters = caught.value.best.parameters
         assert (parameters >= bounds[0] - 1e-9).all() and (parameters <= bounds[1] + 1e-9).all()
 
@@ -159,7 +159,7 @@ def test_closed_forms_without_numbers_are_no_answer(kind, monkeypatch):
     )
     monkeypatch.setattr(robust, "_step", lambda *rows: replace(step(*rows), change=np.nan, distance=1.0))
     with pytest.raises(NoSolutionError, match="not finite") as caught:
-        kind().estimate(problem, SETTINGS)
+        estimated(kind(), problem, **SETTINGS)
     assert np.isfinite(caught.value.best.parameters).all()
     assert caught.value.best.status is SolveStatus.NOT_FINITE
 

@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.judgement.changes import ChangedSegment
 from excite.identification.judgement.doubts import find_doubts
+from excite.identification.judgement.judgement import TotalMassReport
 from excite.identification.judgement.statistics import base_statistics
 from excite.identification.judgement.warnings import find_warnings
 from excite.identification.problem import build_problem
-from excite.identification.result import TotalMassReport
 from excite.robot.loading import load_robot
 from excite.rows.settings import ProblemSettings
 from tests.identification.practice_log import arm_log, changed
@@ -30,7 +31,7 @@ def ur10():
 
 def doubts(robot, log, method: str) -> dict:
     problem = build_problem(robot, log, SETTINGS)
-    estimate = find_estimator(method).estimate(problem, EstimatorSettings())
+    estimate = find_estimator(method).estimate(problem, estimator_settings(method))
     spread = EstimatorSettings().spreads(robot)
     return {item.kind: item for item in find_doubts(estimate, base_statistics(estimate.regression), spread)}
 
@@ -72,7 +73,9 @@ def test_forces_that_disagree_with_the_known_mass_are_named(ur10):
 
     def said(measured: float, weighed: float | None) -> str:
         mass = TotalMassReport(35.0, 35.0, measured, 0.05, weighed)
-        found = find_warnings(replace(result, total_mass=mass))
+        found = find_warnings(
+            result.identified, result.statistics, replace(result.judgement, total_mass=mass)
+        )
         return next((item.text for item in found if item.kind == "force_scale"), "")
 
     assert "exerts" in said(-34.0, None)
@@ -103,9 +106,9 @@ def test_a_changed_segment_that_would_weigh_less_than_nothing_is_called_no_body(
     def said(change: float, std: float) -> list[str]:
         segment = ChangedSegment("tool", link, change, std, 50.0, ())
         changes = replace(result.changes, segments=(segment,))
-        return [
-            item.text for item in find_warnings(replace(result, changes=changes)) if item.kind == "weightless"
-        ]
+        judgement = replace(result.judgement, changes=changes)
+        found = find_warnings(result.identified, result.statistics, judgement)
+        return [item.text for item in found if item.kind == "weightless"]
 
     assert said(-0.5 * mass, 0.01) == said(-1.2 * mass, 0.2 * mass) == said(3.0 * mass, 0.01) == []
     (text,) = said(-2.0 * mass, 0.01)

@@ -38,7 +38,7 @@ def validation(g1, feet):
 
 @pytest.fixture(scope="module", params=["qp", "lmi"])
 def result(request, problem, validation):
-    return identify_problem(problem, validation, ESTIMATORS[request.param](), EstimatorSettings())
+    return identify_problem(problem, validation, ESTIMATORS[request.param]())
 
 
 def test_table_ii_identified_beats_nominal_on_all_six_axes(result):
@@ -109,7 +109,7 @@ def test_changed_segments_at_ten_times_the_noise(g1, feet, seed):
 
 
 def test_no_validation_trials_is_said(problem):
-    result = identify_problem(problem, None, ESTIMATORS["wls"](), EstimatorSettings())
+    result = identify_problem(problem, None, ESTIMATORS["wls"]())
     assert result.validation == {}
     assert any("no validation trials" in text for text in result.warnings)
 
@@ -123,6 +123,6 @@ def test_wrong_scale_is_noticed(problem, validation):
 
 def test_same_problem_same_document(problem, validation):
     shuffled = replace(problem, Y=problem.Y.copy(), y=problem.y.copy())
-    first = identify_problem(problem, validation, ESTIMATORS["qp"](), EstimatorSettings())
-    second = identify_problem(shuffled, validation, ESTIMATORS["qp"](), EstimatorSettings())
+    first = identify_problem(problem, validation, ESTIMATORS["qp"]())
+    second = identify_problem(shuffled, validation, ESTIMATORS["qp"]())
     assert json.dumps(first.to_json()) == json.dumps(second.to_json())

@@ -12,20 +12,25 @@ from excite.errors import NoSolutionError
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.conic.cls3 import DensityRealisable
+from excite.identification.estimators.conic.cls3 import Cls3Settings, DensityRealisable
 from excite.identification.estimators.least_squares import robust
-from excite.identification.estimators.least_squares.robust import Huber
+from excite.identification.estimators.least_squares.robust import Huber, RobustSettings
 from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
-from excite.identification.estimators.quadratic.cls1 import BoundedNearBase, bound_rows, parameter_bounds
+from excite.identification.estimators.quadratic.cls1 import (
+    BoundedNearBase,
+    Cls1Settings,
+    bound_rows,
+    parameter_bounds,
+)
 from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
 from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, HierarchyState, Level
 from excite.identification.estimators.quadratic.hqp import (
     HierarchicalProgram,
+    HqpSettings,
     _recomputed_status,
     paper_levels,
 )
 from excite.identification.estimators.scaled import scaled_parameters
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.known_bounds import KnownBounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import iterate_weights, prior_std, regression
@@ -204,7 +209,7 @@ def test_the_first_level_holds_or_there_is_no_result(slacks, at, status):
 
 
 def test_without_levels_it_is_weighted_least_squares_nearest_to_nominal(arm):
-    settings = EstimatorSettings()
+    settings = HqpSettings()
     found = HierarchicalProgram(levels=lambda *_: ()).estimate(arm, settings)
     rows = iterate_weights(regression(arm))
     scaled = scaled_parameters(rows, settings)
@@ -219,7 +224,7 @@ def test_without_levels_it_is_weighted_least_squares_nearest_to_nominal(arm):
 
 
 def test_levels_are_those_of_the_paper(arm):
-    settings = EstimatorSettings(sphere_epsilon=1e-3, mirror=None)
+    settings = HqpSettings(sphere_epsilon=1e-3, mirror=None)
     rows = iterate_weights(regression(arm))
     scaled = scaled_parameters(rows, settings)
     first, second = paper_levels(rows, settings, scaled)
@@ -232,7 +237,7 @@ def test_levels_are_those_of_the_paper(arm):
 
 
 def test_violations_active_rows_and_residual_are_those_of_the_parameters(arm):
-    settings = EstimatorSettings(sphere_epsilon=1e-3, mass_range=0.02)
+    settings = HqpSettings(sphere_epsilon=1e-3, mass_range=0.02)
     found = HierarchicalProgram().estimate(arm, settings)
     rows = found.regression
     scaled = scaled_parameters(rows, settings)
@@ -257,7 +262,7 @@ def test_violations_active_rows_and_residual_are_those_of_the_parameters(arm):
 
 
 def test_bounds_are_spreads_about_nominal_or_those_given(arm):
-    settings = EstimatorSettings(bound_width=2.0, prior_spread=0.3)
+    settings = Cls1Settings(bound_width=2.0, prior_spread=0.3)
     rows = iterate_weights(regression(arm))
     lower, upper = parameter_bounds(rows, settings)
     spread = prior_std(arm, settings.spreads(arm.robot))
@@ -279,7 +284,7 @@ def test_bounds_are_spreads_about_nominal_or_those_given(arm):
 
 
 def test_active_bounds_are_those_that_are_reached(arm):
-    settings = EstimatorSettings(bound_width=0.1)
+    settings = Cls1Settings(bound_width=0.1)
     found = BoundedNearBase().estimate(arm, settings)
     rows = found.regression
     listed = scaled_parameters(rows, settings).constraints(bound_rows(rows, settings))
@@ -297,7 +302,7 @@ def test_ellipsoids_reach_as_far_as_a_stated_box(arm, side):
     moved = np.zeros(arm.n_params)
     moved[10 * k + 1] = side * arm.prior[10 * k]
     off = replace(arm, y=arm.y + arm.Y @ moved)
-    settings = EstimatorSettings(com_boxes=boxes)
+    settings = Cls3Settings(com_boxes=boxes)
     nominal = float(arm.prior[10 * k + 1] / arm.prior[10 * k])
     known = KnownBounds({f"{link}.cx": (nominal - 0.4, nominal + 0.4)})
     centres = []
@@ -318,15 +323,15 @@ def test_one_row_has_bounded_influence(arm):
     for size in (1e3, 1e6):
         y = arm.y.copy()
         y[77] += size / arm.weights[77]
-        found.append(Huber().estimate(replace(arm, y=y), EstimatorSettings()).parameters)
-    clean = Huber().estimate(arm, EstimatorSettings()).parameters
+        found.append(Huber().estimate(replace(arm, y=y), RobustSettings()).parameters)
+    clean = Huber().estimate(arm, RobustSettings()).parameters
     moved = [np.linalg.norm((arm.Y @ (one - clean)) * arm.weights) for one in found]
     assert moved[0] == pytest.approx(moved[1], rel=1e-3)
     assert 0.0 < moved[0] < 5.0
 
 
 def test_deviations_are_robust_and_the_residual_is_weighted_by_them(arm):
-    estimate = Huber().estimate(arm, EstimatorSettings())
+    estimate = Huber().estimate(arm, RobustSettings())
     residual = arm.residual(estimate.parameters)
     for c in range(len(arm.channel_names)):
         deviation = np.median(np.abs(residual[arm.channel == c])) / 0.6744897501960817
@@ -339,7 +344,7 @@ def test_deviations_are_robust_and_the_residual_is_weighted_by_them(arm):
 def test_many_rows_are_taken_in_blocks_and_where_all_count_as_squares_it_is_least_squares():
     problem = arm_problem(load_robot("panda"), seed=3, duration=7.0)
     assert problem.n_rows > 4096
-    estimate = Huber().estimate(problem, EstimatorSettings(huber=100.0))
+    estimate = Huber().estimate(problem, RobustSettings(huber=100.0))
     std = estimate.regression.std[problem.channel]
     expected = np.linalg.lstsq(problem.Y / std[:, None], problem.y / std, rcond=1e-9)[0]
     assert np.allclose(problem.Y @ estimate.parameters / std, problem.Y @ expected / std, atol=1e-5)
@@ -348,6 +353,6 @@ def test_many_rows_are_taken_in_blocks_and_where_all_count_as_squares_it_is_leas
 def test_reweighting_that_does_not_settle_is_no_solution(arm, monkeypatch):
     monkeypatch.setattr(robust, "_ROUNDS", 1)
     with pytest.raises(NoSolutionError, match="not optimal") as caught:
-        Huber().estimate(arm, EstimatorSettings(huber=0.1))
+        Huber().estimate(arm, RobustSettings(huber=0.1))
     assert caught.value.best.status is SolveStatus.NOT_OPTIMAL
     assert caught.value.best.distance > 1e-5

@@ -17,17 +17,18 @@ from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs, mirrored_parameters
 from excite.identification.constraints.sphere import SphereRows
-from excite.identification.estimators.least_squares.robust import Huber
-from excite.identification.estimators.least_squares.wls import WeightedLeastSquares
-from excite.identification.estimators.quadratic.cls1 import BoundedNearBase
-from excite.identification.estimators.quadratic.hqp import HierarchicalProgram
+from excite.identification.estimators.least_squares.robust import Huber, RobustSettings
+from excite.identification.estimators.least_squares.wls import WeightedLeastSquares, WlsSettings
+from excite.identification.estimators.method_settings import estimator_settings, methods_with
+from excite.identification.estimators.quadratic.cls1 import BoundedNearBase, Cls1Settings
+from excite.identification.estimators.quadratic.hqp import HierarchicalProgram, HqpSettings
 from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import inertia_matrices
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.regressor.base_parameters import base_parameters
 from excite.robot.loading import load_robot
+from tests.identification.estimated import estimated
 from tests.identification.outside_cone import outside_cone
 from tests.identification.synthetic import arm_problem, modified_g1_parameters, segment_index, wrench_problem
 
@@ -52,18 +53,17 @@ class TestRobust:
         rng = np.random.default_rng(0)
         wild = rng.random(arm.n_rows) < 0.02
         spoilt = replace(arm, y=arm.y + wild * 100.0 / arm.weights * rng.choice([-1.0, 1.0], arm.n_rows))
-        settings = EstimatorSettings()
-        clean = WeightedLeastSquares().estimate(arm, settings).parameters
+        clean = WeightedLeastSquares().estimate(arm, WlsSettings()).parameters
 
         def error(parameters):
             return np.sqrt(np.mean(((arm.Y @ (parameters - clean)) * arm.weights) ** 2))
 
-        robust = error(Huber().estimate(spoilt, settings).parameters)
-        followed = error(WeightedLeastSquares().estimate(spoilt, settings).parameters)
+        robust = error(Huber().estimate(spoilt, RobustSettings()).parameters)
+        followed = error(WeightedLeastSquares().estimate(spoilt, WlsSettings()).parameters)
         assert robust < 0.2 < 5.0 * robust < followed
 
     def test_gradient_of_the_objective_vanishes(self, arm):
-        found = Huber().estimate(arm, EstimatorSettings())
+        found = Huber().estimate(arm, RobustSettings())
         scaled = arm.residual(found.parameters) / found.regression.std[arm.channel]
         influence = np.clip(scaled, -1.345, 1.345)
         columns = arm.Y / found.regression.std[arm.channel, None]
@@ -74,7 +74,7 @@ class TestRobust:
 class TestHierarchicalProgram:
     def test_paper_levels_hold_on_every_vector(self, standing):
         """Eq. (8)–(14) of Jovic et al. 2016 with its numbers: 10 242 vectors, ε = 0.01; eq. (16) with β = 0.35."""
-        settings = EstimatorSettings()
+        settings = HqpSettings()
         found = HierarchicalProgram().estimate(standing, settings)
         moving = [k for k in range(30) if k not in standing.unmeasured]
         vectors = icosphere(5)
@@ -93,22 +93,22 @@ class TestHierarchicalProgram:
 
     def test_narrow_ranges_give_way_to_the_total_mass(self, standing, g1):
         """Five kilograms more do not fit into β = 0.05: level two yields, level one does not."""
-        found = HierarchicalProgram().estimate(standing, EstimatorSettings(mass_range=0.05))
+        found = HierarchicalProgram().estimate(standing, HqpSettings(mass_range=0.05))
         assert found.violations["mass_range"] > 0.1
         assert found.violations["total_mass"] < 1e-9
         assert found.parameters[::10].sum() == pytest.approx(modified_g1_parameters(g1)[::10].sum(), rel=0.01)
 
     def test_contradiction_at_the_first_level_is_reported_with_the_best(self, standing):
         with pytest.raises(NoSolutionError, match="infeasible") as caught:
-            HierarchicalProgram().estimate(standing, EstimatorSettings(total_mass=0.5))
+            HierarchicalProgram().estimate(standing, HqpSettings(total_mass=0.5))
         assert np.isfinite(caught.value.best.parameters).all()
         assert caught.value.exit_code == 3
 
     @pytest.mark.parametrize("kind", [HierarchicalProgram, BoundedNearBase])
     @pytest.mark.parametrize("lie", ["ignores", "nan", "none"])
     def test_lying_projector_is_caught(self, kind, lie, arm):
-        settings = EstimatorSettings(sphere_epsilon=1e-3, bound_width=0.1)
-        honest = kind(projector=project).estimate(arm, settings)
+        settings = dict(sphere_epsilon=1e-3, bound_width=0.1)
+        honest = estimated(kind(projector=project), arm, **settings)
 
         def liar(target, rows):
             if lie == "none":
@@ -118,7 +118,7 @@ class TestHierarchicalProgram:
             return ProjectionAnswer(target.copy(), np.zeros(len(rows.bound)))
 
         try:
-            found = kind(projector=liar).estimate(arm, settings)
+            found = estimated(kind(projector=liar), arm, **settings)
         except NoSolutionError as error:
             assert np.isfinite(error.best.parameters).all()
         else:
@@ -127,9 +127,9 @@ class TestHierarchicalProgram:
 
 class TestBounded:
     def test_bounds_hold_exactly_and_nothing_within_is_nearer(self, arm):
-        settings = EstimatorSettings(bound_width=0.1)
+        settings = Cls1Settings(bound_width=0.1)
         found = BoundedNearBase().estimate(arm, settings)
-        free = WeightedLeastSquares().estimate(arm, settings).parameters
+        free = WeightedLeastSquares().estimate(arm, WlsSettings()).parameters
         assert found.active, "no bound binds"
         spread = prior_std(arm, settings.spreads(arm.robot))
         assert (np.abs(found.parameters - arm.prior) <= 0.1 * spread * (1.0 + 1e-12)).all()
@@ -145,7 +145,7 @@ class TestBounded:
     def test_bounds_that_leave_nothing_are_named(self, arm):
         bounds = np.array([np.full(arm.n_params, 1.0), np.full(arm.n_params, 0.0)])
         with pytest.raises(InputError, match=r"panda_link1|link1"):
-            BoundedNearBase().estimate(arm, EstimatorSettings(parameter_bounds=bounds))
+            BoundedNearBase().estimate(arm, Cls1Settings(parameter_bounds=bounds))
         with pytest.raises(InputError, match="shape"):
             within_bounds(arm, np.zeros((2, 3)))
 
@@ -182,13 +182,13 @@ class TestRows:
         robot = standing.robot
         left = next(k for k, s in enumerate(robot.segments) if s.pair is not None and s.pair > k)
         for one in (left, robot.segments[left].pair):
-            settings = EstimatorSettings(asymmetric=(robot.segments[one].link,))
+            settings = HqpSettings(asymmetric=(robot.segments[one].link,))
             rows = mirrored_pairs(standing, 0.1, settings.free_of_symmetry(robot))
             assert len(rows.bound) == len(mirrored_pairs(standing, 0.1).bound) - 16
             assert f"mirror:{robot.segments[left].link}" not in rows.labels
         for settings in (
-            EstimatorSettings(asymmetric=("tail",)),
-            EstimatorSettings(segment_mass_range={"tail": 1}),
+            HqpSettings(asymmetric=("tail",)),
+            HqpSettings(segment_mass_range={"tail": 1}),
         ):
             with pytest.raises(UnknownNameError, match="segment 'tail'"):
                 settings.free_of_symmetry(robot)
@@ -240,19 +240,18 @@ class TestOutsideCone:
 )
 def test_bad_settings_are_refused_by_name(name, value):
     with pytest.raises(InputError, match=name):
-        EstimatorSettings(**{name: value})
+        estimator_settings(methods_with(name)[0], **{name: value})
 
 
 _RUN = """
 import sys, numpy as np
 from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.robot.loading import load_robot
+from tests.identification.estimated import estimated
 from tests.identification.synthetic import arm_problem
 problem = arm_problem(load_robot("panda"), seed=0, duration=2.0)
 names = [name for name in ESTIMATORS if name != "physical"]
-settings = EstimatorSettings(sphere_epsilon=1e-3)
-np.save(sys.argv[1], [ESTIMATORS[name]().estimate(problem, settings).parameters for name in names])
+np.save(sys.argv[1], [estimated(ESTIMATORS[name](), problem, sphere_epsilon=1e-3).parameters for name in names])
 """
 
 

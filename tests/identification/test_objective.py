@@ -12,21 +12,24 @@ from excite.identification.constraints.body import pseudo_inertia_cones
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.estimators.base import Estimate, SolveStatus
 from excite.identification.estimators.checked import checked_estimate, finite_or_raised, no_solution
-from excite.identification.estimators.conic.lmi import PhysicallyConsistent
+from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
 from excite.identification.estimators.entropic.geometric import (
     entropic_divergence,
     pullback_metric,
     relative_map,
 )
 from excite.identification.estimators.fallback import best_feasible, best_known, estimate_at, plain_models
+from excite.identification.estimators.least_squares.ls import LsSettings
+from excite.identification.estimators.quadratic.hqp import HqpSettings
 from excite.identification.estimators.quadratic.projection import (
     ProjectionAnswer,
     distance_to_optimum,
     project,
 )
+from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.estimators.ridge import Ridge, ridge
 from excite.identification.estimators.scaled import scaled_parameters
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import EstimatorSettings, PullSettings
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, prior_std, regression
 from excite.robot.loading import load_robot
@@ -46,7 +49,7 @@ def rows(problem) -> Regression:
     return iterate_weights(regression(problem))
 
 
-SETTINGS = EstimatorSettings(alpha=2.5, prior_spread=0.3)
+SETTINGS = PullSettings(alpha=2.5, prior_spread=0.3)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +149,7 @@ def test_the_entropic_estimate_minimises_data_and_divergence():
     """``‖W(Yθ − y)‖² + α Σ d(P‖P₀)/(2σ²)`` is stationary where no constraint binds; σ by segment."""
     arm = arm_problem(load_robot("panda"), seed=2, duration=2.0, noise=0.05, error=0.02)
     links = [segment.link for segment in arm.robot.segments]
-    settings = EstimatorSettings(
+    settings = LmiSettings(
         alpha=20.0, prior_spread=0.2, segment_spread={links[1]: 0.6, links[4]: 0.1}, regulariser="entropic"
     )
     found = PhysicallyConsistent().estimate(arm, settings)
@@ -370,7 +373,13 @@ def test_what_is_known_is_feasible_or_said_not_to_be(problem, rows, objective):
 # --- Settings
 
 
-NUMBERS = [item for item in fields(EstimatorSettings) if "low" in item.metadata]
+DECLARED = {item.name: (item, kind) for kind in ESTIMATORS.values() for item in fields(kind.settings_class)}
+NUMBERS = [item for item, _ in DECLARED.values() if "low" in item.metadata]
+
+
+def settings_with(name: str, value: object) -> EstimatorSettings:
+    """Settings of a method that knows one of them, with this value."""
+    return DECLARED[name][1].settings_class(**{name: value})
 
 
 @pytest.mark.parametrize("item", NUMBERS, ids=lambda item: item.name)
@@ -378,17 +387,17 @@ def test_numbers_keep_to_their_bounds(item):
     low, high, unit = (item.metadata[key] for key in ("low", "high", "unit"))
     assert low < high and item.metadata["what"]
     for value in (low, high):
-        assert getattr(EstimatorSettings(**{item.name: value}), item.name) == value
+        assert getattr(settings_with(item.name, value), item.name) == value
     for value in (low - max(1e-9, 1e-6 * abs(low)), high * (1.0 + 1e-9), np.inf, np.nan, "1", True, [1.0]):
         with pytest.raises(InputError) as caught:
-            EstimatorSettings(**{item.name: value})
+            settings_with(item.name, value)
         assert caught.value.field == item.name
         assert caught.value.remedy == f"choose {low:g} … {high:g}" + ("" if unit == "1" else f" {unit}")
     if item.name in ("total_mass", "symmetry", "mirror"):
-        assert getattr(EstimatorSettings(**{item.name: None}), item.name) is None
+        assert getattr(settings_with(item.name, None), item.name) is None
     else:
         with pytest.raises(InputError, match=item.name):
-            EstimatorSettings(**{item.name: None})
+            settings_with(item.name, None)
 
 
 DEFAULTS = {
@@ -422,24 +431,23 @@ RANGES = {
 
 
 def test_defaults_and_ranges_are_those_that_are_documented():
-    settings = EstimatorSettings()
-    assert {item.name: getattr(settings, item.name) for item in NUMBERS} == DEFAULTS
+    assert {item.name: item.default for item in NUMBERS} == DEFAULTS
     assert {item.name: (item.metadata["low"], item.metadata["high"]) for item in NUMBERS} == RANGES
-    assert (settings.ls_reference, settings.regulariser) == ("zero", "euclidean")
+    assert (LsSettings().ls_reference, LmiSettings().regulariser) == ("zero", "euclidean")
 
 
 @pytest.mark.parametrize("name", ["ls_reference", "regulariser"])
 def test_words_are_among_those_allowed(name):
     with pytest.raises(InputError, match=name) as caught:
-        EstimatorSettings(**{name: "other"})
+        settings_with(name, "other")
     assert " or " in caught.value.remedy
     with pytest.raises(InputError, match=name):
-        EstimatorSettings(**{name: None})
+        settings_with(name, None)
 
 
 def test_single_segments_have_their_own_spread_and_range(g1):
     links = [segment.link for segment in g1.segments]
-    settings = EstimatorSettings(
+    settings = HqpSettings(
         prior_spread=0.2, segment_spread={links[3]: 0.7}, mass_range=0.1, segment_mass_range={links[5]: 0.4}
     )
     expected = np.full(len(links), 0.2)

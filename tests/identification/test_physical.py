@@ -10,8 +10,7 @@ import pytest
 
 from excite.errors import InputError, NoSolutionError
 from excite.identification.estimators.base import SolveStatus
-from excite.identification.estimators.physical import PhysicalRetrieval, feasible_set
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings, feasible_set
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.physical import relaxation as relaxation_module
 from excite.identification.physical.bounds import InertiaRules
@@ -23,7 +22,7 @@ from excite.identification.physical.retrieval import RetrievalSettings
 from tests.reproduction import iiwa
 from tests.reproduction.iiwa_excitation import excitation
 
-SETTINGS = EstimatorSettings()
+SETTINGS = PhysicalSettings()
 QUICK = RetrievalSettings(starts=0, nodes=1)
 PRINCIPAL = replace(iiwa.bounds(), rules=replace(iiwa.bounds().rules, principal_triangle=True))
 
@@ -211,7 +210,7 @@ class TestRetrieval:
         assert verdict.triangle_inequality and verdict.pseudo_inertia_min_eigenvalue > 0.0
 
     def test_weighed_mass_is_met(self, problem):
-        settings = EstimatorSettings(total_mass=22.5)
+        settings = PhysicalSettings(total_mass=22.5)
         parameters = PhysicalRetrieval(iiwa.bounds(), QUICK).estimate(problem, settings).parameters
         assert parameters[:70:10].sum() == pytest.approx(22.5, rel=2e-6)
 

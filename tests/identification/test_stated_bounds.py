@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from excite.identification.constraints.stated_bounds import speaks_of, stated_bounds
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import BodySettings
 from excite.identification.physical.coordinates import NAMES, standard_parameters
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.physical.known_bounds import KnownBounds
@@ -36,8 +36,8 @@ def test_every_body_within_the_bounds_meets_all_rows(problem: IdentificationProb
     rng, judged = np.random.default_rng(1), 0
     for _ in range(20):
         known = some_bounds(rng)
-        bounds = known.over(default_bounds(problem.robot, EstimatorSettings()))
-        rows = stated_bounds(problem, known, default_bounds(problem.robot, EstimatorSettings()))
+        bounds = known.over(default_bounds(problem.robot, BodySettings()))
+        rows = stated_bounds(problem, known, default_bounds(problem.robot, BodySettings()))
         for sharp in (False, True):
             share = rng.uniform(size=bounds.lower.shape)
             share = np.round(share) if sharp else share
@@ -57,7 +57,7 @@ def test_every_body_within_the_bounds_meets_all_rows(problem: IdentificationProb
 )
 def test_what_lies_outside_violates_its_own_row(problem, name, bounds, mass, place, value) -> None:
     known = KnownBounds({f"link3.{name}": bounds})
-    rows = stated_bounds(problem, known, default_bounds(problem.robot, EstimatorSettings()))
+    rows = stated_bounds(problem, known, default_bounds(problem.robot, BodySettings()))
     parameters = problem.prior.copy()
     parameters[20], parameters[20 + place] = mass, value
     assert rows.violations(parameters).max() > 1e-3

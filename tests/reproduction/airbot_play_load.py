@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from excite.arrays import Array
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.load.drive_gains import identify_drive_gains, identify_load
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
@@ -51,7 +51,7 @@ def percents(data_dir: Path, folder: Path, loaded: bool, method: str = "qp") -> 
     """What the last third leaves of the torques' deviation, ``(6,)`` [%]; default settings."""
     log = chirp_log(data_dir, folder, loaded)
     robot = nominal_robot(log)
-    estimate = find_estimator(method).estimate(build_problem(robot, log), EstimatorSettings())
+    estimate = find_estimator(method).estimate(build_problem(robot, log), estimator_settings(method))
     return percent_left(build_problem(robot, log, role="validation"), estimate.parameters)
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import norm
 
 from excite.arrays import Array
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
 from excite.identification.sessions.compare import Sessions, identify_sessions, split_sessions
 from excite.logs.files import load_log, save_log
@@ -67,7 +67,7 @@ def percents(data_dir: Path, folder: Path, method: str = "qp") -> Array:
     """What all other recordings leave after four motions, ``(6,)`` [%]; default settings."""
     log = airbot_log(data_dir, folder, MOTIONS, (FIRST[-1], *AGAIN))
     robot = nominal_robot(log)
-    estimate = find_estimator(method).estimate(build_problem(robot, log), EstimatorSettings())
+    estimate = find_estimator(method).estimate(build_problem(robot, log), estimator_settings(method))
     return percent_left(build_problem(robot, log, role="validation"), estimate.parameters)
 
 

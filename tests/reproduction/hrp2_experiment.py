@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from excite.arrays import Array
 from excite.campaign.experiment import Experiment
 from excite.excitation.conditioning import MotionFactor, motion_factor, stack_factors
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.identify import identify
 from excite.identification.judgement.consistency import check_consistency
 from excite.identification.judgement.validation import ChannelFit, channel_fits
@@ -26,6 +26,7 @@ from excite.robot.shapes.com_box import com_boxes
 from excite.rows.settings import ProblemSettings
 from excite.simulation.simulate import run_experiment
 from excite.simulation.virtual_robot import VirtualRobot
+from tests.identification.estimated import estimated
 from tests.reproduction.hrp2 import MODIFIED
 from tests.reproduction.twins import virtual_twin
 
@@ -62,23 +63,23 @@ class Humanoid:
         """One value a segment, ``(31,)``, by the papers' number."""
         return {int(number): float(value) for number, value in zip(self.numbers, values, strict=True)}
 
-    def settings(self, subdivisions: int = 5) -> EstimatorSettings:
+    def settings(self, subdivisions: int = 5) -> dict[str, Any]:
         """The papers' constants: ε = 0.01, α = 0.1, β = 0.35 for modified segments and 0.05 for others."""
         ranges = {
             s.link: 0.35 if n in MODIFIED else 0.05
             for s, n in zip(self.robot.segments, self.numbers, strict=True)
         }
-        return EstimatorSettings(
-            com_boxes=com_boxes(self.robot),
-            segment_mass_range=ranges,
-            mirror=0.1,
-            sphere_epsilon=0.01,
-            sphere_subdivisions=subdivisions,
-        )
+        return {
+            "com_boxes": com_boxes(self.robot),
+            "segment_mass_range": ranges,
+            "mirror": 0.1,
+            "sphere_epsilon": 0.01,
+            "sphere_subdivisions": subdivisions,
+        }
 
     def estimate(self, method: str, subdivisions: int = 5) -> Array:
         """Inertial parameters ``(310,)`` by an estimator."""
-        return find_estimator(method).estimate(self.direct, self.settings(subdivisions)).parameters
+        return estimated(find_estimator(method), self.direct, **self.settings(subdivisions)).parameters
 
     @cached_property
     def own(self) -> Identification:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import IdentificationProblem
 from excite.logs.robot import robot_for_log
 from excite.regressor.columns import PARAMETERS
@@ -104,7 +104,7 @@ class Recording:
 
     def estimate(self, instants: NDArray[np.int64], method: str, **settings) -> Array:
         """Parameters ``(160,)`` from some instants."""
-        chosen = EstimatorSettings(**settings)
+        chosen = estimator_settings(method, **settings)
         return find_estimator(method).estimate(self.problem(instants), chosen).parameters
 
     def chosen_alpha(self, instants: NDArray[np.int64], regulariser: str) -> float:

@@ -9,8 +9,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.identification.constraints.bounds import default_bounds
 from excite.identification.constraints.ellipsoid import com_ellipsoids
+from excite.identification.estimators.quadratic.cls1 import Cls1Settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.inertia import central_inertia_matrices
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import prior_std
@@ -22,6 +22,7 @@ from excite.rows.settings import ProblemSettings
 from excite.safety.filter import filter_candidates
 from excite.simulation.simulate import simulate
 from excite.simulation.virtual_robot import VirtualRobot
+from tests.identification.estimated import estimated
 from tests.reproduction.jaco2 import TABLE_5_CONSISTENCY
 from tests.reproduction.twins import virtual_twin
 
@@ -45,17 +46,12 @@ class Trajectories:
     twin: VirtualRobot
     problems: tuple[IdentificationProblem, ...]
 
-    @property
-    def settings(self) -> EstimatorSettings:
-        """Settings of the estimators: boxes of the centres of mass from the robot's shapes."""
-        return EstimatorSettings(com_boxes=com_boxes(self.robot))
-
     def estimate(self, method: str, trajectory: int) -> Array:
         """Parameters ``(70,)`` by one of ``METHODS`` from one trajectory."""
         problem, name = self.problems[trajectory], METHODS[method]
         if name is None:
             return problem.prior.copy()
-        return find_estimator(name).estimate(problem, self.settings).parameters
+        return estimated(find_estimator(name), problem, com_boxes=com_boxes(self.robot)).parameters
 
     def error(self, trajectory: int, parameters: Array) -> float:
         """``ς_r`` of eq. (9): norm of the residual over the norm of the torques."""
@@ -65,8 +61,9 @@ class Trajectories:
     def criteria(self, trajectory: int, parameters: Array) -> dict[str, bool]:
         """The three rows "Additional Criteria" of Table 5."""
         problem, mass = self.problems[trajectory], parameters[::10]
-        spread = prior_std(problem, self.settings.spreads(self.robot))
-        bounds = default_bounds(problem, spread, self.settings.bound_width).reshape(2, -1, 10)[:, :, 1:4]
+        settings = Cls1Settings()
+        spread = prior_std(problem, settings.spreads(self.robot))
+        bounds = default_bounds(problem, spread, settings.bound_width).reshape(2, -1, 10)[:, :, 1:4]
         first = parameters.reshape(-1, 10)[:, 1:4]
         room = 1e-6 * np.abs(bounds).max()
         placed = bool(((first >= bounds[0] - room) & (first <= bounds[1] + room)).all())

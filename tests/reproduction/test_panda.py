@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
 from excite.logs.robot import nominal_robot
 from excite.rows.settings import ProblemSettings
+from tests.identification.estimated import estimated
 from tests.reproduction.recordings import PANDA_JOINTS, panda_log
 
 # What plain least squares by hand leaves [N·m].
@@ -36,7 +36,7 @@ def validation_rmse(method: str, terms: tuple[str, ...], alpha: float, log_folde
     settings = ProblemSettings(cutoff_hz=5.0, coulomb_width=0.01, drive_terms=terms)
     problem = build_problem(robot, log, settings)
     judge = build_problem(robot, log, settings, role="validation")
-    estimate = find_estimator(method).estimate(problem, EstimatorSettings(alpha=alpha))
+    estimate = estimated(find_estimator(method), problem, alpha=alpha)
     residual = judge.residual(estimate.parameters)
     return np.array([np.sqrt(np.mean(residual[judge.rows_of(joint)] ** 2)) for joint in PANDA_JOINTS])
 

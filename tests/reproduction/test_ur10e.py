@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
 from excite.logs.robot import nominal_robot
 from excite.rows.settings import ProblemSettings
@@ -26,7 +26,7 @@ def test_validation_residual_is_below_the_target(method: str, data_dir: Path, tm
     robot = nominal_robot(log)
     problem = build_problem(robot, log, SETTINGS)
     judge = build_problem(robot, log, SETTINGS, role="validation")
-    estimate = find_estimator(method).estimate(problem, EstimatorSettings())
+    estimate = find_estimator(method).estimate(problem, estimator_settings(method))
     residual = judge.residual(estimate.parameters)
     percent = [
         100.0 * np.sqrt(np.mean(residual[rows] ** 2)) / np.std(judge.y[rows])

@@ -9,8 +9,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.alignment import estimate_torque_delay
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.problem import build_problem
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
@@ -67,7 +67,7 @@ def percents(log: Log, role: str = "validation", method: str = "qp") -> Array:
     robot = nominal_robot(log)
     settings = ProblemSettings(torque_delay_s=estimate_torque_delay(robot, log).lag_s)
     problem = build_problem(robot, log, settings)
-    estimate = find_estimator(method).estimate(problem, EstimatorSettings())
+    estimate = find_estimator(method).estimate(problem, estimator_settings(method))
     return percent_left(build_problem(robot, log, settings, role=role), estimate.parameters)
 
 

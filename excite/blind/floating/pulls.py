@@ -46,7 +46,7 @@ class Tether:
     hooked: tuple[float, float, float]
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
-        return np.array(self.steady) - self.stiffness * (place - np.array(self.hooked))
+        return np.asarray(np.array(self.steady) - self.stiffness * (place - np.array(self.hooked)))
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Table:
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
         s = np.clip((self.height - place[:, 2]) / self.depth, 0.0, 1.0)
         press = self.load * s**2 * (3.0 - 2.0 * s)
-        return press[:, None] * np.array([*self.friction, 1.0])
+        return np.asarray(press[:, None] * np.array([*self.friction, 1.0]))
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Jostle:
         rng = np.random.default_rng([self.seed, trial])
         hertz, phase = rng.uniform(0.1, 1.5, (8, 3)), rng.uniform(0.0, 2.0 * np.pi, (8, 3))
         waves = np.sin(2.0 * np.pi * hertz * time[:, None, None] + phase)
-        return 0.5 * self.size * waves.sum(axis=1)
+        return np.asarray(0.5 * self.size * waves.sum(axis=1))
 
 
 @dataclass(frozen=True)

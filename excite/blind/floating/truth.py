@@ -206,7 +206,7 @@ def _loading(motion: Motion, foot: str) -> Array:
     after = np.searchsorted(away, index).clip(0, len(away) - 1)
     near = np.minimum(np.abs(index - away[after]), np.abs(index - away[np.maximum(after - 1, 0)]))
     s = np.clip(near * step / _UNLOADING_S, 0.0, 1.0)
-    return s**2 * (3.0 - 2.0 * s)
+    return np.asarray(s**2 * (3.0 - 2.0 * s))
 
 
 def _supports(robot: Robot, motion: Motion, weights: Mapping[str, Array]) -> list[tuple[list[Foot], Array]]:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from excite.identification.estimators.settings import EstimatorSettings
 
 _ALL = "all"
-# Not asked of the registry, whose import would slow every ``--help`` down.
-_HIERARCHICAL = "hqp"
+# The setting that makes an option mean something: of others that know the same segments no option asks for symmetry.
+_SETTINGS = {"--asymmetric": "mirror", "--mass-range": "segment_mass_range"}
 
 AsymmetricOption = Annotated[
     list[str] | None,
@@ -39,26 +39,35 @@ MassRangeOption = Annotated[
 def segment_settings(
     method: str, asymmetric: list[str] | None, mass_range: list[str] | None, **others: Any
 ) -> EstimatorSettings:
-    """Settings of the estimator from these options and others.
+    """Settings of the estimator from these options and others, of which None is left out.
 
     Raises:
+        UnknownNameError: no such method.
         InputError: an option that the method does not use, or one that cannot be read.
     """
+    from excite.identification.estimators.method_settings import methods_with  # lazy: numpy
+
+    given = {name: value for name, value in others.items() if value is not None}
     for option, values in (("--asymmetric", asymmetric), ("--mass-range", mass_range)):
-        if values and method != _HIERARCHICAL:
+        able = methods_with(_SETTINGS[option])
+        if values and method not in able:
             raise InputError(
                 f"is not used by method {method!r}",
                 field=option,
-                remedy=f"choose method {_HIERARCHICAL}, or leave it out",
+                remedy=f"choose method {' or '.join(able)}, or leave it out",
             )
     freed = tuple(asymmetric or ())
     if _ALL in freed:
-        others["mirror"] = None
+        given["mirror"] = None
         freed = tuple(name for name in freed if name != _ALL)
     ranges = named_numbers("--mass-range", mass_range)
     if "" in ranges:
-        others["mass_range"] = ranges.pop("")
-    return excite.EstimatorSettings(asymmetric=freed, segment_mass_range=ranges, **others)
+        given["mass_range"] = ranges.pop("")
+    if freed:
+        given["asymmetric"] = freed
+    if ranges:
+        given["segment_mass_range"] = ranges
+    return excite.estimator_settings(method, **given)
 
 
 def named_numbers(option: str, words: list[str] | None) -> dict[str, float]:

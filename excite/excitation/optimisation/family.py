@@ -66,7 +66,7 @@ class FourierFamily(MotionFamily):
     @property
     def n_coefficients(self) -> int:
         """Sines first."""
-        return self._sine.shape[1] + self._cosine.shape[1]
+        return int(self._sine.shape[1] + self._cosine.shape[1])
 
     @property
     def length(self) -> float:

@@ -120,7 +120,7 @@ class _Watched:
         return Solution(best, value, True, status, self.evaluations)
 
 
-def _gradient(watched: _Watched, size: int):
+def _gradient(watched: _Watched, size: int) -> Any:
     """The gradient as a casadi function; the class is made here, where casadi is loaded."""
     import casadi
 
@@ -144,7 +144,7 @@ def _gradient(watched: _Watched, size: int):
     return Gradient()
 
 
-def _callback(watched: _Watched, size: int):
+def _callback(watched: _Watched, size: int) -> Any:
     """The objective as a casadi function with its gradient."""
     import casadi
 
@@ -163,7 +163,7 @@ def _callback(watched: _Watched, size: int):
 
         def get_jacobian(
             self, name: str, inames: Sequence[str], onames: Sequence[str], options: Mapping[str, Any]
-        ) -> casadi.Function:
+        ) -> Any:
             return gradient
 
         def eval(self, arg: Sequence[casadi.DM]) -> Sequence[casadi.DM]:

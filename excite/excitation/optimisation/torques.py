@@ -74,4 +74,4 @@ class TorqueLimits:
     def _torques(self, q: Array, v: Array, a: Array) -> Array:
         columns = self._sampling.layout.robot.n_base_v + self._sampling.layout.joints
         tau = inverse_dynamics(self._tree, q, v, a)[:, columns]
-        return (tau + self._viscous * v[:, columns] + self._armature * a[:, columns]) / self._room
+        return np.asarray((tau + self._viscous * v[:, columns] + self._armature * a[:, columns]) / self._room)

@@ -111,7 +111,7 @@ def parameters_of(pseudo: Array) -> Array:
 def moved_pseudo(pseudo: Array, placement: pin.SE3) -> Array:
     """Pseudo-inertia of a body about the frame in which its own frame has that placement, ``(4, 4)``."""
     transform = placement.homogeneous
-    return transform @ pseudo @ transform.T
+    return np.asarray(transform @ pseudo @ transform.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,7 @@ def changed_segments(robot: Robot, identification: Identification, *, force: boo
 
 
 def _pseudo(parameters: Array) -> Array:
-    return pseudo_inertia_matrices(parameters)[0]
+    return np.asarray(pseudo_inertia_matrices(parameters)[0])
 
 
 def _physical_share(pseudo: Array, carried: Array) -> float:

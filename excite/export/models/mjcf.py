@@ -188,7 +188,7 @@ def _names(robot: Robot, names: Mapping[str, str]) -> MujocoNames:
 
 def _identified_drives(robot: Robot, identification: Identification) -> Drives:
     """The robot's drives with the friction and rotor inertia that were identified and are not negative."""
-    found = dict(zip(identification.drive_names, identification.drives.tolist(), strict=True))
+    found = identification.identified.by_drive()
     nominal = nominal_drives(robot)
 
     def values(term: str, declared: Array) -> Array:

@@ -196,7 +196,7 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, fi
 def _set_dynamics(text: XmlText, identification: Identification) -> list[str]:
     """Friction into ``<dynamics>``; what no passive joint has is left as it was and said."""
     joints = {str(joint.attributes.get("name")): joint for joint in text.root.named("joint")}
-    found = dict(zip(identification.drive_names, identification.drives.tolist(), strict=True))
+    found = identification.identified.by_drive()
     notes = []
     for name, joint in joints.items():
         values = {}

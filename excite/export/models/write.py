@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,7 +84,7 @@ def write_models(
     refused: list[str] = []
     urdf, mjcf = folder / "identified.urdf", folder / "identified.xml"
 
-    def attempt(path: Path, write: Any, **options: Any) -> WrittenModel | None:
+    def attempt(path: Path, write: Callable[..., WrittenModel], **options: Any) -> WrittenModel | None:
         try:
             return write(robot, identification, path, drives=drives, **options)
         except InconsistentModelError as error:

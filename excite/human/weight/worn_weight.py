@@ -18,7 +18,9 @@ from excite.human.segment_table import SegmentTable, segment_table
 from excite.human.segments import NAMES
 from excite.human.urdf import ROBOT_FILE, robot_yaml, urdf_text
 from excite.human.weight.weight_candidate import BELT_RADIUS, AddedMass
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.method_settings import own_settings
+from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.settings import EstimatorSettings, PairSettings
 from excite.identification.identify import identify
 from excite.logs.files import load_log, save_log
 from excite.robot.loading import load_robot
@@ -105,8 +107,9 @@ def identify_wearing(
     with atomic_path(inside / ROBOT_FILE) as temporary:
         temporary.write_text(robot_yaml(body, log.header.rate_hz, plates), encoding="utf-8")
     robot = load_robot(inside / ROBOT_FILE)
-    settings = settings or EstimatorSettings()
-    settings = replace(settings, asymmetric=(*settings.asymmetric, located.best.segment))
+    settings = own_settings(find_estimator(method), settings)
+    if isinstance(settings, PairSettings):
+        settings = replace(settings, asymmetric=(*settings.asymmetric, located.best.segment))
     result = identify(robot, load_log(inside, robot), method, settings=settings)
     table = segment_table(body, result)
     with atomic_path(inside / "segments.csv") as temporary:

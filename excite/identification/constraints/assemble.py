@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from excite.identification.constraints.com_box import com_in_box, equivalent_boxes
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.constraints.mass import measured_total_mass, non_negative_masses, total_mass
 from excite.identification.constraints.symmetry import symmetric_pairs
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import (
+    BoxSettings,
+    EstimatorSettings,
+    SymmetrySettings,
+)
 from excite.identification.regression import Regression
 
 
@@ -25,10 +29,14 @@ class ModelConstraints:
     total_mass: float | None
 
 
-def model_constraints(rows: Regression, settings: EstimatorSettings) -> ModelConstraints:
-    """All constraints of eq. (4) but the inertia's.
+def body_constraints(rows: Regression, settings: BoxSettings) -> ModelConstraints:
+    """The constraints of eq. (4) on masses and centres of mass.
 
     The total mass is the weighed one, else what the measured forces determine, else free.
+
+    Args:
+        rows: condensed and weighted rows.
+        settings: boxes of the centres of mass, weighed mass.
     """
     problem = rows.problem
     boxes = settings.com_boxes if settings.com_boxes is not None else equivalent_boxes(problem.robot)
@@ -36,9 +44,24 @@ def model_constraints(rows: Regression, settings: EstimatorSettings) -> ModelCon
     mass = known_total_mass(rows, settings)
     if mass is not None:
         parts.append(total_mass(problem, mass))
-    if settings.symmetry is not None:
-        parts.append(symmetric_pairs(problem, settings.symmetry, settings.free_of_symmetry(problem.robot)))
     return ModelConstraints(stack(parts, problem.n_params), mass)
+
+
+def model_constraints(rows: Regression, settings: SymmetrySettings) -> ModelConstraints:
+    """All constraints of eq. (4) but the inertia's: those of :func:`body_constraints`, and symmetry if asked for.
+
+    Args:
+        rows: condensed and weighted rows.
+        settings: those of :func:`body_constraints`, symmetry, and the links that are free of it.
+
+    Raises:
+        UnknownNameError: a link that need not mirror its twin is no segment.
+    """
+    bodies, problem = body_constraints(rows, settings), rows.problem
+    if settings.symmetry is None:
+        return bodies
+    pairs = symmetric_pairs(problem, settings.symmetry, settings.free_of_symmetry(problem.robot))
+    return replace(bodies, linear=stack([bodies.linear, pairs], problem.n_params))
 
 
 def known_total_mass(rows: Regression, settings: EstimatorSettings) -> float | None:

@@ -46,7 +46,7 @@ def segment_scales(problem: IdentificationProblem) -> Array:
     nominal = pseudo_inertia_matrices(problem.prior[: problem.n_inertial])
     mass = np.maximum(nominal[:, 3, 3], 1e-3)
     radius = np.sqrt(np.maximum(np.trace(nominal[:, :3, :3], axis1=1, axis2=2) / mass, 1e-4))
-    return (
+    return np.asarray(
         np.column_stack([1.0 / radius, 1.0 / radius, 1.0 / radius, np.ones(len(mass))])
         / np.sqrt(mass)[:, None]
     )

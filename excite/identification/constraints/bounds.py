@@ -32,7 +32,7 @@ def default_bounds(problem: IdentificationProblem, spread: Array, width: float) 
         if problem.parameter_names[j].startswith(drives)
     ]
     bounds[0, positive] = np.maximum(bounds[0, positive], 0.0)
-    return bounds
+    return np.asarray(bounds)
 
 
 def within_bounds(

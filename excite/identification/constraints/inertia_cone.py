@@ -46,7 +46,7 @@ def icosphere(subdivisions: int) -> Array:
     for _ in range(subdivisions):
         points, faces = _split(points, faces)
     points.setflags(write=False)
-    return points
+    return np.asarray(points)
 
 
 def _split(points: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:

@@ -44,7 +44,12 @@ class LinearConstraints:
 
 
 def stack(parts: Sequence[LinearConstraints], n_params: int) -> LinearConstraints:
-    """Join constraints, equalities first."""
+    """Join constraints, equalities first.
+
+    Args:
+        parts: constraints on the same parameters; their order is kept.
+        n_params: number of parameters, for where there are no parts.
+    """
     equal = [(p.matrix[: p.n_equal], p.bound[: p.n_equal], p.labels[: p.n_equal]) for p in parts]
     other = [(p.matrix[p.n_equal :], p.bound[p.n_equal :], p.labels[p.n_equal :]) for p in parts]
     pieces = equal + other

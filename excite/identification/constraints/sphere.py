@@ -43,7 +43,7 @@ class SphereRows:
         points = icosphere(self.subdivisions)
         z, y, x = points[:, 2], points[:, 1], points[:, 0]
         upper = (z > 0.0) | ((z == 0.0) & ((y > 0.0) | ((y == 0.0) & (x > 0.0))))
-        return points[upper]
+        return np.asarray(points[upper])
 
     @cached_property
     def weights(self) -> Array:
@@ -55,7 +55,7 @@ class SphereRows:
         six = parameters[: self.problem.n_inertial].reshape(-1, 10)[:, 4:]
         worst = np.maximum(self.epsilon - (six @ self.weights.T).min(axis=1), 0.0)
         worst[list(self.problem.unmeasured)] = 0.0
-        return worst
+        return np.asarray(worst)
 
     def cuts(self, parameters: Array, tolerance: float) -> LinearConstraints:
         """The rows that ``parameters`` violate most, some of each segment; none when all hold.
@@ -86,7 +86,15 @@ class SphereRows:
         return kept
 
     def lifted(self, parameters: Array, share: float = 1.01) -> Array:
-        """A copy in which every free inertia is raised by a multiple of the identity until the rows hold."""
+        """A copy in which every free inertia is raised by a multiple of the identity until the rows hold.
+
+        Args:
+            parameters: ``(n_params,)``, those of segments that the sensors do not see stay.
+            share: of ε that the rows then have.
+
+        Returns:
+            ``(n_params,)``.
+        """
         raised = parameters.copy()
         ten = raised[: self.problem.n_inertial].reshape(-1, 10)
         values = (ten[:, 4:] @ self.weights.T).min(axis=1)

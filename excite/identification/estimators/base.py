@@ -6,13 +6,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import ClassVar
+from typing import ClassVar, Generic, TypeVar
 
 from excite.arrays import Array
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.physical.certificate import Certificate
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression
+
+SettingsT = TypeVar("SettingsT", bound=EstimatorSettings)
 
 
 class SolveStatus(Enum):
@@ -61,7 +63,7 @@ class Estimate:
     certificate: Certificate | None = None
 
 
-class Estimator(ABC):
+class Estimator(ABC, Generic[SettingsT]):
     """A way to parameters from an :class:`~excite.identification.problem.IdentificationProblem`.
 
     A new one is a file with a subclass and a line in
@@ -70,26 +72,28 @@ class Estimator(ABC):
     Attributes:
         name: registry name.
         title: what it is, in a few words.
+        use: when to take it, in a line.
+        settings_class: its settings, all that it knows and none that it ignores.
         consistent: whether its parameters are those of bodies that can exist.
-        bounded: whether it keeps bounds that the settings state.
         guarantees: what holds for every result that is returned, recomputed from the parameters themselves.
         exempt: checks of the shared battery in the tests that it does not claim to pass, with the reason.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
+    use: ClassVar[str]
+    settings_class: ClassVar[type[EstimatorSettings]] = EstimatorSettings
     consistent: ClassVar[bool] = False
-    bounded: ClassVar[bool] = False
     guarantees: ClassVar[str] = ""
     exempt: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
+    def estimate(self, problem: IdentificationProblem, settings: SettingsT) -> Estimate:
         """Estimate the parameters.
 
         Args:
             problem: the rows; not changed.
-            settings: settings; those that do not concern the estimator are ignored.
+            settings: of its ``settings_class``.
 
         Returns:
             The estimate, its residual recomputed.

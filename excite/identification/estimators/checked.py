@@ -74,7 +74,12 @@ def finite_or_raised(best: Estimate) -> Estimate:
 
 
 def no_solution(status: SolveStatus, best: Estimate) -> NoSolutionError:
-    """The error of a failed solve, with the best estimate and advice."""
+    """The error of a failed solve, with advice.
+
+    Args:
+        status: how it failed; its value is the advice.
+        best: the best estimate that is known.
+    """
     reason = status.name.lower().replace("_", " ")
     return NoSolutionError(
         f"method {best.method} found no solution ({reason})", best=best, remedy=status.value

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.errors import InputError, NoSolutionError
 from excite.identification.estimators.base import Estimate, Estimator, SolveStatus
 from excite.identification.estimators.checked import no_solution
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import EstimatorSettings, StatedBoundsSettings
 from excite.identification.judgement.statistics import parameter_labels
 from excite.identification.physical.bounds import PhysicalBounds
 from excite.identification.physical.coordinates import NAMES, physical_parameters
@@ -54,7 +54,12 @@ class PhysicalEstimate(Estimate):
     essential: tuple[str, ...] = ()
 
 
-class PhysicalRetrieval(Estimator):
+@dataclass(frozen=True)
+class PhysicalSettings(StatedBoundsSettings):
+    """Settings of ``physical``: stated bounds, and what bounds the bodies where nothing is stated."""
+
+
+class PhysicalRetrieval(Estimator[PhysicalSettings]):
     """Mass, centre of mass and inertia of each segment, within bounds, that explain the torques best.
 
     The objective is eq. (15): the unweighted residual of the essential parameters. The bounds (16), the total
@@ -73,7 +78,11 @@ class PhysicalRetrieval(Estimator):
     name: ClassVar[str] = "physical"
     title: ClassVar[str] = "physical parameters within bounds, globally optimal (Xu et al. 2020)"
     consistent: ClassVar[bool] = True
-    bounded: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "arms of which much is known beforehand, from data sheets or a scale: keeps stated bounds exactly, and proves "
+        "that nothing within them explains the torques better"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = PhysicalSettings
     guarantees: ClassVar[str] = (
         "bounds, total mass and rules of the inertias hold exactly; no other parameters that meet them have an "
         "objective below the certificate's lower bound"
@@ -88,8 +97,8 @@ class PhysicalRetrieval(Estimator):
     ):
         self._bounds, self._effort, self._essential = bounds, effort or RetrievalSettings(), essential
 
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> PhysicalEstimate:
-        """See :meth:`Estimator.estimate`; uses ``bounds``, ``com_boxes``, ``inertia_floor``, ``total_mass``.
+    def estimate(self, problem: IdentificationProblem, settings: PhysicalSettings) -> PhysicalEstimate:
+        """See :meth:`Estimator.estimate`.
 
         Raises:
             InputError: the bounds are of another robot.
@@ -161,7 +170,7 @@ class PhysicalRetrieval(Estimator):
     def _leaves_out(self, problem: IdentificationProblem) -> bool:
         return problem.channel_names[0] != "fx" if self._essential is None else self._essential
 
-    def _bounds_for(self, problem: IdentificationProblem, settings: EstimatorSettings) -> PhysicalBounds:
+    def _bounds_for(self, problem: IdentificationProblem, settings: PhysicalSettings) -> PhysicalBounds:
         links = tuple(segment.link for segment in problem.robot.segments)
         if self._bounds is None:
             usual = default_bounds(problem.robot, settings)

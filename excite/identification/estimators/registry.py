@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from excite.registry import Registry
 
 if TYPE_CHECKING:
     from excite.identification.estimators.base import Estimator
 
-ESTIMATORS: Registry[Estimator] = Registry(
+# Parameters of bodies near the nominal model, of fixed and floating robots alike, with nothing to be told before.
+DEFAULT_METHOD = "qp"
+
+ESTIMATORS: Registry[Estimator[Any]] = Registry(
     "method",
     {
         "ls": "excite.identification.estimators.least_squares.ls:LeastSquares",
@@ -27,6 +30,6 @@ ESTIMATORS: Registry[Estimator] = Registry(
 )
 
 
-def find_estimator(name: str) -> Estimator:
+def find_estimator(name: str) -> Estimator[Any]:
     """The estimator of that name; raises UnknownNameError."""
     return ESTIMATORS.make(name)

@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.identification.constraints.body import ParameterCones
 from excite.identification.constraints.cones import Cones
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import PullSettings
 from excite.identification.regression import Regression, prior_std, square_factor
 
 
@@ -52,7 +52,7 @@ class Ridge:
     def rotate(self, rows: Array) -> Array:
         """Rows that act on ``θ`` made to act on ``z``, ``(n_rows, n_free)``."""
         scaled = (rows[:, self.free] * self.scales[self.free]).T
-        return solve_triangular(self.factor, scaled, trans="T").T
+        return np.asarray(solve_triangular(self.factor, scaled, trans="T").T)
 
     def constraints(self, constraints: LinearConstraints) -> LinearConstraints:
         """The same constraints on ``z``, each row of unit length; rows without a free parameter left out."""
@@ -76,7 +76,7 @@ class Ridge:
         return Cones(cones.order, matrix / length[:, None, None], bound / length[:, None], cones.labels)
 
 
-def ridge(rows: Regression, settings: EstimatorSettings, metric: Array | None = None) -> Ridge:
+def ridge(rows: Regression, settings: PullSettings, metric: Array | None = None) -> Ridge:
     """Build the objective from weighted rows; parameters of unmeasured segments are not free.
 
     Args:

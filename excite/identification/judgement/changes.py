@@ -134,7 +134,7 @@ class _Search:
         variance = max(1.0, gap / b)
         sets = lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
         penalty = 10 * k * np.log(b) + 2.0 * sets + 2.0 * _LEAST_EVIDENCE * k
-        return b * np.log(variance) + gap / variance + penalty
+        return float(b * np.log(variance) + gap / variance + penalty)
 
     def grown(self, beam: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
         """The best sets with one member more than those of the beam, best first."""
@@ -205,4 +205,4 @@ def _range(matrix: Array) -> Array:
     """Orthonormal basis of the columns' span, ``(n_rows, rank)``."""
     q, r, _ = qr(matrix, mode="economic", pivoting=True, check_finite=False)
     diagonal = np.abs(np.diag(r))
-    return q[:, : int((diagonal > RANK_TOLERANCE * max(float(diagonal[0]), 1e-300)).sum())]
+    return np.asarray(q[:, : int((diagonal > RANK_TOLERANCE * max(float(diagonal[0]), 1e-300)).sum())])

@@ -20,13 +20,20 @@ class Solved(Protocol):
     """Least squares on base parameters, found or predicted: see ``BaseStatistics`` for the symbols."""
 
     @property
-    def estimate(self) -> Array: ...
+    def estimate(self) -> Array:
+        """Base parameters, ``(n_base,)`` [SI]."""
+
     @property
-    def factor(self) -> Array: ...
+    def factor(self) -> Array:
+        """``R`` of the weighted rows on them, ``(n_base, n_base)``."""
+
     @property
-    def meat(self) -> Array: ...
+    def meat(self) -> Array:
+        """Middle of the sandwich covariance, ``(n_base, n_base)``."""
+
     @property
-    def rotated(self) -> Array: ...
+    def rotated(self) -> Array:
+        """``Qᵀ`` of the weighted measurement, ``(n_base,)``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +62,11 @@ def essential_parameters(
 
     A parameter is a candidate while its absolute value is below ``value_below`` and its RSD above
     ``rsd_above`` percent (0.01 and 40 % in Xu et al. 2020); of the candidates the one of greatest RSD goes.
+
+    Args:
+        statistics: least squares on base parameters.
+        value_below: absolute value below which a parameter may go [SI, units mixed as in the paper].
+        rsd_above: relative standard deviation above which it may go [percent].
     """
     kept = np.arange(len(statistics.estimate))
     removed: list[int] = []

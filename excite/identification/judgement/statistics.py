@@ -65,10 +65,10 @@ class BaseStatistics:
 
         Student's quantile, as the noise's power is estimated from the same residuals.
         """
-        return student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std
+        return np.asarray(student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std)
 
     def rsd_percent(self, values: Array) -> Array:
-        """Relative standard deviation ``100 σ/|value|`` of each base parameter, infinite at zero."""
+        """Relative standard deviation ``100 σ/|value|``, ``(n_base,)`` [percent], infinite at zero."""
         return relative_percent(self.std, values)
 
 
@@ -127,10 +127,10 @@ def _orthonormal(matrix: Array, columns: NDArray[np.int64], weight: Array, facto
 
 def _sandwich(factor: Array, meat: Array) -> Array:
     inverse = solve_triangular(factor, np.eye(len(factor)))
-    return inverse @ meat @ inverse.T
+    return np.asarray(inverse @ meat @ inverse.T)
 
 
 def relative_percent(std: Array, values: Array) -> Array:
-    """``100 σ/|value|``, infinite where the value is zero."""
+    """``100 σ/|value|`` [percent] of ``(n,)`` values, infinite where the value is zero."""
     size = np.abs(values)
     return np.where(size > 0.0, 100.0 * std / np.where(size > 0.0, size, 1.0), np.inf)

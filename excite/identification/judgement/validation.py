@@ -63,7 +63,7 @@ def channel_fits(
 
 
 def correlation(a: Array, b: Array) -> float | None:
-    """Pearson's correlation coefficient of two signals, None where one of them does not vary."""
+    """Pearson's correlation coefficient of two signals ``(n,)``, None where one of them does not vary."""
     da, db = a - a.mean(), b - b.mean()
     scale = float(np.sqrt((da @ da) * (db @ db)))
     floor = 1e-12 * len(a) * max(float(np.abs(a).max()), 1e-30) * max(float(np.abs(b).max()), 1e-30)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from excite.finding import Finding, listed
 from excite.identification.estimators.registry import ESTIMATORS
-from excite.identification.result import Identification
+from excite.identification.identified_parameters import IdentifiedParameters
+from excite.identification.judgement.changes import Changes
+from excite.identification.judgement.judgement import Judgement, TotalMassReport
+from excite.identification.parameter_statistics import ParameterStatistics
 
 _POOR_RSD = 30.0
 _LARGE_DISPERSION = 4.0
@@ -15,30 +18,43 @@ _WORSE_ON_VALIDATION = 2.0
 _MOST_NAMED = 5
 
 
-def find_warnings(result: Identification) -> tuple[Finding, ...]:
-    """Findings on data, solution and validation, in this order; empty where all is well."""
-    return (*_of_data(result), *_of_solution(result), *_of_prediction(result))
+def find_warnings(
+    identified: IdentifiedParameters, statistics: ParameterStatistics, judgement: Judgement
+) -> tuple[Finding, ...]:
+    """Findings on data, solution and validation, in this order; empty where all is well.
+
+    Args:
+        identified: the parameters.
+        statistics: how well they are known.
+        judgement: what they are worth.
+    """
+    return (
+        *_of_data(identified, statistics),
+        *_of_mass(judgement.total_mass),
+        *_of_solution(identified, judgement),
+        *_of_prediction(judgement),
+    )
 
 
-def _of_data(result: Identification) -> list[Finding]:
+def _of_data(identified: IdentifiedParameters, statistics: ParameterStatistics) -> list[Finding]:
     found = []
-    if result.unmeasured:
-        text = f"not seen by the sensors, kept nominal: {', '.join(result.unmeasured)}"
-        found.append(Finding("unmeasured", text, places=result.unmeasured))
-    missing = 0 if result.structural_rank is None else result.structural_rank - len(result.base)
+    if identified.unmeasured:
+        text = f"not seen by the sensors, kept nominal: {', '.join(identified.unmeasured)}"
+        found.append(Finding("unmeasured", text, places=identified.unmeasured))
+    rank, base = statistics.structural_rank, statistics.base
+    missing = 0 if rank is None else rank - len(base)
     if missing > 0:
-        text = f"the motions leave {missing} of {result.structural_rank} base parameters without excitation"
+        text = f"the motions leave {missing} of {rank} base parameters without excitation"
         found.append(Finding("rank", text, {"missing": float(missing)}))
-    poor = tuple(item.name for item in result.base if item.rsd_percent > _POOR_RSD)
+    poor = tuple(item.name for item in base if item.rsd_percent > _POOR_RSD)
     if poor:
-        text = f"{len(poor)} of {len(result.base)} base parameters have an RSD above {_POOR_RSD:.0f} %"
+        text = f"{len(poor)} of {len(base)} base parameters have an RSD above {_POOR_RSD:.0f} %"
         found.append(Finding("poor_rsd", text, {"parameters": float(len(poor))}, poor))
-    return [*found, *_of_mass(result)]
+    return found
 
 
-def _of_mass(result: Identification) -> list[Finding]:
+def _of_mass(mass: TotalMassReport) -> list[Finding]:
     """The measured forces against a weighed mass, or roughly against the model's."""
-    mass = result.total_mass
     if mass.measured is None:
         return []
     known, name, tolerance = mass.nominal, "the model", _MASS_FAR
@@ -54,9 +70,9 @@ def _of_mass(result: Identification) -> list[Finding]:
     return [Finding("force_scale", text, {"measured_kg": mass.measured, "known_kg": known})]
 
 
-def _of_solution(result: Identification) -> list[Finding]:
+def _of_solution(identified: IdentifiedParameters, judgement: Judgement) -> list[Finding]:
     found = []
-    bad = tuple(result.consistency.inconsistent)
+    bad = tuple(judgement.consistency.inconsistent)
     if bad:
         consistent = next(name for name, kind in ESTIMATORS.items() if kind.consistent)
         text = (
@@ -64,7 +80,7 @@ def _of_solution(result: Identification) -> list[Finding]:
             "exist"
         )
         found.append(Finding("inconsistent", text, {"segments": float(len(bad))}, bad))
-    broken = () if result.bounds is None else result.bounds.broken
+    broken = () if judgement.bounds is None else judgement.bounds.broken
     if broken:
         names = tuple(item.name for item in broken)
         text = (
@@ -72,9 +88,9 @@ def _of_solution(result: Identification) -> list[Finding]:
             "of links that the sensors do not see"
         )
         found.append(Finding("outside_bounds", text, {"parameters": float(len(names))}, names))
-    found += _weightless(result)
-    dispersion = result.changes.dispersion
-    if result.changes.segments and dispersion > _LARGE_DISPERSION:
+    found += _weightless(identified, judgement.changes)
+    dispersion = judgement.changes.dispersion
+    if judgement.changes.segments and dispersion > _LARGE_DISPERSION:
         text = (
             "the changed segments do not explain everything: what is left is "
             f"{dispersion:.0f} times the noise per base parameter"
@@ -83,12 +99,12 @@ def _of_solution(result: Identification) -> list[Finding]:
     return found
 
 
-def _weightless(result: Identification) -> list[Finding]:
+def _weightless(identified: IdentifiedParameters, changes: Changes) -> list[Finding]:
     """Changed segments that would weigh less than nothing: a scapegoat for something else."""
-    nominal = dict(zip(result.links, result.nominal[::10].tolist(), strict=True))
+    nominal = dict(zip(identified.links, identified.nominal[::10].tolist(), strict=True))
     light = {
         item.link: (item.mass_change_kg, nominal[item.link])
-        for item in result.changes.segments
+        for item in changes.segments
         if item.mass_change_kg + 2.0 * item.std_kg < -nominal[item.link]
     }
     if not light:
@@ -101,18 +117,18 @@ def _weightless(result: Identification) -> list[Finding]:
     return [Finding("weightless", text, {"segments": float(len(light))}, tuple(light))]
 
 
-def _of_prediction(result: Identification) -> list[Finding]:
-    if not result.validation:
+def _of_prediction(judgement: Judgement) -> list[Finding]:
+    if not judgement.validation:
         return [Finding("no_validation", "no validation trials: the fit says nothing about other motions")]
     found = []
-    for name, fit in result.validation.items():
-        figures = {"validation_rmse": fit.rmse, "fit_rmse": result.fit[name].rmse}
+    for name, fit in judgement.validation.items():
+        figures = {"validation_rmse": fit.rmse, "fit_rmse": judgement.fit[name].rmse}
         if fit.rmse >= fit.reference_rmse:
             text = f"{name}: no better than the nominal model on the validation trials"
             found.append(Finding("no_better", text, figures, (name,)))
-        elif fit.rmse > _WORSE_ON_VALIDATION * result.fit[name].rmse:
+        elif fit.rmse > _WORSE_ON_VALIDATION * judgement.fit[name].rmse:
             text = (
-                f"{name}: residual {fit.rmse / result.fit[name].rmse:.1f} times larger on validation trials "
+                f"{name}: residual {fit.rmse / judgement.fit[name].rmse:.1f} times larger on validation trials "
                 "than on those identified from; excite more, or look for what the model lacks"
             )
             found.append(Finding("validation_gap", text, figures, (name,)))

@@ -10,7 +10,7 @@ the least-squares estimate free of the attenuation that currents in the regresso
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,14 +118,14 @@ class _Solution:
     residual: Array
 
 
-def _with_spread(pair: LoadPair, solve) -> DriveGains:
+def _with_spread(pair: LoadPair, solve: Callable[[Condensed], _Solution]) -> DriveGains:
     """The solution, with standard deviations by leaving out one stretch at a time (the jackknife)."""
     whole = solve(together(pair, range(len(pair.factors))))
     n = len(pair.factors)
     rest = [solve(together(pair, [k for k in range(n) if k != left])) for left in range(n)]
 
     def spread(values: Array) -> Array:
-        return np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
+        return np.asarray(np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0)))
 
     return DriveGains(
         joints=pair.joints,

@@ -45,7 +45,13 @@ class LoadPair:
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """All stretches together: ``(n_joints, w, w)`` triangles, rows ``(n_joints,)``, number of base columns."""
+    """All stretches together.
+
+    Attributes:
+        factors: triangles of the rows of each joint, ``(n_joints, w, w)``.
+        counts: rows of each joint, ``(n_joints,)``.
+        n_base: number of columns of base parameters.
+    """
 
     factors: Array
     counts: Array

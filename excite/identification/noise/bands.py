@@ -56,7 +56,7 @@ class NoiseBands:
         """Degrees of freedom of the variance of each estimate, ``(k,)`` (Satterthwaite 1946)."""
         total = self.shares.sum(axis=(0, 1))
         spread = (self.shares**2 / np.maximum(self.freedom, 1.0)[:, :, None]).sum(axis=(0, 1))
-        return np.maximum(total**2 / np.maximum(spread, 1e-300), 1.0)
+        return np.asarray(np.maximum(total**2 / np.maximum(spread, 1e-300), 1.0))
 
     def model(self, problem: IdentificationProblem, grids: tuple[TrialGrid, ...], std: Array) -> NoiseModel:
         """The same noise as autocovariances, for channels whose rows were divided by ``std``.
@@ -134,7 +134,7 @@ class _Moments:
     def start(self) -> Array:
         """Powers with the fit's share of independent numbers taken away."""
         scale = np.sqrt(self.freedom[:, :, None] * self.freedom[:, None, :])
-        return self.observed / scale
+        return np.asarray(self.observed / scale)
 
     def meat(self, power: Array) -> Array:
         """``QᵀΣQ``."""
@@ -173,7 +173,7 @@ class _Moments:
         step = (self.observed - scaled) / np.maximum(self.numbers, 1.0)
         diagonal = np.arange(power.shape[1])
         step[:, diagonal, diagonal] = 0.0
-        return stretched + step
+        return np.asarray(stretched + step)
 
     def shares(self, power: Array, factor: Array) -> Array:
         """What each band and channel adds to the variances of ``R⁻¹Qᵀe``, ``(bands, channels, k)``."""
@@ -217,9 +217,9 @@ def _significant(power: Array, freedom: Array) -> Array:
     keep = evidence > n_bands + _SIGNIFICANT * np.sqrt(2.0 * n_bands)
     np.fill_diagonal(keep, True)
     values, vectors = np.linalg.eigh(np.where(keep, power, 0.0))
-    return (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1))
 
 
 def _psd_root(matrix: Array) -> Array:
     values, vectors = np.linalg.eigh(matrix)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -106,7 +106,7 @@ def alike_bands(power: Array, counts: Array, taken: Array) -> Array:
         if (free[seen] < _FEWEST).any() or not seen.any():
             return np.inf
         level = np.maximum(power[low:high].sum(axis=0)[seen] / free[seen], 1e-300)
-        return float(0.5 * (free[seen] * np.log(level)).sum()) + price
+        return float(0.5 * (free[seen] * np.log(level)).sum() + price)
 
     def best(low: int, high: int) -> tuple[float, list[int]]:
         whole = cost(low, high)

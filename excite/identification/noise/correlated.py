@@ -42,7 +42,7 @@ class NoiseModel:
         A constant seen through this noise is as uncertain as with so many times fewer independent rows.
         """
         diagonal = np.einsum("lcc->lc", self.autocovariance)
-        return np.maximum(1.0, diagonal[0] + 2.0 * diagonal[1:].sum(axis=0))
+        return np.asarray(np.maximum(1.0, diagonal[0] + 2.0 * diagonal[1:].sum(axis=0)))
 
     def spectrum(self, n_fft: int) -> Array:
         """Spectral matrices of the scaled noise, ``(n_fft//2 + 1, n_channels, n_channels)``, all PSD."""
@@ -52,7 +52,7 @@ class NoiseModel:
         padded[n_fft - n_lags + 1 :] += self.autocovariance[:0:-1]
         spectrum = np.fft.rfft(padded, axis=0)
         values, vectors = np.linalg.eigh(0.5 * (spectrum + spectrum.conj().transpose(0, 2, 1)))
-        return (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.conj().transpose(0, 2, 1)
+        return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.conj().transpose(0, 2, 1))
 
     def scaled(self, factor: float) -> NoiseModel:
         """The same noise with its variance multiplied by ``factor``."""
@@ -173,7 +173,7 @@ def _transform(
 
 
 def triangle(rows: Array) -> Array:
-    """``R`` of ``rows = Q R``."""
+    """``R`` of ``rows = Q R``: of rows ``(m, n)`` an upper triangle ``(min(m, n), n)``."""
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 

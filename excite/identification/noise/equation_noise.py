@@ -243,4 +243,4 @@ def _amplitude(frequency: Array, cutoff_hz: float, order: int, sampling_hz: floa
         return np.ones_like(frequency)
     corner = np.tan(np.pi * cutoff_hz / sampling_hz)
     ratio = np.minimum(np.abs(np.tan(np.pi * frequency / sampling_hz)) / corner, 1e6)
-    return 1.0 / (1.0 + ratio ** (2 * order))
+    return np.asarray(1.0 / (1.0 + ratio ** (2 * order)))

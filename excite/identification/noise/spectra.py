@@ -94,9 +94,14 @@ def band_of(bins: Bins, edges: Array) -> NDArray[np.int64]:
 
 
 def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int) -> Array:
-    """Power that noise of unit power in band b' has in the audible part of band b, per instant.
+    """Power that noise of unit power in band b' has in the audible part of band b, per instant, ``(n_bands, n_bands)``.
 
     ``tr(W_b G_b')/n`` of the Toeplitz matrices of both: a record of finite length smears frequencies.
+
+    Args:
+        trial: the trial, whose bins are taken.
+        band: band of each of its frequencies, ``(n_kept,)``.
+        n_bands: number of bands.
     """
     bins = trial.bins
     seen, given = (np.zeros((n_bands, bins.n_fft // 2 + 1)) for _ in range(2))
@@ -107,11 +112,11 @@ def spilled_power(trial: TransformedTrial, band: NDArray[np.int64], n_bands: int
         seen[b, bins.kept[part]] = 1.0 / bins.colour[part]
     lag = np.arange(bins.n_fft)
     pairs = np.maximum(0.0, 1.0 - np.minimum(lag, bins.n_fft - lag) / trial.n_samples)
-    return (np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T
+    return np.asarray((np.fft.irfft(seen, bins.n_fft) * pairs) @ np.fft.irfft(given, bins.n_fft).T)
 
 
 def blocks(chosen: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
-    """Frequencies a few at a time, so that no second copy of all columns is needed."""
+    """Places of the chosen frequencies ``(n_kept,)``, a few at a time, so that columns need no second copy."""
     places = np.flatnonzero(chosen)
     for start in range(0, len(places), _FREQUENCIES_AT_ONCE):
         yield places[start : start + _FREQUENCIES_AT_ONCE]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from excite.arrays import Array
 from excite.atomic import write_text
 from excite.errors import RobotError
 from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import BodySettings
 from excite.identification.physical.bounds_file import SCHEMA
 from excite.identification.physical.coordinates import NAMES
 from excite.identification.physical.default_bounds import default_bounds
@@ -39,7 +40,7 @@ def write_bounds_template(robot: Robot, path: str | Path) -> Path:
         InputError: the file cannot be written.
     """
     path = Path(path)
-    bounds = default_bounds(robot, EstimatorSettings(com_boxes=_boxes(robot)))
+    bounds = default_bounds(robot, BodySettings(com_boxes=_boxes(robot)))
     lines = [
         f"# What is known of {robot.name} before it is measured, for excite identify --bounds. Every line is",
         "# [lower, upper] and may be changed or left out; what is left out keeps the bounds written here.",
@@ -76,7 +77,7 @@ def _pair(low: float, high: float) -> str:
     return f"[{_outwards(low, math.floor)}, {_outwards(high, math.ceil)}]"
 
 
-def _outwards(value: float, towards) -> str:
+def _outwards(value: float, towards: Callable[[float], int]) -> str:
     """A few digits of a number, rounded away from the interval."""
     if value == 0.0:
         return "0.0"

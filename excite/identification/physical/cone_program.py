@@ -110,4 +110,4 @@ def _valid(dual: Array) -> Array:
     values, vectors = np.linalg.eigh(matrices(dual / np.sqrt(counts)))
     full = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
     places = np.array(TRIANGLE[: dual.shape[1]])
-    return full[:, places[:, 0], places[:, 1]] * counts
+    return np.asarray(full[:, places[:, 0], places[:, 1]] * counts)

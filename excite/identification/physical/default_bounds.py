@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.identification.constraints.com_box import equivalent_boxes
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import BodySettings
 from excite.identification.physical.bounds import InertiaRules, PhysicalBounds
 from excite.identification.physical.coordinates import DIAGONAL, physical_parameters
 from excite.robot.robot import Robot
@@ -21,7 +21,7 @@ _SCALE_ERROR = 1e-6
 _WIDE = 3.0
 
 
-def default_bounds(robot: Robot, settings: EstimatorSettings) -> PhysicalBounds:
+def default_bounds(robot: Robot, settings: BodySettings) -> PhysicalBounds:
     """Bounds that a modified robot still meets.
 
     Masses lie between a tenth and three times the nominal one plus 15 % of the whole robot's; centres of mass

@@ -63,7 +63,7 @@ class FeasibleSet:
     def reach(self) -> Array:
         """Greatest size of each component of each centre of mass, ``(n_free, 3)`` [m]."""
         low, high = self.bounds.lower[self.free, 1:4], self.bounds.upper[self.free, 1:4]
-        return np.maximum(np.abs(low), np.abs(high))
+        return np.asarray(np.maximum(np.abs(low), np.abs(high)))
 
     @cached_property
     def scale(self) -> Array:
@@ -184,13 +184,23 @@ class FeasibleSet:
         return self.step(nothing, np.zeros(0), 1.0 / self.scale, x)
 
     def step(self, matrix: Array, target: Array, weight: Array, center: Array) -> Array:
-        """Minimum over the set of ``½‖matrix·x − target‖² + ½‖weight∘(x − center)‖²``, drawn inside."""
+        """Minimum over the set of ``½‖matrix·x − target‖² + ½‖weight∘(x − center)‖²``, drawn inside.
+
+        Args:
+            matrix: ``(m, size)``.
+            target: ``(m,)``.
+            weight: ``(size,)``.
+            center: ``(size,)``.
+
+        Returns:
+            ``(size,)``; the interior point where the cone program has no answer.
+        """
         cones = (self.density,) if len(self.density) else ()
         answer = solve(ConeProgram(matrix, target, self.rows, self.bound, cones, weight, center, self.scale))
         return self.interior if answer is None else self.inside(answer.z)
 
     def inside(self, x: Array) -> Array:
-        """``x`` drawn towards the interior as little as is needed to meet every constraint with a margin."""
+        """``x`` ``(size,)`` drawn inwards as little as is needed to meet every constraint with a margin."""
         slack = self.slack(x)
         if slack >= _INSIDE:
             return x
@@ -205,7 +215,7 @@ class FeasibleSet:
 
     def standard(self, x: Array) -> Array:
         """Standard parameters and drives, ``(n_params,)`` (eq. 14)."""
-        return self.lift @ np.concatenate([x, self.moments(x)]) + self.offset
+        return np.asarray(self.lift @ np.concatenate([x, self.moments(x)]) + self.offset)
 
     @cached_property
     def lift(self) -> Array:

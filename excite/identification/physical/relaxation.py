@@ -149,10 +149,10 @@ class Relaxation:
                     row[body] += sign * s * t
                     found.append(row)
         rows = np.array(found)
-        return rows / np.linalg.norm(rows * self._lifted_scale(), axis=1, keepdims=True)
+        return np.asarray(rows / np.linalg.norm(rows * self._lifted_scale(), axis=1, keepdims=True))
 
     def completed(self, relaxed: Relaxed) -> Array | None:
-        """The relaxed robot with the excess second moments made part of its bodies, if that is allowed.
+        """The relaxed robot with the excess second moments made part of its bodies, ``(size,)``, None if not allowed.
 
         It then has the relaxation's objective: nothing is better.
         """

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
+from excite.identification.physical.feasible_set import FeasibleSet
 from excite.identification.physical.relaxation import Relaxation
 
 _ITERATIONS = 80
@@ -44,7 +45,7 @@ def descend(problem: Relaxation, start: Array) -> LocalOptimum:
     target = objective.target - objective.factor @ allowed.offset
 
     def residual(x: Array) -> Array:
-        return lifted @ np.concatenate([x, allowed.moments(x)]) - target
+        return np.asarray(lifted @ np.concatenate([x, allowed.moments(x)]) - target)
 
     def cost(x: Array) -> float:
         rest, pull = residual(x), problem.weight * (x - problem.center)
@@ -78,7 +79,7 @@ def descend(problem: Relaxation, start: Array) -> LocalOptimum:
     return LocalOptimum(x, objective.value(allowed.standard(x)), iterations)
 
 
-def _derivative(allowed, x: Array) -> Array:
+def _derivative(allowed: FeasibleSet, x: Array) -> Array:
     """Derivative of ``(x, hhᵀ/m)`` by ``x``, ``(size + 6·n_free, size)``."""
     matrix = np.zeros((allowed.lift.shape[1], allowed.size))
     matrix[: allowed.size] = np.eye(allowed.size)

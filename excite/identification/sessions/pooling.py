@@ -43,7 +43,7 @@ class Pooled:
     def next_std(self) -> Array:
         """Standard deviation of a normal distribution as wide as ``next_interval``, ``(k,)``."""
         quantile = float(norm.ppf(0.5 * (1.0 + self.level)))
-        return 0.5 * (self.next_interval[1] - self.next_interval[0]) / quantile
+        return np.asarray(0.5 * (self.next_interval[1] - self.next_interval[0]) / quantile)
 
 
 def pool(values: Array, covariances: Array, level: float = 0.95) -> Pooled:
@@ -105,7 +105,7 @@ def between_variance(values: Array, variances: Array) -> Array:
         between = new
         if done.all():
             break
-    return between * unit
+    return np.asarray(between * unit)
 
 
 def _joint(values: Array, covariances: Array, between: Array) -> tuple[Array, Array]:
@@ -143,7 +143,7 @@ def _interval(values: Array, variances: Array, level: float, *, of_next: bool) -
     mean = (w * y[:, None, :]).sum(axis=0) / total
     std = np.sqrt(1.0 / total + (between if of_next else 0.0))
     edges = [_mixture_quantile(mean, std, p) for p in (0.5 * (1.0 - level), 0.5 * (1.0 + level))]
-    return np.stack(edges) * np.sqrt(unit) + center * np.sqrt(unit)
+    return np.asarray(np.stack(edges) * np.sqrt(unit) + center * np.sqrt(unit))
 
 
 def _profile(y: Array, v: Array, wanted: Array) -> Array:
@@ -152,7 +152,7 @@ def _profile(y: Array, v: Array, wanted: Array) -> Array:
     def excess(between: Array) -> Array:
         w = 1.0 / (v[:, None, :] + between)
         mean = (w * y[:, None, :]).sum(axis=0) / w.sum(axis=0)
-        return (w * (y[:, None, :] - mean) ** 2).sum(axis=0) - wanted
+        return np.asarray((w * (y[:, None, :] - mean) ** 2).sum(axis=0) - wanted)
 
     shape = (len(wanted), y.shape[1])
     low, high = np.zeros(shape), np.broadcast_to((y**2).sum(axis=0) / wanted, shape).copy()
@@ -160,7 +160,7 @@ def _profile(y: Array, v: Array, wanted: Array) -> Array:
         middle = 0.5 * (low + high)
         above = excess(middle) > 0.0
         low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return 0.5 * (low + high)
+    return np.asarray(0.5 * (low + high))
 
 
 def _mixture_quantile(mean: Array, std: Array, probability: float) -> Array:
@@ -171,4 +171,4 @@ def _mixture_quantile(mean: Array, std: Array, probability: float) -> Array:
         middle = 0.5 * (low + high)
         below = norm.cdf((middle - mean) / std).mean(axis=0) < probability
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return 0.5 * (low + high)
+    return np.asarray(0.5 * (low + high))

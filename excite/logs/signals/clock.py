@@ -79,7 +79,7 @@ def regular_clock(time: Array) -> Array:
         missing -= int(extra[step])
     count = np.arange(n) + np.concatenate([[0.0], np.cumsum(extra)])
     slope, start = np.polyfit(count, time - time[0], 1)
-    return time[0] + start + slope * count
+    return np.asarray(time[0] + start + slope * count)
 
 
 def misfit(time: Array, values: Array) -> Array:
@@ -99,7 +99,7 @@ def misfit(time: Array, values: Array) -> Array:
     shape = (-1,) + (1,) * (values.ndim - 1)
     predicted = sum(w.reshape(shape) * values[place] for w, place in zip(weights, places, strict=True))
     scale = np.sqrt(1.0 + (weights**2).sum(axis=0)).reshape(shape)
-    return (values[2 : n - 2] - predicted) / scale
+    return np.asarray((values[2 : n - 2] - predicted) / scale)
 
 
 def _split(misfits: Array, velocity: Array) -> tuple[float, Array]:

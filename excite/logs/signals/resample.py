@@ -12,7 +12,7 @@ from excite.errors import LogError
 def uniform_grid(time: Array, rate_hz: float) -> Array:
     """Grid of ``rate_hz`` from the first stamp to the last, ``(m,)`` [s]."""
     n = int(np.floor((time[-1] - time[0]) * rate_hz + 1e-6)) + 1
-    return time[0] + np.arange(n) / rate_hz
+    return np.asarray(time[0] + np.arange(n) / rate_hz)
 
 
 def is_uniform(time: Array, rate_hz: float) -> bool:
@@ -39,7 +39,7 @@ def resample_noisy(time: Array, values: Array, grid: Array) -> Array:
     """
     from scipy.interpolate import PchipInterpolator
 
-    return PchipInterpolator(time, values)(_inside(time, grid))
+    return np.asarray(PchipInterpolator(time, values)(_inside(time, grid)))
 
 
 def resample_smooth(time: Array, values: Array, grid: Array) -> Array:
@@ -50,7 +50,7 @@ def resample_smooth(time: Array, values: Array, grid: Array) -> Array:
     """
     from scipy.interpolate import CubicSpline
 
-    return CubicSpline(time, values)(_inside(time, grid))
+    return np.asarray(CubicSpline(time, values)(_inside(time, grid)))
 
 
 def _inside(time: Array, grid: Array) -> Array:

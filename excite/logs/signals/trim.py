@@ -46,4 +46,4 @@ def long_standstill(velocity: Array, threshold: float, shortest: int) -> NDArray
     from scipy.ndimage import binary_opening
 
     slow = np.abs(velocity) < threshold
-    return binary_opening(slow, np.ones((shortest, 1), dtype=bool))
+    return np.asarray(binary_opening(slow, np.ones((shortest, 1), dtype=bool)))

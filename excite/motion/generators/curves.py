@@ -60,7 +60,7 @@ class SplineCurve(Curve):
     @property
     def dimension(self) -> int:
         """Number of coordinates."""
-        return self.control.shape[1]
+        return int(self.control.shape[1])
 
     def evaluate(self, s: Array, order: int = 0) -> Array:
         """Values or derivatives at ``s``, ``(n, dimension)``."""
@@ -72,7 +72,7 @@ class SplineCurve(Curve):
             factor = np.prod(np.arange(k, k - order, -1.0))
             powers[:, k] = factor * u ** (k - order)
         weights = powers @ _BASIS.T
-        return np.einsum("nk,nkd->nd", weights, self.control[span[:, None] + np.arange(4)])
+        return np.asarray(np.einsum("nk,nkd->nd", weights, self.control[span[:, None] + np.arange(4)]))
 
     def shrunk(self, factor: float) -> SplineCurve:
         """Control points moved towards the first by ``factor``."""

@@ -43,7 +43,7 @@ def amplitude_scale(a: Array, b: Array, omega: float, position: Array, velocity:
     number = np.arange(1, a.shape[1] + 1)
     reach = (amplitude / number).sum(axis=1) / omega
     speed = amplitude.sum(axis=1)
-    return np.minimum(position / reach, velocity / speed)
+    return np.asarray(np.minimum(position / reach, velocity / speed))
 
 
 class Fourier(Generator):

@@ -92,4 +92,4 @@ def _apportion(shares: np.ndarray, count: int) -> np.ndarray:
     numbers = np.floor(exact).astype(int)
     order = np.argsort(-(exact - numbers), kind="stable")
     numbers[order[: count - int(numbers.sum())]] += 1
-    return numbers
+    return np.asarray(numbers)

@@ -30,7 +30,7 @@ class PolynomialCurve(Curve):
     @property
     def dimension(self) -> int:
         """Number of coordinates."""
-        return self.coefficients.shape[2]
+        return int(self.coefficients.shape[2])
 
     def evaluate(self, s: Array, order: int = 0) -> Array:
         """Values or derivatives at ``s``, ``(n, dimension)``."""

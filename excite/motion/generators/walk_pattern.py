@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +100,7 @@ def plan_pattern(soles: Sequence[Sole], steps: Sequence[Step], timing: Timing, c
     return _read(plan, timing)
 
 
-def _read(plan, timing: Timing) -> WalkPattern:
+def _read(plan: Any, timing: Timing) -> WalkPattern:
     """The plan's knots and phases."""
     knots, swings, start = [0.0], [], 0.0
     while start < plan.t_end - 1e-9:
@@ -120,7 +121,7 @@ def _read(plan, timing: Timing) -> WalkPattern:
     return WalkPattern(time, com, velocity, acceleration, np.array(swings))
 
 
-def _parameters(soles: Sequence[Sole], timing: Timing, height: float):
+def _parameters(soles: Sequence[Sole], timing: Timing, height: float) -> Any:
     import placo
 
     parameters = placo.HumanoidParameters()
@@ -139,7 +140,7 @@ def _parameters(soles: Sequence[Sole], timing: Timing, height: float):
     return parameters
 
 
-def _footstep(parameters, side, where: Print):
+def _footstep(parameters: Any, side: Any, where: Print) -> Any:
     import placo
 
     footstep = placo.Footstep(parameters.foot_width, parameters.foot_length)

@@ -33,7 +33,7 @@ class WaypointCurve(Curve):
     @property
     def dimension(self) -> int:
         """Number of coordinates."""
-        return self.points.shape[1]
+        return int(self.points.shape[1])
 
     def evaluate(self, s: Array, order: int = 0) -> Array:
         """Values or derivatives at ``s``, ``(n, dimension)``."""
@@ -43,7 +43,7 @@ class WaypointCurve(Curve):
         blend = np.polynomial.Polynomial(_BLEND).deriv(order) if order else np.polynomial.Polynomial(_BLEND)
         weight = blend(u)[:, None] / self.segment**order
         step = weight * (self.points[k + 1] - self.points[k])
-        return self.points[k] + step if order == 0 else step
+        return np.asarray(self.points[k] + step if order == 0 else step)
 
     def shrunk(self, factor: float) -> WaypointCurve:
         """Waypoints moved towards the first by ``factor``."""

@@ -28,7 +28,7 @@ def render(draft: Draft) -> str:
 
 def _word(text: object) -> str:
     """A scalar as YAML writes it, quoted where it has to be."""
-    return (
+    return str(
         yaml.safe_dump(text, default_flow_style=True, allow_unicode=True, width=10_000)
         .strip()
         .removesuffix("\n...")

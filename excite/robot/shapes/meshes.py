@@ -113,7 +113,7 @@ def _exact_hull(points: Array) -> ConvexHull:
 
 
 def _planes(corners: Array) -> Array:
-    return _exact_hull(corners).equations
+    return np.asarray(_exact_hull(corners).equations)
 
 
 def _polyhedron(corners: Array, stretch: Array, axes: Array, centre: Array) -> Hull:

@@ -70,4 +70,4 @@ def shape_points(shape: Shape) -> Array:
             "capsule": np.array([radius, radius, 0.5 * length + radius]),
         }[shape.kind]
         points = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return points @ shape.placement.rotation.T + shape.placement.translation
+    return np.asarray(points @ shape.placement.rotation.T + shape.placement.translation)

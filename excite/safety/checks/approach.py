@@ -28,7 +28,7 @@ def approach_rates(model: pin.Model, geometry: pin.GeometryModel) -> Array:
     first = np.array([pair.first for pair in geometry.collisionPairs], dtype=int)
     second = np.array([pair.second for pair in geometry.collisionPairs], dtype=int)
     between = ancestors[first] != ancestors[second]
-    return (rates[first] + rates[second]) * between
+    return np.asarray((rates[first] + rates[second]) * between)
 
 
 def _column(model: pin.Model, joint: int) -> int:
@@ -47,7 +47,7 @@ def _columns_above(model: pin.Model, joint: int) -> Array:
 
 
 def _n_columns(model: pin.Model) -> int:
-    return model.njoints - 1 + (1 if model.nvs[1] == 6 else 0)
+    return int(model.njoints - 1 + (1 if model.nvs[1] == 6 else 0))
 
 
 def _body_rates(model: pin.Model, shape: pin.GeometryObject) -> Array:

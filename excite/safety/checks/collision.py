@@ -125,7 +125,7 @@ class Distances:
         grid = self.sweep.fine.time
         k = int(np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2))
         share = (time - grid[k]) / (grid[k + 1] - grid[k])
-        return (1.0 - share) * self._travel[k] + share * self._travel[k + 1]
+        return np.asarray((1.0 - share) * self._travel[k] + share * self._travel[k + 1])
 
     def at(self, time: float, pairs: NDArray[np.intp]) -> Array:
         """Distances of pairs at a time, ``(n,)`` [m], negative in penetration."""
@@ -139,12 +139,12 @@ class Distances:
         fine = self.sweep.fine
         k = int(np.searchsorted(fine.time, time))
         if k < len(fine.time) and fine.time[k] == time:
-            return fine.q[k]
+            return np.asarray(fine.q[k])
         part = slice(k - 1, k + 1)
         interval = replace(
             fine, time=fine.time[part], q=fine.q[part], v=fine.v[part], a=fine.a[part], contacts={}
         )
-        return interpolate(interval, self.sweep.robot, np.array([time])).q[0]
+        return np.asarray(interpolate(interval, self.sweep.robot, np.array([time])).q[0])
 
     def midpoint(self, start: float, end: float) -> float:
         """A time between two others: a sample of the grid while there is one, else the middle."""

@@ -59,4 +59,4 @@ def drive_torques(sweep: Sweep) -> Array:
         per_joint(block, robot.joint_names, nothing)
         for block in (drives.viscous, drives.coulomb, drives.armature)
     )
-    return tau[:, robot.n_base_v :] + viscous * v + coulomb * np.sign(v) + armature * a
+    return np.asarray(tau[:, robot.n_base_v :] + viscous * v + coulomb * np.sign(v) + armature * a)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -60,7 +60,9 @@ def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:
             super().__init__()
             self.identical = True
 
-        def compute_constraint_params(self, path, gridpoints, *args, **kwargs):
+        def compute_constraint_params(
+            self, path: object, gridpoints: object, *args: Any, **kwargs: Any
+        ) -> tuple[Array | None, ...]:
             top = np.minimum(bound, 1.0 / _FASTEST) ** 2
             xbound = np.column_stack([np.zeros(len(s)), top])
             m = rows.static.shape[1]

@@ -127,7 +127,7 @@ class PathLimits:
         limit = self.shares.velocity * self._robot.limits.velocity
         twist = np.abs(self.path.knots.twist[:, self._robot.n_base_v :])
         with np.errstate(divide="ignore"):
-            return np.minimum((limit / twist).min(axis=1), self.phase_bound(self.path.s))
+            return np.asarray(np.minimum((limit / twist).min(axis=1), self.phase_bound(self.path.s)))
 
     def phase_bound(self, s: Array) -> Array:
         """Largest ``ṡ`` that the phases allow at path parameters ``(n,)``; infinite where they say nothing."""
@@ -230,7 +230,7 @@ def _two_sided(values: Array) -> Array:
     """Rows for ``|Σ| ≤ 1`` from ``(n, 3, m)`` values relative to their limits: ``(n, 3, 2m)``."""
     rows = np.concatenate([values, -values], axis=2)
     rows[:, 0] -= 1.0
-    return rows
+    return np.asarray(rows)
 
 
 def _interpolate(knots: Array, values: Array, s: Array) -> Array:

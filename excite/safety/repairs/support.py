@@ -83,7 +83,7 @@ def friction_rows(w: Array, support: Support, share: float) -> Array:
     vertical = w[..., 5] - (support.centre[0] * w[..., 1] - support.centre[1] * w[..., 0])
     parts = np.stack([w[..., 0], w[..., 1], vertical / support.radius], axis=-1)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    return parts @ signs.T - share * support.friction * w[..., 2:3]
+    return np.asarray(parts @ signs.T - share * support.friction * w[..., 2:3])
 
 
 def load_shares(point: Array, centres: Array, carried: Array) -> Array:
@@ -95,4 +95,4 @@ def load_shares(point: Array, centres: Array, carried: Array) -> Array:
     else:
         share = np.full(carried.shape, 1.0 / len(centres))
     share = np.where(carried, np.maximum(share, 1e-9), 0.0)
-    return share / share.sum(axis=1, keepdims=True)
+    return np.asarray(share / share.sum(axis=1, keepdims=True))

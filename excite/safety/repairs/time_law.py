@@ -37,7 +37,7 @@ class TimeLaw:
     def evaluate(self, time: Array, order: int = 0) -> Array:
         """``s``, ``ṡ`` or ``s̈`` at times ``(n,)``; the value of ``s`` never leaves the path's interval."""
         values = self._spline(np.clip(time, 0.0, self.duration), order)
-        return np.clip(values, self.s[0], self.s[-1]) if order == 0 else values
+        return np.asarray(np.clip(values, self.s[0], self.s[-1]) if order == 0 else values)
 
     def faster(self, k: float) -> TimeLaw:
         """The same law ``k`` times as fast."""

@@ -75,4 +75,4 @@ def _window(candidate: Candidate, s: Array) -> Array:
     """1 while the robot walks, smoothly 0 at the start of the first stance and at the end of the last, ``(n,)``."""
     first, last = candidate.phases[0].end, candidate.phases[-1].start
     u = np.clip(np.minimum(s / first, (s[-1] - s) / (s[-1] - last)), 0.0, 1.0)
-    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u**2))

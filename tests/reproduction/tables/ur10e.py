@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from excite.identification.estimators.method_settings import estimator_settings
 from excite.identification.estimators.registry import find_estimator
-from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.load.drive_gains import identify_drive_gains, identify_load
 from excite.identification.problem import build_problem
 from excite.logs.robot import nominal_robot
@@ -35,7 +35,7 @@ def _validation(data: Path, folder: Path) -> Table:
     judge = build_problem(robot, log, SETTINGS, role="validation")
     lines = []
     for method in ("wls", "map"):
-        found = find_estimator(method).estimate(problem, EstimatorSettings()).parameters
+        found = find_estimator(method).estimate(problem, estimator_settings(method)).parameters
         for joint, ours in zip(UR10E_JOINTS, percent_left(judge, found), strict=True):
             met = bool(ours <= LARGEST_PERCENT)
             bar = f"≤ {LARGEST_PERCENT:g}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 from excite.identification.constraints.body import feasibility_cones
@@ -13,12 +14,21 @@ from excite.identification.estimators.conic.conic import ConicSolver, interior_p
 from excite.identification.estimators.conic.conic_estimate import conic_estimate
 from excite.identification.estimators.quadratic.cls1 import bound_rows
 from excite.identification.estimators.ridge import ridge
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import (
+    EstimatorSettings,
+    ParameterBoundsSettings,
+    PullSettings,
+)
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
 
 
-class PhysicallyFeasible(Estimator):
+@dataclass(frozen=True)
+class Cls2Settings(ParameterBoundsSettings, PullSettings):
+    """Settings of ``cls2``: the pull, the bounds of masses and first moments, the least inertia."""
+
+
+class PhysicallyFeasible(Estimator[Cls2Settings]):
     """Least squares with a pull to nominal under eq. (3): ``m > 0`` and inertia about the centre of mass ``≻ 0``.
 
     Sousa and Cortesão's linear matrix inequality, with bounds on masses and first moments. The regularisation
@@ -27,7 +37,11 @@ class PhysicallyFeasible(Estimator):
 
     name: ClassVar[str] = "cls2"
     title: ClassVar[str] = "physically feasible inertias, bounded masses and first moments (CLS-2)"
-    bounded: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "comparison with published CLS-2 results: masses and first moments within bounds; bodies may break the "
+        "triangle inequality"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = Cls2Settings
     guarantees: ClassVar[str] = (
         "within the stated distance of the global optimum; masses positive, inertias about the centres of mass "
         "positive definite, masses and first moments within their bounds; the triangle inequality need not hold"
@@ -36,13 +50,16 @@ class PhysicallyFeasible(Estimator):
     def __init__(self, solver: ConicSolver = interior_point):
         self._solver = solver
 
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses ``alpha``, the spreads, ``inertia_floor``, ``parameter_bounds``, else
-        ``bound_width`` and ``bounds``."""
+    def estimate(self, problem: IdentificationProblem, settings: Cls2Settings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
         return self.solve(iterate_weights(regression(problem)), settings)
 
-    def solve(self, rows: Regression, settings: EstimatorSettings) -> Estimate:
+    def solve(self, rows: Regression, settings: Cls2Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
 
         Raises:
             InputError: bounds that leave nothing.

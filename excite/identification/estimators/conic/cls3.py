@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.identification.constraints.assemble import known_total_mass
 from excite.identification.constraints.body import pseudo_inertia_cones
 from excite.identification.constraints.com_box import equivalent_boxes
@@ -23,13 +24,33 @@ from excite.identification.estimators.base import Estimate, Estimator
 from excite.identification.estimators.conic.conic import ConicSolver, interior_point
 from excite.identification.estimators.conic.conic_estimate import conic_estimate, consistent_or_raised
 from excite.identification.estimators.ridge import ridge
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.setting import stated
+from excite.identification.estimators.settings import (
+    EstimatorSettings,
+    PullSettings,
+    StatedBoundsSettings,
+)
 from excite.identification.physical.default_bounds import default_bounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
 
 
-class DensityRealisable(Estimator):
+@dataclass(frozen=True)
+class Cls3Settings(StatedBoundsSettings, PullSettings):
+    """Settings of ``cls3``.
+
+    Attributes:
+        com_ellipsoids: where each centre of mass lies, ``(n_segments, 4, 4)``: ``[x; 1]ᵀ Q [x; 1] ≥ 0`` for
+            points ``x`` [m] of the ellipsoid in the joint frame (eq. 6 of Golluccio et al. 2020); None derives them
+            from the boxes.
+        body_ellipsoids: where each body's mass lies, likewise.
+    """
+
+    com_ellipsoids: Array | None = field(default=None, metadata=stated("m", "where each centre of mass lies"))
+    body_ellipsoids: Array | None = field(default=None, metadata=stated("m", "where each body's mass lies"))
+
+
+class DensityRealisable(Estimator[Cls3Settings]):
     """Least squares with a pull to nominal; every body has a density that is not negative inside its ellipsoid.
 
     Pseudo-inertias positive definite (eq. 4), centres of mass in ellipsoids (eq. 6), mass distributions in
@@ -41,7 +62,11 @@ class DensityRealisable(Estimator):
     name: ClassVar[str] = "cls3"
     title: ClassVar[str] = "physically consistent bodies inside ellipsoids (CLS-3)"
     consistent: ClassVar[bool] = True
-    bounded: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "models to simulate or to hand over: every body can exist with its mass inside its ellipsoid; keeps stated "
+        "bounds"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = Cls3Settings
     guarantees: ClassVar[str] = (
         "within the stated distance of the global optimum; every body can exist with its mass inside its ellipsoid "
         "(least eigenvalue of its pseudo-inertia at least -1e-9, recomputed) and its centre of mass in its own"
@@ -50,13 +75,16 @@ class DensityRealisable(Estimator):
     def __init__(self, solver: ConicSolver = interior_point):
         self._solver = solver
 
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses ``alpha``, the spreads, ``inertia_floor``, total mass, ellipsoids, else
-        ``com_boxes``, and ``bounds``."""
+    def estimate(self, problem: IdentificationProblem, settings: Cls3Settings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
         return self.solve(iterate_weights(regression(problem)), settings)
 
-    def solve(self, rows: Regression, settings: EstimatorSettings) -> Estimate:
+    def solve(self, rows: Regression, settings: Cls3Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
 
         Raises:
             InputError: matrices that are not those of ellipsoids.

@@ -6,7 +6,7 @@ is positive definite, which the inertia's definiteness alone does not ensure (tr
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from excite.identification.constraints.assemble import model_constraints
@@ -19,12 +19,32 @@ from excite.identification.estimators.entropic.entropic_newton import newton
 from excite.identification.estimators.entropic.entropic_problem import EntropicSolver
 from excite.identification.estimators.entropic.geometric import pullback_metric
 from excite.identification.estimators.ridge import ridge
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.setting import word
+from excite.identification.estimators.settings import (
+    BodySettings,
+    EstimatorSettings,
+    PullSettings,
+    SymmetrySettings,
+)
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, prior_std, regression
 
 
-class PhysicallyConsistent(Estimator):
+@dataclass(frozen=True)
+class LmiSettings(SymmetrySettings, BodySettings, PullSettings):
+    """Settings of ``lmi``.
+
+    Attributes:
+        regulariser: distance from the nominal model; ``pullback`` and ``entropic`` are those of Lee, Wensing and
+            Park 2020, which do not depend on units or frames.
+    """
+
+    regulariser: str = word(
+        "euclidean", ("euclidean", "pullback", "entropic"), "distance from the nominal model"
+    )
+
+
+class PhysicallyConsistent(Estimator[LmiSettings]):
     """The objective and linear constraints of ``qp`` with every pseudo-inertia positive definite.
 
     ``regulariser`` chooses the distance from the nominal model: ``euclidean`` in units of the spreads,
@@ -35,6 +55,10 @@ class PhysicallyConsistent(Estimator):
     name: ClassVar[str] = "lmi"
     title: ClassVar[str] = "as qp, with physically consistent bodies (pseudo-inertia cones)"
     consistent: ClassVar[bool] = True
+    use: ClassVar[str] = (
+        "models to simulate or to control with: near the nominal model, and every body can exist"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = LmiSettings
     guarantees: ClassVar[str] = (
         "within the stated distance of the global optimum; every body can exist (least eigenvalue of its "
         "pseudo-inertia at least -1e-9, recomputed), and masses, total mass, boxes and symmetry hold"
@@ -43,13 +67,16 @@ class PhysicallyConsistent(Estimator):
     def __init__(self, solver: ConicSolver = interior_point, entropic: EntropicSolver = newton):
         self._solver, self._entropic = solver, entropic
 
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses every setting of ``qp`` but ``sphere_subdivisions``, and
-        ``regulariser``."""
+    def estimate(self, problem: IdentificationProblem, settings: LmiSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
         return self.solve(iterate_weights(regression(problem)), settings)
 
-    def solve(self, rows: Regression, settings: EstimatorSettings) -> Estimate:
+    def solve(self, rows: Regression, settings: LmiSettings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
 
         Raises:
             NoSolutionError: no parameters meet the constraints, or an answer fails its recomputation.

@@ -24,7 +24,7 @@ from excite.identification.estimators.entropic.entropic_problem import (
 from excite.identification.estimators.entropic.geometric import relative_map
 from excite.identification.estimators.fallback import best_known
 from excite.identification.estimators.ridge import Ridge
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import PullSettings
 from excite.identification.regression import Regression
 
 
@@ -48,7 +48,7 @@ def entropic_estimate(
     rows: Regression,
     objective: Ridge,
     linear: LinearConstraints,
-    settings: EstimatorSettings,
+    settings: PullSettings,
     solver: EntropicSolver,
 ) -> Estimate:
     """Estimate with the entropic divergence; ``objective`` is the ridge with the pullback metric.

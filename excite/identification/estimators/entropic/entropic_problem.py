@@ -63,7 +63,12 @@ class EntropicProblem:
 
 @dataclass(frozen=True, eq=False)
 class EntropicAnswer:
-    """What a solver says: the point and one multiplier a row."""
+    """What a solver says.
+
+    Attributes:
+        z: the point, ``(n,)``.
+        multipliers: one a row of the linear constraints, ``(n_rows,)``.
+    """
 
     z: Array
     multipliers: Array

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
 from excite.identification.estimators.quadratic.hierarchy_state import Level
 from excite.identification.estimators.quadratic.projection import Projector, project
 from excite.identification.estimators.scaled import scaled_parameters
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import EstimatorSettings, ParameterBoundsSettings
 from excite.identification.physical.default_bounds import default_bounds as physical_bounds
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import (
@@ -33,7 +34,12 @@ from excite.regressor.base_parameters import base_parameters
 _VIOLATION = 1e-6
 
 
-class BoundedNearBase(Estimator):
+@dataclass(frozen=True)
+class Cls1Settings(ParameterBoundsSettings):
+    """Settings of ``cls1``: bounds of the parameters, stated ones before those about the nominal model."""
+
+
+class BoundedNearBase(Estimator[Cls1Settings]):
     """``bounds ≻ (π_b(π) = π̂_b) ≻ (π = π_nominal)``: CLS-1 with what it leaves open decided.
 
     ``π̂_b`` are the least-squares base parameters. The distance from them is the plain sum of squares of SI
@@ -44,11 +50,14 @@ class BoundedNearBase(Estimator):
 
     name: ClassVar[str] = "cls1"
     title: ClassVar[str] = "bounded parameters nearest to the unconstrained base solution (CLS-1)"
+    use: ClassVar[str] = (
+        "comparison with published CLS-1 results: parameters within bounds; bodies need not be able to exist"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = Cls1Settings
     guarantees: ClassVar[str] = (
         "every parameter within its bounds, and no others within them have base parameters nearer to the "
         "least-squares ones; bodies need not be able to exist"
     )
-    bounded: ClassVar[bool] = True
     exempt: ClassVar[Mapping[str, str]] = {
         "prediction": "nearest in parameters, not in what they predict (CLS-1 of Golluccio et al. 2020)"
     }
@@ -56,13 +65,16 @@ class BoundedNearBase(Estimator):
     def __init__(self, projector: Projector = project):
         self._projector = projector
 
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses ``parameter_bounds``, else ``bound_width`` and
-        ``bounds``, and the spreads."""
+    def estimate(self, problem: IdentificationProblem, settings: Cls1Settings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
         return self.solve(iterate_weights(regression(problem)), settings)
 
-    def solve(self, rows: Regression, settings: EstimatorSettings) -> Estimate:
+    def solve(self, rows: Regression, settings: Cls1Settings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
 
         Raises:
             InputError: bounds that leave nothing.
@@ -113,7 +125,7 @@ class BoundedNearBase(Estimator):
         return best
 
 
-def parameter_bounds(rows: Regression, settings: EstimatorSettings) -> Array:
+def parameter_bounds(rows: Regression, settings: ParameterBoundsSettings) -> Array:
     """Bounds from the settings, ``(2, n_params)``, else some spreads about nominal.
 
     Those spreads give way where the settings state bounds of the parameter.
@@ -129,7 +141,7 @@ def parameter_bounds(rows: Regression, settings: EstimatorSettings) -> Array:
 
 
 def bound_rows(
-    rows: Regression, settings: EstimatorSettings, places: tuple[int, ...] | None = None
+    rows: Regression, settings: ParameterBoundsSettings, places: tuple[int, ...] | None = None
 ) -> LinearConstraints:
     """Rows of the bounds of parameters and of those that the settings state.
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
-from excite.identification.constraints.assemble import model_constraints
+from excite.identification.constraints.assemble import body_constraints
 from excite.identification.constraints.linear import LinearConstraints, stack
 from excite.identification.constraints.mass_range import masses_in_range
 from excite.identification.constraints.mirror import mirrored_pairs
@@ -22,18 +22,49 @@ from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
 from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, Level
 from excite.identification.estimators.quadratic.projection import Projector
 from excite.identification.estimators.scaled import Scaled, scaled_parameters
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.setting import number, shares_by_link
+from excite.identification.estimators.settings import (
+    BoxSettings,
+    EstimatorSettings,
+    PairSettings,
+    SphereSettings,
+    known_segments,
+)
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, least_squares, regression
+from excite.robot.robot import Robot
 
 # Largest violation of a vector's row that is let pass, as a share of ε.
 _CUT_TOLERANCE = 1e-6
 _VIOLATION = 1e-6
 
-LevelBuilder = Callable[[Regression, EstimatorSettings, Scaled], tuple[Level, ...]]
+
+@dataclass(frozen=True)
+class HqpSettings(BoxSettings, PairSettings, SphereSettings):
+    """Settings of ``hqp``, of eq. (13) to (16) of Jovic et al. 2016.
+
+    Attributes:
+        sphere_epsilon: the ε of eq. (13), absolute as there.
+        mirror: the α of eq. (15); None leaves the left and right side free.
+        mass_range: the β of eq. (16); there 0.35 for modified segments, 0.05 for others.
+        segment_mass_range: ``mass_range`` of single segments, by link.
+    """
+
+    sphere_epsilon: float = number(0.01, "kg·m²", 0.0, 1e3, "least moment of inertia")
+    mirror: float | None = number(0.1, "1", 0.0, 1.0, "relative left/right difference", optional=True)
+    mass_range: float = number(0.35, "1", 0.0, 1e6, "range of masses about nominal, as share of them")
+    segment_mass_range: Mapping[str, float] = shares_by_link(0.0, 1e6, "mass_range of single segments")
+
+    def mass_ranges(self, robot: Robot) -> Array:
+        """β of eq. (16) for each segment, ``(n_segments,)``; raises UnknownNameError for a link that is none."""
+        known_segments(robot, self.segment_mass_range)
+        return np.array([self.segment_mass_range.get(s.link, self.mass_range) for s in robot.segments])
 
 
-class HierarchicalProgram(Estimator):
+LevelBuilder = Callable[[Regression, HqpSettings, Scaled], tuple[Level, ...]]
+
+
+class HierarchicalProgram(Estimator[HqpSettings]):
     """Four levels (eq. 7): physical feasibility ≻ symmetry and mass ranges ≻ ``Yφ = f`` ≻ ``φ = φ_ref``.
 
     The first level is eq. 8–14: masses not negative, total mass, boxes of the centres of mass, ``vᵀ I v ≥ ε``
@@ -48,6 +79,11 @@ class HierarchicalProgram(Estimator):
 
     name: ClassVar[str] = "hqp"
     title: ClassVar[str] = "hierarchical quadratic program of Jovic et al. 2016"
+    use: ClassVar[str] = (
+        "people and humanoids on force plates, as in the paper: constraints come before the data, sides mirror each "
+        "other where they are not said to be asymmetric, masses keep a range"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = HqpSettings
     guarantees: ClassVar[str] = (
         "no level's least sum of squared violations is made worse for a lower one; level one (masses, total mass, "
         "boxes, inertias on every vector of the sphere) holds or there is no result; level two holds as far as it "
@@ -61,13 +97,16 @@ class HierarchicalProgram(Estimator):
         self._projector = projector
         self._levels = levels or paper_levels
 
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses ``sphere_epsilon``, ``sphere_subdivisions``, ``mirror``, mass
-        ranges, boxes, total mass and the spreads."""
+    def estimate(self, problem: IdentificationProblem, settings: HqpSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
         return self.solve(iterate_weights(regression(problem)), settings)
 
-    def solve(self, rows: Regression, settings: EstimatorSettings) -> Estimate:
+    def solve(self, rows: Regression, settings: HqpSettings) -> Estimate:
         """Estimate from rows that have been condensed and weighted.
+
+        Args:
+            rows: the rows.
+            settings: of this method.
 
         Raises:
             NoSolutionError: level one cannot be met, or an answer fails its recomputation.
@@ -95,7 +134,7 @@ class HierarchicalProgram(Estimator):
     def _estimate(
         self,
         rows: Regression,
-        settings: EstimatorSettings,
+        settings: HqpSettings,
         scaled: Scaled,
         levels: tuple[Level, ...],
         answer: HierarchyAnswer,
@@ -133,11 +172,11 @@ class HierarchicalProgram(Estimator):
 
 
 def _best_known(
-    rows: Regression, settings: EstimatorSettings, scaled: Scaled, levels: tuple[Level, ...], x: Array
+    rows: Regression, settings: HqpSettings, scaled: Scaled, levels: tuple[Level, ...], x: Array
 ) -> Array | None:
     """Of points that meet the first level the one that misses the second least, then fits best."""
     problem, family = rows.problem, levels[0].family if levels else None
-    models = plain_models(problem, model_constraints(rows, replace(settings, symmetry=None)).linear)
+    models = plain_models(problem, body_constraints(rows, settings).linear)
     if isinstance(family, ScaledSphere):
         models = [family.sphere.lifted(model) for model in models]
 
@@ -172,11 +211,11 @@ def _recomputed_status(
     return SolveStatus.SOLVED
 
 
-def paper_levels(rows: Regression, settings: EstimatorSettings, scaled: Scaled) -> tuple[Level, ...]:
+def paper_levels(rows: Regression, settings: HqpSettings, scaled: Scaled) -> tuple[Level, ...]:
     """The two constraint levels of eq. (7): eq. 8–14, and eq. 15 and 16."""
     problem = rows.problem
     sphere = SphereRows(problem, settings.sphere_epsilon, settings.sphere_subdivisions)
-    model = model_constraints(rows, replace(settings, symmetry=None)).linear
+    model = body_constraints(rows, settings).linear
 
     first = Level("feasible", scaled.constraints(model), ScaledSphere(sphere, scaled))
     parts = [masses_in_range(problem, settings.mass_ranges(problem.robot))]

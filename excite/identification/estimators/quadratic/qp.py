@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from excite.arrays import Array
@@ -15,7 +15,13 @@ from excite.identification.estimators.checked import checked_estimate, no_soluti
 from excite.identification.estimators.fallback import best_known
 from excite.identification.estimators.quadratic.projection import Projector, distance_to_optimum, project
 from excite.identification.estimators.ridge import Ridge, ridge
-from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.estimators.settings import (
+    BodySettings,
+    EstimatorSettings,
+    PullSettings,
+    SphereSettings,
+    SymmetrySettings,
+)
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import Regression, iterate_weights, regression
 
@@ -23,7 +29,12 @@ _MAX_ROUNDS = 60
 _CONE_TOLERANCE = 1e-3
 
 
-class QuadraticProgram(Estimator):
+@dataclass(frozen=True)
+class QpSettings(SymmetrySettings, BodySettings, SphereSettings, PullSettings):
+    """Settings of ``qp``: the pull, boxes, symmetry, and the inertias' rows."""
+
+
+class QuadraticProgram(Estimator[QpSettings]):
     """Least squares with a pull to the nominal model, under the linear constraints of Jovic et al. 2015.
 
     Channels are weighted as in ``wls``. Scaling of the pull: see
@@ -32,6 +43,11 @@ class QuadraticProgram(Estimator):
 
     name: ClassVar[str] = "qp"
     title: ClassVar[str] = "constrained quadratic program of Jovic et al. 2015"
+    use: ClassVar[str] = (
+        "most logs: standard parameters near the nominal model, from short motions too; bodies that cannot exist are "
+        "named in the result"
+    )
+    settings_class: ClassVar[type[EstimatorSettings]] = QpSettings
     guarantees: ClassVar[str] = (
         "within the stated distance of the global optimum; masses not negative, total mass, boxes of the centres "
         "of mass, symmetry and positive definite inertias about the joint frames hold; the triangle inequality "
@@ -41,8 +57,8 @@ class QuadraticProgram(Estimator):
     def __init__(self, projector: Projector = project):
         self._projector = projector
 
-    def estimate(self, problem: IdentificationProblem, settings: EstimatorSettings) -> Estimate:
-        """See :meth:`Estimator.estimate`; uses every setting."""
+    def estimate(self, problem: IdentificationProblem, settings: QpSettings) -> Estimate:
+        """See :meth:`Estimator.estimate`."""
         rows = iterate_weights(regression(problem))
         objective = ridge(rows, settings)
         model = model_constraints(rows, settings)

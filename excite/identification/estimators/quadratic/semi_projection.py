@@ -54,8 +54,10 @@ class SemiProjection:
     @property
     def sizes(self) -> Array:
         """Length by which a violation of each row is divided, ``(m,)``."""
-        return np.maximum(
-            np.hypot(*(np.linalg.norm(part, axis=1) for part in (self.counted, self.free))), _EMPTY
+        return np.asarray(
+            np.maximum(
+                np.hypot(*(np.linalg.norm(part, axis=1) for part in (self.counted, self.free))), _EMPTY
+            )
         )
 
 

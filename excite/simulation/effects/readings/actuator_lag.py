@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class LagLaw:
         drives, base = plant.drives, plant.robot.n_base_q
         at, dof = plant.qpos[base:], plant.joint_dof
         share = -np.expm1(-float(plant.model.opt.timestep) / self.time_constant)
-        states: list = [None] * self.order
+        states: list[Any] = [None] * self.order
 
         def step() -> None:
             d = plant.data

@@ -1,0 +1,38 @@
+"""Help of the commands that identify names every method, and only that help loads the estimators."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from excite.cli.main import app
+from excite.identification.estimators.registry import DEFAULT_METHOD
+from excite.identification.estimators.summary import method_summaries
+
+
+def help_of(name: str) -> str:
+    command = typer.main.get_command(app).commands[name]
+    with command.make_context(name, [], resilient_parsing=True) as context:
+        return command.get_help(context)
+
+
+@pytest.mark.parametrize("name", ["identify", "campaign", "human"])
+def test_every_method_is_named_with_what_it_is_for(name: str) -> None:
+    table = " ".join(help_of(name).split("Methods:")[1].split())
+    for item in method_summaries():
+        assert f"{item.title}. For {item.use}." in table
+    # A person's segments are identified by the method that is named, or not at all.
+    assert (f" {DEFAULT_METHOD} (default) " in table) == (name != "human")
+
+
+def test_other_help_loads_no_estimator() -> None:
+    code = (
+        "import sys\nfrom excite.cli import main\nsys.argv = ['excite', '--help']\n"
+        "try:\n    main.main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'excite.identification.estimators.base', 'pinocchio'}\nsys.exit(sorted(heavy & {*sys.modules}) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "identify" in done.stdout, done.stderr
