@@ -127,7 +127,12 @@ def test_a_model_has_the_part_that_it_says_and_no_other(problem: Problem, form: 
     said = effect.in_mujoco(state, location, theta)
     assert {part for part, moved in parts.items() if moved} == ({said} if isinstance(said, Part) else set())
     if isinstance(said, StandingNote):
-        assert said.beyond in Beyond
+        reasons = {
+            Beyond.MOTION: not np.array_equal(changed.q, state.q),
+            Beyond.READINGS: any(changed.readings[n] is not x for n, x in state.readings.items()),
+            Beyond.FORCES: np.any(changed.extra != state.extra),
+        }
+        assert [reason for reason, moved in reasons.items() if moved] == [said.beyond]
         assert tuple(said.parameters) == tuple(p.name for p in effect.parameters(state, location))
 
 
