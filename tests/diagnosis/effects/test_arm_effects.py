@@ -30,6 +30,7 @@ from excite.diagnosis.effects.note import Beyond, JointStep, Note
 from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
 from excite.diagnosis.effects.readings.time_delay import TimeDelay
 from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.servo.encoders import LoggedOffset
 from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
 from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.notes import read_notes
@@ -198,3 +199,10 @@ def test_an_effect_without_a_form_is_said_to_have_none() -> None:
 def test_only_what_an_effect_leaves_to_a_runner_is_noted() -> None:
     with pytest.raises(TypeError, match="formless"):
         Formless().noted(Sizes("elbow", {}))
+
+
+def test_an_offset_that_the_servo_does_not_have_is_left_to_the_runner() -> None:
+    offset = {"offset": 0.1}
+    form = LoggedOffset({"elbow": 100.0}, "none").in_mujoco(Sizes("elbow", {**offset, "in_log_only": 0.1}))
+    assert [item.note.log_offset for item in form.notes] == [0.1]
+    assert EncoderOffset().in_mujoco(Sizes("elbow", offset)).notes == ()
