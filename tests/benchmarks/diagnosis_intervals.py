@@ -14,7 +14,7 @@ from excite.blind.case import recordings_of
 from excite.blind.draw import ROBOTS, draft
 from excite.blind.make import _NOISE_TAU, _prepare, _session
 from excite.diagnosis.answer.shrink import gap_of
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
@@ -25,7 +25,7 @@ from excite.diagnosis.equations.noise_floor import (
     unrepeated,
     white_floor,
 )
-from excite.diagnosis.equations.own_columns import own_names, own_signals
+from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.equations.standing_joints import HELD, held_power, standing_share
 from excite.diagnosis.search.attribute import Attributor
@@ -232,8 +232,8 @@ def _on(
     samples = replace(samples, lead=baseline.samples.lead)
     q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
     rigid = inverse_dynamics(samples.robot.model, q, v, a, baseline.phi)[:, list(samples.index)] + added
-    names = own_names(baseline.modelled)
-    own = [own_signals(samples, names, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
+    terms = own_terms(baseline.modelled)
+    own = [own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
     total = rigid + np.column_stack(own) + drive
     nothing = np.zeros_like(total)
     return replace(

@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.own_columns import own_names
+from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.samples import arm_samples
 from excite.diagnosis.servo.cycle import Cycle, acting, later, servo_cycle
 from excite.diagnosis.servo.gains import known_servo
@@ -213,7 +213,7 @@ def test_a_velocity_that_is_newer_than_the_logs_is_no_rotor(gap_dir: Path):
     robot = nominal_robot(log)
     samples = arm_samples(robot, log, log.trials[:3])
     fitted = fit_baseline(samples, log.header.modelled, spectral_floor(samples), leads=False)
-    rotors = np.array([own[own_names(log.header.modelled).index("armature")] for own in fitted.fit.own])
+    rotors = np.array([own[own_terms(log.header.modelled).index(ARMATURE)] for own in fitted.fit.own])
     bare = tuple(name for name in log.header.modelled if name != "armature")
     kd = rotors / 5e-4
     kd[2] *= 0.1

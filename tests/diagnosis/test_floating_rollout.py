@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.floating.effects.effect import FloatingEffect
 from excite.diagnosis.floating.effects.pressed_contact import PressedContact, Surface
 from excite.diagnosis.floating.effects.registry import FLOATING_EFFECTS
 from excite.diagnosis.floating.effects.swinging_joint import SwingingJoint
@@ -20,9 +21,9 @@ from excite.diagnosis.floating.equations.problem import Problem, build_problem
 from excite.diagnosis.floating.equations.record import FloatingRecord, prepare_record
 from excite.diagnosis.floating.equations.state import State
 from excite.diagnosis.floating.search.refinement import Fitted, Placed, explained_state, nominal_fit, refine
-from excite.diagnosis.floating.simulator import augmented, rollout_compare
+from excite.diagnosis.floating.simulator import rollout_compare
 from excite.diagnosis.floating.simulator.augmented import standing_model
-from excite.diagnosis.floating.simulator.noted import note_data, read_notes
+from excite.diagnosis.floating.simulator.noted import read_notes
 from excite.diagnosis.floating.simulator.rollout import Simulator
 from excite.diagnosis.floating.simulator.rollout_compare import Reloaded, simulated, unheard
 from excite.logs.files import load_log
@@ -236,7 +237,10 @@ def test_a_value_that_the_simulator_ignores_is_noticed(
     theta = np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     fitted = with_effect(problem, FLOATING_EFFECTS["external_force"], "torso_2_link", theta)
     assert unheard(Reloaded(problem, fitted)) == ()
-    monkeypatch.setattr(augmented, "note_data", lambda state, item, _: note_data(state, item, theta))
+    unmoved = FloatingEffect.in_mujoco
+    monkeypatch.setattr(
+        FloatingEffect, "in_mujoco", lambda self, state, place, _: unmoved(self, state, place, theta)
+    )
     assert unheard(Reloaded(problem, fitted)) == ("the simulator ignores external_force at torso_2_link",)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash
 from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
 from excite.diagnosis.equations.baseline import Baseline

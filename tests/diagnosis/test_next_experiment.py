@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from excite.diagnosis.effects.gears.backlash import SoftBacklash
+from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
@@ -16,8 +18,8 @@ from excite.diagnosis.equations.samples import arm_samples
 from excite.diagnosis.next_experiment.candidates import within_record
 from excite.diagnosis.next_experiment.paths import retraced
 from excite.diagnosis.simulator.augmented import augmented_model
-from excite.diagnosis.simulator.augmented_effects import Found
 from excite.diagnosis.simulator.augmented_plant import fitted_plant, physical_plant
+from excite.diagnosis.simulator.found import Found
 from excite.identification.inertia import pseudo_inertia_matrices
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
@@ -46,8 +48,8 @@ def test_physical_plant_keeps_the_torques_that_the_record_shows(baseline: Baseli
 def test_written_model_has_the_dynamics_of_the_plant_with_its_effects(baseline: Baseline):
     """MuJoCo's inverse dynamics of the XML, loaded again, against pinocchio's."""
     effects = [
-        Found("joint_spring", "panda_joint2", {"stiffness": 3.0, "torque_at_zero": -1.5}),
-        Found("encoder_offset", "panda_joint4", {"offset": 0.05}),
+        Found(EFFECTS["joint_spring"], "panda_joint2", {"stiffness": 3.0, "torque_at_zero": -1.5}),
+        Found(EFFECTS["encoder_offset"], "panda_joint4", {"offset": 0.05}),
     ]
     model = mujoco.MjModel.from_xml_string(augmented_model(baseline, effects).xml)
     plant = physical_plant(baseline, fitted_plant(baseline))
@@ -69,7 +71,7 @@ def test_a_soft_play_hangs_in_the_written_model_where_the_record_loads_it(baseli
     width, softness, stiffness = 0.01, 0.002, 3000.0
     sizes = {"width": width, "softness": softness, "stiffness": stiffness, "damping": 20.0, "contact_hz": 8.0}
     model = mujoco.MjModel.from_xml_string(
-        augmented_model(baseline, [Found("backlash", "panda_joint4", sizes)]).xml
+        augmented_model(baseline, [Found(SoftBacklash(), "panda_joint4", sizes)]).xml
     )
     data = mujoco.MjData(model)
     motors = [model.joint(name) for name in baseline.samples.joints]

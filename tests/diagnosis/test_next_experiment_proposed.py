@@ -13,7 +13,8 @@ import pytest
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline

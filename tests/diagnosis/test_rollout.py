@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from excite.diagnosis.effects.bodies.base_tilt import tilted
+from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.effects.forces.joint_spring import RubbingSpring
+from excite.diagnosis.effects.form import Sizes
 from excite.diagnosis.equations.presliding import RATIO, bend, bend_further
-from excite.diagnosis.simulator.augmented_effects import FORMS, Found, tilted
-from excite.diagnosis.simulator.augmented_plant import Plant
 from excite.diagnosis.simulator.rollout import Simulator
 from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Past, PositionServo, Window
-from excite.diagnosis.simulator.rollout_friction import Bristle, Static
-from excite.robot.loading import load_robot
+from excite.errors import InputError
 
 INERTIA = 0.5
 MODEL = """
@@ -117,7 +118,7 @@ def test_stribeck_with_bristles_takes_over_its_share_of_the_level():
 def test_static_friction_bends_bristles_in_a_roll_out_as_in_a_fit(damping: float):
     level, step = 0.4, 1e-3
     static = Static(excess=0.3, velocity=0.06, exponent=1.6)
-    bristle = Bristle(0, 2e-3, damping, 0.05, static)
+    bristle = Bristle(2e-3, damping, 0.05, static)
     v = 0.15 * np.sin(np.arange(3000) * step * 7.0) + 0.05 * np.sin(np.arange(3000) * step * 23.0)
     made = []
     for speed in v:
@@ -226,22 +227,16 @@ def test_stiff_servo_damping_is_stable_and_right():
 def test_a_tilt_turns_gravity_by_its_angle(angle: float):
     """It keeps its size, however steep the tilt."""
     level, aside = np.array([0.0, 0.0, -9.81]), 9.81 * np.sin(angle)
-    turned = tilted(level, Found("base_tilt", "base", {"gravity_x": 0.6 * aside, "gravity_y": -0.8 * aside}))
+    turned = tilted(level, Sizes("base", {"gravity_x": 0.6 * aside, "gravity_y": -0.8 * aside}))
     assert np.linalg.norm(turned) == pytest.approx(9.81)
     assert turned[:2] == pytest.approx([0.6 * aside, -0.8 * aside])
 
 
 def test_gravity_that_masses_were_fitted_beside_is_what_they_were_fitted_beside():
     values = {"gravity_x": 0.3, "gravity_y": 0.4, "gravity_down": -0.2}
-    turned = tilted(np.array([0.0, 0.0, -9.81]), Found("base_tilt", "base", values))
+    turned = tilted(np.array([0.0, 0.0, -9.81]), Sizes("base", values))
     assert turned[2] == pytest.approx(-9.61)
     assert np.hypot(*turned[:2]) == pytest.approx(0.5)
-
-
-def test_every_effect_of_the_library_has_a_form():
-    from excite.diagnosis.effects.registry import EFFECTS
-
-    assert set(EFFECTS) <= set(FORMS)
 
 
 @pytest.mark.parametrize("notes", [{}, {"stribeck": "excess=0.1 velocity=0.1"}])
@@ -253,10 +248,22 @@ def test_a_run_that_diverges_ends_in_what_is_not_finite(notes, tmp_path, monkeyp
 
 
 def test_rubbing_that_a_fit_has_push_is_less_dry_friction():
-    none = np.zeros(1)
-    plant = Plant(np.zeros(10), none, np.array([0.4]), none, none)
-    for rubbing, level in ((-0.1, 0.3), (0.1, 0.4)):
-        item = Found("joint_spring", "j", {"stiffness": 1.0, "rubbing": rubbing, "breakaway": 0.01})
-        form = FORMS["joint_spring"].plant
-        assert form is not None
-        assert form(plant, load_robot("ur10"), ("j",), item).coulomb == pytest.approx([level])
+    for rubbing, more in ((-0.1, -0.1), (0.1, 0.0)):
+        values = {"stiffness": 1.0, "quadratic": 0.0, "cubic": 0.0, "rubbing": rubbing, "breakaway": 0.01}
+        form = RubbingSpring().in_mujoco(Sizes("j", values))
+        assert form.coulomb == pytest.approx(more)
+        assert form.notes[0].note.rubs == (rubbing > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("word", "text"),
+    [
+        ("sticktion", "excess=1"),
+        ("stribeck", "excess=1"),
+        ("stribeck", "fast"),
+        ("time_delay", "delay=1 late=2"),
+    ],
+)
+def test_a_note_that_nobody_can_follow_is_no_silence(word: str, text: str):
+    with pytest.raises(InputError, match=f"excite.{word}."):
+        simulator(**{word: text})

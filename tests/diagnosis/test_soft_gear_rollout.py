@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.simulator.augmented_effects import FORMS, Draft, Found
+from excite.diagnosis.effects.form import Draft, Sizes
+from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
+from excite.diagnosis.simulator.notes import write_note
 from excite.diagnosis.simulator.rollout import Simulator
 from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Window
-from excite.robot.loading import load_robot
 from tests.diagnosis.test_soft_gear import logged
 
 ROTOR, LINK, STIFFNESS = 0.2, 0.5, 100.0
@@ -24,12 +25,20 @@ MODEL = f"""
 """
 
 
+def softened() -> mujoco.MjSpec:
+    """The model with a soft gear, as the effect writes it."""
+    draft = Draft(("j",), mujoco.MjSpec.from_string(MODEL))
+    form = JointElasticity().in_mujoco(Sizes("j", {"stiffness": STIFFNESS, "damping": 0.0}))
+    assert form.elements is not None
+    form.elements(draft)
+    for noted in form.notes:
+        write_note(draft.spec, noted)
+    draft.spec.compile()
+    return draft.spec
+
+
 def test_a_link_that_swings_on_its_gear_takes_the_motor_along():
-    spec, form = mujoco.MjSpec.from_string(MODEL), FORMS["joint_elasticity"].model
-    assert form is not None
-    values = {"stiffness": STIFFNESS, "damping_ratio": 0.0, "damping": 0.0}
-    form(Draft(load_robot("ur10"), ("j",), spec), Found("joint_elasticity", "j", values))
-    spec.compile()
+    spec = softened()
     angle, speed, clock = 0.05, 0.4, np.arange(0.0, 1.0, 1e-3)
     none = np.zeros(1)
     window = Window(none, none, none, clock, 0.0, deflected={"j": (angle, speed)})
@@ -54,13 +63,7 @@ def test_roll_outs_of_a_gear_that_swings_stay_near_the_record(tmp_path: Path):
 
 
 def test_a_gear_of_which_nothing_is_told_rests_under_its_load():
-    spec, form = mujoco.MjSpec.from_string(MODEL), FORMS["joint_elasticity"].model
-    assert form is not None
-    form(
-        Draft(load_robot("ur10"), ("j",), spec),
-        Found("joint_elasticity", "j", {"stiffness": STIFFNESS, "damping_ratio": 0.0, "damping": 0.0}),
-    )
-    spec.compile()
+    spec = softened()
     load = np.array([4.0])
     window = Window(np.zeros(1), np.zeros(1), load, np.array([0.0, 1e-3]), 0.0)
     simulator = Simulator(spec.to_xml(), ("j",))

@@ -8,11 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import expit
 
-from excite.diagnosis.simulator.augmented_contacts import SoftPlay, add_soft_play
-from excite.diagnosis.simulator.augmented_effects import DEFLECTION, FORMS, Draft, Found
+from excite.diagnosis.effects.form import DEFLECTION, Draft, Sizes
+from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash
+from excite.diagnosis.effects.gears.soft_play import SoftPlay
+from excite.diagnosis.simulator.notes import write_note
 from excite.diagnosis.simulator.rollout import Simulator
 from excite.diagnosis.simulator.rollout_drives import LoggedTorque, Window
-from excite.robot.loading import load_robot
 
 INERTIA, WEIGHT, VISCOUS = 0.5, 4.0, 0.3
 PENDULUM = """
@@ -41,11 +42,12 @@ def written(play: SoftPlay, hertz: float, rotor: float, *, soft: bool) -> str:
     values = {"width": 2.0 * play.half, "contact_hz": hertz}
     if soft:
         values |= {"softness": play.softness, "stiffness": play.stiffness, "damping": play.damping}
-    form = FORMS["backlash"].model
-    assert form is not None
-    form(Draft(load_robot("ur10"), ("j",), spec), Found("backlash", "j", values))
-    if soft:
-        add_soft_play(spec, "j" + DEFLECTION, play)
+    form, draft = (SoftBacklash() if soft else Backlash()).in_mujoco(Sizes("j", values)), Draft(("j",), spec)
+    for change in (form.elements, form.finish):
+        if change is not None:
+            change(draft)
+    for noted in form.notes:
+        write_note(spec, noted)
     spec.compile()
     return spec.to_xml()
 

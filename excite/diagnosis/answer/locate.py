@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.gap import Where
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.logs.signals.spectrum import welch
 

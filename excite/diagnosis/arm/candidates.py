@@ -8,11 +8,11 @@ import numpy as np
 
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap, share_closed
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.units import at_joint
 from excite.diagnosis.search.attribution import Attribution, Scored
 from excite.diagnosis.search.verdict import Judgement, probabilities
-from excite.diagnosis.simulator.augmented_effects import Found
+from excite.diagnosis.simulator.found import Found
 
 _LISTED = 8
 

@@ -15,7 +15,8 @@ from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
-from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline

@@ -1,23 +1,21 @@
-"""What every effect says of itself, and what it is given to work with."""
+"""What every effect says of itself: law, places, parameters, columns, its form in a simulator."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.note import Beyond, Note, Noted
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.friction_sign import sign_of_motion
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.regressor.kernels import inverse_dynamics
-
-# Steps of first and second differences [rad], [rad/s].
-_STEP, _FAR = 1e-5, 1e-3
+from excite.diagnosis.equations.own_columns import OwnTerm
 
 Theta = tuple[float, ...]
 
@@ -56,94 +54,16 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Context:
-    """The baseline and full-rate signals at its parameters.
+class Told:
+    """What a record tells of an effect's own state, for roll-outs that begin within it, one array a trial.
 
     Attributes:
-        baseline: the fitted baseline.
+        growth: how far friction that drifts has come, ``(n,)``.
+        deflection: deflection of a gear [rad] and its speed [rad/s], ``(n, 2)``.
     """
 
-    baseline: Baseline
-    _signs: dict[int, Array] = field(default_factory=dict)
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints with rows."""
-        return self.baseline.samples.joints
-
-    def row(self, joint: str) -> int:
-        """Index of a joint's row."""
-        return self.joints.index(joint)
-
-    @cached_property
-    def q(self) -> Array:
-        """``(n_samples, n_joints)`` [rad]."""
-        return self.baseline.samples.stacked("q")[:, list(self.baseline.samples.index)]
-
-    @cached_property
-    def v(self) -> Array:
-        """``(n_samples, n_joints)`` [rad/s]."""
-        return self.baseline.samples.stacked("v")[:, list(self.baseline.samples.index)]
-
-    @cached_property
-    def a(self) -> Array:
-        """``(n_samples, n_joints)`` [rad/s²]."""
-        return self.baseline.samples.stacked("a")[:, list(self.baseline.samples.index)]
-
-    @cached_property
-    def session(self) -> Array:
-        """``(n_samples,)`` time since the session's start [s]."""
-        return self.baseline.samples.stacked("session_s")
-
-    def sign(self, j: int) -> Array:
-        """What a joint's dry friction follows, ``(n_samples,)``."""
-        if j not in self._signs:
-            base = self.baseline
-            self._signs[j] = sign_of_motion(base.samples, j, base.signs[j])
-        return self._signs[j]
-
-    def torques(self, q: Array, v: Array, a: Array, model: object = None) -> Array:
-        """Torques of the rigid bodies at the fitted parameters, ``(n_samples, n_joints)`` [N·m]."""
-        model = self.baseline.samples.robot.model if model is None else model
-        return inverse_dynamics(model, q, v, a, self.baseline.phi)[:, list(self.baseline.samples.index)]
-
-    def gradient(self, j: int, what: str) -> Array:
-        """Change of the torques per unit of a joint's ``q``, ``v`` or ``a``: ``(n_samples, n_joints)``."""
-        kept = self.baseline.derived.values
-        if (j, what) not in kept:
-            samples = self.baseline.samples
-            motion = {name: samples.stacked(name) for name in ("q", "v", "a")}
-            step = 1.0 if what == "a" else _STEP
-            moved = dict(motion)
-            moved[what] = motion[what].copy()
-            moved[what][:, samples.index[j]] += step
-            still = self.baseline.rigid - self.baseline.added
-            change = self.torques(moved["q"], moved["v"], moved["a"]) - still
-            kept[j, what] = change / step
-        return kept[j, what]
-
-    def curvature(self, j: int, what: str) -> Array:
-        """Second derivative of the torques with a joint's motion: ``qq``, ``qv``, ``vv`` or ``qa``, as the gradient."""
-        kept = self.baseline.derived.values
-        if (j, what) not in kept:
-            samples = self.baseline.samples
-            q, v, a = (samples.stacked(name) for name in ("q", "v", "a"))
-            unit = np.zeros(q.shape[1])
-            unit[samples.index[j]] = 1.0
-
-            def at(turn: float, speed: float = 0.0, more: float = 0.0) -> Array:
-                return self.torques(q + turn * unit, v + speed * unit, a + more * unit)
-
-            # Torques are of second degree in the speeds and of first in the accelerations: steps there may be large.
-            h = _FAR
-            ahead, behind = at(h), at(-h)
-            faster, slower = (at(h, 1.0), at(-h, 1.0)), (at(h, -1.0), at(-h, -1.0))
-            still = self.baseline.rigid - self.baseline.added
-            kept[j, "qq"] = (ahead - 2.0 * still + behind) / h**2
-            kept[j, "qv"] = (faster[0] - faster[1] - slower[0] + slower[1]) / (4.0 * h)
-            kept[j, "vv"] = 0.5 * (sum(faster) + sum(slower)) - ahead - behind
-            kept[j, "qa"] = (at(h, more=1.0) - ahead - at(-h, more=1.0) + behind) / (2.0 * h)
-        return kept[j, what]
+    growth: list[Array] | None = None
+    deflection: list[Array] | None = None
 
 
 class Effect(ABC):
@@ -156,11 +76,17 @@ class Effect(ABC):
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
         overlaps: effects that this form of one runs into: the same torque within a record, by another name.
-        mujoco: how a MuJoCo model expresses it; empty where it cannot.
+        mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
+        note: what a model leaves to its runner; None where that is nothing.
+        term: the term of a baseline's drives that it is; None where it is none.
+        spans: what its columns are made of, in words; empty where no other effect's are.
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
         smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
+        of_channel: whether it is of the torque channel alone: a log without one has none of it.
+        twins_without_torque: other names that mean the same where only commands and positions are known.
+        twins_of_a_gain: other names for what a servo's gain does that was estimated wrongly.
     """
 
     name: ClassVar[str]
@@ -174,6 +100,12 @@ class Effect(ABC):
     friction: ClassVar[bool] = False
     timing: ClassVar[bool] = False
     smooths: ClassVar[bool] = False
+    note: ClassVar[type[Note] | None] = None
+    term: ClassVar[OwnTerm | None] = None
+    spans: ClassVar[tuple[str, ...]] = ()
+    of_channel: ClassVar[bool] = False
+    twins_without_torque: ClassVar[tuple[str, ...]] = ()
+    twins_of_a_gain: ClassVar[tuple[str, ...]] = ()
 
     @property
     def widths(self) -> Array:
@@ -214,7 +146,7 @@ class Effect(ABC):
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""
-        return self.name not in modelled
+        return self.name not in modelled if self.term is None else not self.term.asked(modelled)
 
     def locations(self, context: Context) -> tuple[str, ...]:
         """Where it can be: every joint, unless said otherwise."""
@@ -248,3 +180,27 @@ class Effect(ABC):
             if np.isfinite(s)
         }
         return found | {p.name: Estimate(t, None, p.unit) for p, t in zip(self.searched, theta, strict=True)}
+
+    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        """Its parameters by name, and what else a simulator needs of it."""
+        values = {name: e.value for name, e in self.estimates(context, location, theta, fit).items()}
+        values |= {p.name: float(b) for p, b in zip(self.linear, fit.extra, strict=True)}
+        return values | {p.name: float(t) for p, t in zip(self.searched, theta, strict=True)}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        """Its form in a MuJoCo model; without one, the model is without it, and says why."""
+        return Form(absent=Beyond.NO_FORM)
+
+    def told(self, context: Context, location: str, theta: Theta) -> Told:
+        """What the record tells of its own state; nothing, unless said otherwise."""
+        return Told()
+
+    def second_name(self, baseline: Baseline, location: str, fit: Fit) -> str | None:
+        """Another name that means the same in the data; none, unless said otherwise."""
+        return None
+
+    def noted(self, item: Sizes, place: str | None = None) -> Noted:
+        """Its note with the sizes that it has."""
+        if self.note is None:
+            raise TypeError(f"{self.name} leaves nothing to a runner")
+        return Noted(self.name, place or item.location, self.note.of(item.values))

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.friction_sign import SignChange
 from excite.diagnosis.equations.joint_torque import Fit, Solver
-from excite.diagnosis.equations.own_columns import own_names, own_signals
+from excite.diagnosis.equations.own_columns import OwnTerm, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.regressor.kernels import inverse_dynamics
 
@@ -84,18 +84,18 @@ class Baseline:
             phi = phi + self.basis @ (fit.shared[:n] - self.fit.shared[:n])
             q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
             rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index] + self.added
-        names = own_names(self.modelled)
+        terms = own_terms(self.modelled)
         own = [
-            own_signals(s, names, j, sign) @ o
+            own_signals(s, terms, j, sign) @ o
             for j, (sign, o) in enumerate(zip(self.signs, fit.own, strict=True))
         ]
         total = rigid + np.column_stack(own) + self.added_drive
         return replace(self, fit=fit, phi=phi, rigid=rigid, total=total)
 
-    def own_rows(self, names: tuple[str, ...], joint: int, sign: SignChange) -> Array:
+    def own_rows(self, terms: Sequence[OwnTerm], joint: int, sign: SignChange) -> Array:
         """Weighted rows of a joint's own terms, ``(n_rows, n_own)``."""
         s = self.samples
-        columns = own_signals(s, names, joint, sign)
+        columns = own_signals(s, terms, joint, sign)
         return s.rows(columns) * self.root_weight[joint][:, None]
 
     def bristle_damping(self, joint: int) -> float:
@@ -112,13 +112,13 @@ class Baseline:
 
     def with_signs(self, signs: Sequence[SignChange], lead: float) -> Baseline:
         """The equations with other sign changes of the joints, and another lead of them, not fitted again."""
-        names, samples = own_names(self.modelled), self.samples
+        terms, samples = own_terms(self.modelled), self.samples
         if lead != samples.lead:
             samples = replace(samples, lead=lead)
         moved = replace(self, samples=samples, signs=tuple(signs))
         for j, sign in enumerate(moved.signs):
             if samples is not self.samples or sign != self.signs[j]:
-                own = moved.own_rows(names, j, sign)
+                own = moved.own_rows(terms, j, sign)
                 moved = replace(moved, solver=moved.solver.with_own(j, own))
         return moved
 

@@ -9,7 +9,7 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.fitted_signs import first_signs
 from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Equations, Solver
-from excite.diagnosis.equations.own_columns import own_names, own_signals
+from excite.diagnosis.equations.own_columns import COULOMB, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.equations.standing_joints import standing_share
 from excite.identification.inertia import central_inertia_matrices
@@ -44,17 +44,17 @@ def fit_baseline(
     phi = model_phi(samples)
     shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
     shared = shared * root[:, :, None]
-    names = own_names(modelled)
+    terms = own_terms(modelled)
     sign = SignChange(WIDTHS[2])
     own = tuple(
-        samples.rows(own_signals(samples, names, j, sign)) * root[j][:, None] for j in range(len(index))
+        samples.rows(own_signals(samples, terms, j, sign)) * root[j][:, None] for j in range(len(index))
     )
     solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
     fit = solver.fit()
     basis = np.zeros((len(phi), 0)) if basis is None else basis
     phi_hat = phi + basis @ fit.shared
     torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
-    friction = np.column_stack([own_signals(samples, names, j, sign) @ fit.own[j] for j in range(len(index))])
+    friction = np.column_stack([own_signals(samples, terms, j, sign) @ fit.own[j] for j in range(len(index))])
     nothing = np.zeros_like(torque)
     total = torque + friction
     baseline = Baseline(
@@ -73,7 +73,7 @@ def fit_baseline(
         nothing,
         nothing,
     )
-    return first_signs(baseline, leads=leads) if "coulomb_friction" in names else baseline
+    return first_signs(baseline, leads=leads) if COULOMB in terms else baseline
 
 
 def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array:

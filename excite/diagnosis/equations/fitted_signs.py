@@ -11,10 +11,11 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.friction_sign import SIGNS, SignChange
 from excite.diagnosis.equations.own_columns import (
     BREAKAWAY_BOUNDS,
+    COULOMB,
     DAMPED_BOUNDS,
     WIDTH_BOUNDS,
     best_sign,
-    own_names,
+    own_terms,
     refined,
 )
 
@@ -60,18 +61,18 @@ def first_signs(baseline: Baseline, *, leads: bool) -> Baseline:
 
 def signs_again(baseline: Baseline) -> Baseline:
     """The sign changes searched anew: an effect that was missing may have bent them."""
-    if "coulomb_friction" not in own_names(baseline.modelled):
+    if not COULOMB.asked(baseline.modelled):
         return baseline
     return _refined(_chosen(_with_lead(baseline), keep=True))
 
 
 def _chosen(baseline: Baseline, *, keep: bool) -> Baseline:
     """The best of the grid at every joint, fitted; those so far where nothing is clearly better and ``keep``."""
-    names, use = own_names(baseline.modelled), baseline.samples.identification
+    terms, use = own_terms(baseline.modelled), baseline.samples.identification
     rest, signs = baseline.fit.before_own, []
     for j, now in enumerate(baseline.signs):
         tried = SIGNS if now in SIGNS else (*SIGNS, now)
-        bank = [baseline.own_rows(names, j, sign)[use] for sign in tried]
+        bank = [baseline.own_rows(terms, j, sign)[use] for sign in tried]
         signs.append(tried[best_sign(rest[j][use], bank, tried, tried.index(now) if keep else None)])
     if tuple(signs) == baseline.signs:
         return baseline
@@ -92,7 +93,7 @@ def _refined(baseline: Baseline) -> Baseline:
 
 def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
     """One joint's sign change, a number of it after the other."""
-    names, use = own_names(baseline.modelled), baseline.samples.identification
+    terms, use = own_terms(baseline.modelled), baseline.samples.identification
     searched = {"breakaway": BREAKAWAY_BOUNDS} if sign.bent else {"width": WIDTH_BOUNDS}
     if sign.damped and np.isfinite(sign.damped_below):
         searched["damped_below"] = DAMPED_BOUNDS
@@ -102,7 +103,7 @@ def _finer(baseline: Baseline, j: int, sign: SignChange) -> SignChange:
             return sign._replace(**{name: value})
 
         def rows_at(value: float, at: Callable[[float], SignChange] = at) -> Array:
-            return baseline.own_rows(names, j, at(value))
+            return baseline.own_rows(terms, j, at(value))
 
         value = float(getattr(sign, name))
         sign = at(refined(baseline.fit.before_own[j], rows_at, value, rows_at(value), use, bounds))

@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.own_columns import own_names
+from excite.diagnosis.equations.own_columns import ARMATURE, COULOMB, VISCOUS, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.logs.log import Trial
 from excite.logs.signals.butterworth import lowpass
@@ -61,7 +61,7 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
         rng: source of the draw.
     """
     samples, index = baseline.samples, list(baseline.samples.index)
-    names = own_names(baseline.modelled)
+    terms = own_terms(baseline.modelled)
     parts = []
     for trial in samples.trials:
         e = np.zeros_like(trial.q)
@@ -71,14 +71,12 @@ def kinematic_noise(baseline: Baseline, sigma: Array, rng: np.random.Generator) 
         moved = inverse_dynamics(model, trial.q, trial.v, trial.a + d.second, baseline.phi)
         change = (moved - inverse_dynamics(model, trial.q, trial.v, trial.a, baseline.phi))[:, index]
         for j, i in enumerate(index):
-            own = dict(zip(names, baseline.fit.own[j], strict=False))
+            own = dict(zip(terms, baseline.fit.own[j], strict=False))
             v, rate = trial.v[:, i], d.first[:, i]
-            change[:, j] += own.get("armature", 0.0) * d.second[:, i]
-            change[:, j] += own.get("viscous_friction", 0.0) * rate
+            change[:, j] += own.get(ARMATURE, 0.0) * d.second[:, i]
+            change[:, j] += own.get(VISCOUS, 0.0) * rate
             if not baseline.signs[j].bent:
                 width = baseline.signs[j].width
-                change[:, j] += own.get("coulomb_friction", 0.0) * (
-                    np.tanh((v + rate) / width) - np.tanh(v / width)
-                )
+                change[:, j] += own.get(COULOMB, 0.0) * (np.tanh((v + rate) / width) - np.tanh(v / width))
         parts.append(change)
     return samples.rows(parts).T

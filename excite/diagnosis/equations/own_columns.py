@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.equations.friction_sign import SignChange, damping_of_bristles, sign_of_motion
 from excite.diagnosis.equations.samples import ArmSamples
+from excite.rows.drive_terms import DRIVE_TERMS
 
 # Bristles are believed where they lower the loss to this share, and so is their damping.
 _BETTER = 0.95
@@ -22,37 +24,61 @@ _FIRST_STEP, _LAST_STEP = 1.5, 1.06
 WIDTH_BOUNDS, BREAKAWAY_BOUNDS, DAMPED_BOUNDS = (1e-3, 0.06), (5e-5, 2e-2), (0.01, 0.3)
 
 
-def own_names(modelled: tuple[str, ...]) -> tuple[str, ...]:
+@dataclass(frozen=True, eq=False)
+class OwnTerm:
+    """A term of a joint's own drive, linear in its coefficient.
+
+    Attributes:
+        words: of ``modelled`` that ask for it.
+        column: torque of a motor per unit of the coefficient ``(n_samples,)``, from the samples, the motor's row and
+            how its dry friction changes sign.
+        once: whether two motors on one joint have it but once.
+    """
+
+    words: tuple[str, ...]
+    column: Callable[[ArmSamples, int, SignChange], Array]
+    once: bool = False
+
+    def asked(self, modelled: Sequence[str]) -> bool:
+        """Whether ``modelled`` asks for it."""
+        return any(word in modelled for word in self.words)
+
+
+VISCOUS = OwnTerm(DRIVE_TERMS["viscous"].effects, lambda samples, motor, sign: samples.of_motor("v", motor))
+COULOMB = OwnTerm(DRIVE_TERMS["coulomb"].effects, sign_of_motion)
+ARMATURE = OwnTerm(DRIVE_TERMS["armature"].effects, lambda samples, motor, sign: samples.of_motor("a", motor))
+# Constants of two motors on one joint are one constant.
+CONSTANT = OwnTerm(
+    DRIVE_TERMS["offset"].effects,
+    lambda samples, motor, sign: np.ones(len(samples.of_motor("v", motor))),
+    once=True,
+)
+
+
+def own_terms(modelled: Sequence[str]) -> tuple[OwnTerm, ...]:
     """Terms of each joint's own that ``modelled`` asks for, in order."""
-    names: list[str] = [n for n in ("viscous_friction", "coulomb_friction", "armature") if n in modelled]
-    if "torque_bias" in modelled or "coulomb_asymmetry" in modelled:
-        names.append("torque_bias")
-    return tuple(names)
+    return tuple(term for term in (VISCOUS, COULOMB, ARMATURE, CONSTANT) if term.asked(modelled))
 
 
-def coulomb_level(modelled: tuple[str, ...], own: Array) -> float:
+def coulomb_level(modelled: Sequence[str], own: Array) -> float:
     """Coulomb friction among a joint's own coefficients ``own (n_own,)`` [N·m]; 0 where it is not modelled."""
-    names = own_names(modelled)
-    return float(own[names.index("coulomb_friction")]) if "coulomb_friction" in names else 0.0
+    terms = own_terms(modelled)
+    return float(own[terms.index(COULOMB)]) if COULOMB in terms else 0.0
 
 
-def own_signals(samples: ArmSamples, names: tuple[str, ...], joint: int, sign: SignChange) -> Array:
+def own_signals(samples: ArmSamples, terms: Sequence[OwnTerm], joint: int, sign: SignChange) -> Array:
     """Full-rate columns of a joint's own terms, ``(n_samples, n_own)``.
 
     Of its motor first; then the friction and rotor inertia of other motors that turn with it; last the damping of
     its bristles, where dry friction has some.
     """
-    columns = []
-    for motor in samples.motors(joint):
-        made = {
-            "viscous_friction": lambda m=motor: samples.of_motor("v", m),
-            "coulomb_friction": lambda m=motor: sign_of_motion(samples, m, sign),
-            "armature": lambda m=motor: samples.of_motor("a", m),
-            "torque_bias": lambda m=motor: np.ones(len(samples.of_motor("v", m))),
-        }
-        # Constants of two motors on one joint are one constant.
-        columns += [made[n]() for n in names if motor == joint or n != "torque_bias"]
-    if sign.damped and "coulomb_friction" in names:
+    columns = [
+        term.column(samples, motor, sign)
+        for motor in samples.motors(joint)
+        for term in terms
+        if motor == joint or not term.once
+    ]
+    if sign.damped and COULOMB in terms:
         columns.append(damping_of_bristles(samples, joint, sign))
     return np.column_stack(columns) if columns else np.zeros((len(samples.stacked("v")), 0))
 

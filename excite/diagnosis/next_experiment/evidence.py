@@ -10,11 +10,11 @@ from itertools import permutations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights
-from excite.diagnosis.equations.own_columns import own_names, own_signals
+from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.search.attribution import Scored
 from excite.diagnosis.search.hypotheses import Columns, Hypothesis, at_rows
@@ -146,8 +146,8 @@ class Expectation:
             h = item.hypothesis
             columns = at_rows(context, h.effect.shape(context, h.location, h.theta))
             parts += _shown(h, columns, bodies.shape[:2])
-        names = own_names(baseline.modelled)
-        own = [baseline.own_rows(names, j, baseline.signs[j]) for j in range(baseline.n_joints)]
+        terms = own_terms(baseline.modelled)
+        own = [baseline.own_rows(terms, j, baseline.signs[j]) for j in range(baseline.n_joints)]
         return np.concatenate(parts, axis=2), own
 
     def _moments(self, rows: Array, own: Sequence[Array]) -> Array:
@@ -202,9 +202,9 @@ def on_trial(baseline: Baseline, trial: ArmTrial) -> Baseline:
     """The fitted baseline's predictions on another trial; its equations stay those of the record."""
     rate = 1.0 / float(trial.time[1] - trial.time[0])
     samples = replace(baseline.samples, trials=(trial,), rate_hz=rate)
-    names, index = own_names(baseline.modelled), list(samples.index)
+    terms, index = own_terms(baseline.modelled), list(samples.index)
     rigid = inverse_dynamics(samples.robot.model, trial.q, trial.v, trial.a, baseline.phi)[:, index]
-    own = [own_signals(samples, names, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
+    own = [own_signals(samples, terms, j, baseline.signs[j]) @ o for j, o in enumerate(baseline.fit.own)]
     root = standstill_weights(samples, 3.0, 0.02)
     nothing = np.zeros_like(rigid)
     return replace(

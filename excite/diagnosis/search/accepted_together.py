@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.fitted_signs import signs_again
 from excite.diagnosis.search.attribution import Scored

@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.fitted_signs import signs_again

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Solver
-from excite.diagnosis.equations.own_columns import own_names
+from excite.diagnosis.equations.own_columns import CONSTANT
 from excite.diagnosis.search.attribution import Scored
 from excite.diagnosis.search.hypotheses import Hypothesis
 from excite.diagnosis.search.refinement import effective_samples, price
@@ -34,7 +34,7 @@ def beyond_constants(baseline: Baseline, passing: Sequence[Scored]) -> Scored:
     solver = baseline.solver
     effect = first.hypothesis.effect
     body = effect.moves and len(effect.linear) >= solver.equations.n_joints
-    if not body or len(passing) == 1 or "torque_bias" in own_names(baseline.modelled):
+    if not body or len(passing) == 1 or CONSTANT.asked(baseline.modelled):
         return first
     for j, own in enumerate(solver.equations.own):
         solver = solver.with_own(j, np.column_stack([own, baseline.root_weight[j]]))

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
 from excite.diagnosis.equations.joint_torque import Solver
-from excite.diagnosis.equations.own_columns import WIDTH_BOUNDS
+from excite.diagnosis.equations.own_columns import COULOMB, WIDTH_BOUNDS
 from excite.diagnosis.search.hypotheses import Hypothesis, Search
 
 # A richer form of an effect has to lower the loss by so much.
@@ -44,7 +45,7 @@ def refine_with_width(search: Search, start: Hypothesis) -> Hypothesis:
     """Local search; for friction what the joint's sign change follows is searched along with it."""
     best = search.refine(start)
     base = search.context.baseline
-    if not best.effect.friction or "coulomb_friction" not in base.modelled:
+    if not best.effect.friction or not COULOMB.asked(base.modelled):
         return best
     j = search.context.row(best.location)
     sign = base.signs[j]

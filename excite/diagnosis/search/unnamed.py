@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from excite.diagnosis.answer.candidate import measured
-from excite.diagnosis.effects.effect import Context, Effect
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.forces.end_stop import EndStop
 from excite.diagnosis.effects.forces.joint_spring import JointSpring
 from excite.diagnosis.equations.units import at_joint

@@ -9,7 +9,6 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Verdict
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.own_columns import coulomb_level
 from excite.diagnosis.search.attribution import Attribution, Scored
 from excite.diagnosis.search.gates import Gates
 from excite.diagnosis.search.structured import structured_joints
@@ -212,17 +211,10 @@ def _rivals(best: Scored, ranking: tuple[Scored, ...]) -> tuple[Scored, ...]:
     return tuple(found.values())
 
 
-_CONTAINED = {"torque_bias": ("1",), "joint_spring": ("q", "1")}
-
-
 def _columns(item: Scored) -> tuple[str, ...]:
-    return _CONTAINED.get(item.name, (item.name,))
+    return item.hypothesis.effect.spans or (item.name,)
 
 
 def _second_name(item: Scored, final: Baseline) -> str | None:
-    """A constant no larger than the Coulomb level may be friction that differs between directions."""
-    if item.name != "torque_bias" or "coulomb_friction" not in final.modelled:
-        return None
-    own = final.fit.own[final.samples.joints.index(item.location)]
-    level = abs(coulomb_level(final.modelled, own))
-    return "coulomb_asymmetry" if abs(float(item.hypothesis.fit.extra[0])) <= 1.1 * level else None
+    """Another name that means the same in the data."""
+    return item.hypothesis.effect.second_name(final, item.location, item.hypothesis.fit)

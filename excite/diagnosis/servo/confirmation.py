@@ -10,14 +10,11 @@ from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, share_closed
 from excite.diagnosis.answer.result import Diagnosis, NextExperiment, Rollout
+from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.servo.witness import Witness
 
 # Effects that leave more of every joint's roll-out error are not confirmed, nor are those that make it worse.
 _CONFIRMS = 0.95
-# What looks alike where only commands and positions are known.
-_ALIKE = {"actuator_lag": "time_delay"}
-# What a gain that was estimated wrongly looks like.
-_OF_A_GAIN = ("armature", "viscous_friction")
 
 
 def confirmed(gap: Gap, said: Witness | None = None) -> bool:
@@ -71,25 +68,21 @@ def with_twin(result: Diagnosis, estimated: bool, *, lags: bool = False) -> Diag
         lags: whether a lag is clearly no delay.
     """
     first = result.effects[0]
-    twins = []
-    if first.effect in _ALIKE and not lags:
-        twins.append(replace(first, effect=_ALIKE[first.effect]))
-    if first.effect == "torque_gain" and estimated:
-        twins.append(replace(first, effect="payload", location=first.location))
-    if first.effect in _OF_A_GAIN and estimated:
-        twins.append(replace(first, effect="torque_gain"))
+    effect = EFFECTS[first.effect]
+    names = () if lags else effect.twins_without_torque
+    twins = [replace(first, effect=name) for name in (*names, *(effect.twins_of_a_gain if estimated else ()))]
     if not twins:
         return result
     rest = tuple(c for c in result.candidates if (c.effect, c.location) != (first.effect, first.location))
     tied: tuple[Candidate, ...] = (first, *twins)
-    names = " and ".join(c.effect.replace("_", " ") for c in tied)
+    said = " and ".join(c.effect.replace("_", " ") for c in tied)
     return replace(
         result,
         verdict="ambiguous",
         candidates=(*tied, *rest),
         n_tied=len(tied),
         next_experiment=NextExperiment(
-            f"{names} look alike without torque; what tells them apart: a torque or current reading",
+            f"{said} look alike without torque; what tells them apart: a torque or current reading",
             tuple(f"{c.effect}@{c.location}" for c in tied),
         ),
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm.diagnose import diagnose_arm
+from excite.diagnosis.effects.readings.torque_gain import TorqueGain
 from excite.diagnosis.servo.gains import torque_constants
 from excite.diagnosis.servo.servo import read_signals
 from excite.errors import LogError
@@ -48,7 +49,7 @@ def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     currents = {t.name: t.current for t in inside if t.current is not None}
     constants = torque_constants(robot, log, signals, currents, known)
     guessed = [j for j, k in zip(joints, known, strict=True) if np.isnan(k)]
-    modelled = (*log.header.modelled, *(("torque_gain",) if guessed else ()))
+    modelled = (*log.header.modelled, *((TorqueGain.name,) if guessed else ()))
     header = log.header.model_copy(update={"torque": "motor_side", "modelled": modelled})
     trials = tuple(
         replace(t, tau=t.current * constants, current=None) for t in log.trials if t.current is not None

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Shape
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Shape
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.own_columns import own_names
+from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.search.hypotheses import at_rows
 from excite.diagnosis.servo.servo import Servo, Signals
@@ -82,8 +83,9 @@ def servo_cycle(
         The cycle; a lag is 0 where it is none or longer than ``LONGEST_SAMPLES``, T where it is longer than
         ``_NEWEST_S``: that is more than a cycle.
     """
-    own = own_names((*modelled, "armature"))
-    baseline = fit_baseline(samples, (*modelled, "armature"), spectral_floor(samples), leads=False)
+    rotors_too = (*modelled, *ARMATURE.words)
+    own = own_terms(rotors_too)
+    baseline = fit_baseline(samples, rotors_too, spectral_floor(samples), leads=False)
     context = Context(baseline)
     common = ActuatorLag().shape(context, "torque", ()).columns
     n = len(samples.joints)
@@ -94,8 +96,8 @@ def servo_cycle(
     unsure = 1.25 * 1.48 * float(np.median(np.abs(lags - lag))) / np.sqrt(n)
     own_s = LONGEST_SAMPLES / rate_hz if rate_hz else np.inf
     # The median over fewer joints would be a rotor of one of them.
-    if "armature" not in modelled and (kd > 0.0).all() and n >= _JOINTS:
-        rotors = np.array([values[own.index("armature")] for values in baseline.fit.own])
+    if not ARMATURE.asked(modelled) and (kd > 0.0).all() and n >= _JOINTS:
+        rotors = np.array([values[own.index(ARMATURE)] for values in baseline.fit.own])
         newer = float(np.median(rotors / kd))
     return Cycle(
         lag if 0.0 < lag <= LONGEST_SAMPLES / samples.rate_hz else 0.0,

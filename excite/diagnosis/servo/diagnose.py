@@ -10,6 +10,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm.diagnose import TorqueRecord, diagnose_arm, diagnose_torques
+from excite.diagnosis.effects.readings.torque_gain import TorqueGain
+from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.servo.closed_loop import ClosedLoop
 from excite.diagnosis.servo.confirmation import confirmed, position_gap, with_twin
@@ -25,8 +27,8 @@ from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_gr
 from excite.robot.robot import Robot
 from excite.rows.kinematics import trial_rate
 
-# Effects of the torque channel alone: a log without that channel has none of them.
-_CHANNEL = ("time_delay",)
+# A log without a torque channel has none of them.
+_CHANNEL = tuple(effect.name for effect in EFFECTS.values() if effect.of_channel)
 
 
 def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
@@ -55,7 +57,7 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     fitted = {t.name: signals[t.name] for t in trials if t.role == "identification"}
     servo = known_servo(robot, log, fitted)
     # A wrong scale of a joint's torques is its gain's where that was estimated.
-    guessed = ("torque_gain",) if any(name.startswith("kp of") for name in servo.estimated) else ()
+    guessed = (TorqueGain.name,) if any(name.startswith("kp of") for name in servo.estimated) else ()
     modelled = (*log.header.modelled, *_CHANNEL, *guessed)
     if servo.ki is not None and servo.ki.any():
         signals = _wound(robot, log, trials, signals, servo, servo.ki, modelled)

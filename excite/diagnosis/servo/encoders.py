@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.joint_torque import Fit
@@ -58,6 +61,9 @@ class LoggedOffset(EncoderOffset):
         found = super().estimates(context, location, theta, fit)
         return found | {"in_log_only": found["offset"]}
 
+    def in_mujoco(self, item: Sizes) -> Form:
+        return replace(super().in_mujoco(item), notes=(self.noted(item),))
+
 
 class FollowedOffset(EncoderOffset):
     """An offset that the servo follows; one of the log alone is another form of it."""
@@ -78,5 +84,5 @@ def servo_effects(servo: Servo, joints: tuple[str, ...]) -> tuple[Effect, ...]:
         joints: of the log, in the servo's order.
     """
     kp = dict(zip(joints, servo.kp.tolist(), strict=True))
-    here = {"encoder_offset": FollowedOffset(kp, servo.feedforward)}
-    return tuple(here.get(name, effect) for name, effect in EFFECTS.items())
+    followed = FollowedOffset(kp, servo.feedforward)
+    return tuple((EFFECTS | {followed.name: followed}).values())

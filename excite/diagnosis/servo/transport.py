@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
 from excite.diagnosis.effects.readings.time_delay import TimeDelay
 from excite.diagnosis.search.attribution import Attribution

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.effects.form import Draft, Form
+from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
+from excite.diagnosis.effects.note import Noted
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.simulator.augmented_contacts import SoftPlay, add_soft_play
-from excite.diagnosis.simulator.augmented_effects import DEFLECTION, FORMS, Draft, Found, presliding, tilted
-from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, physical_plant
+from excite.diagnosis.equations.own_columns import COULOMB
+from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, physical_plant, with_effect
+from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import AugmentedModel
+from excite.diagnosis.simulator.notes import write_note
 from excite.diagnosis.simulator.physical_bodies import unphysical
 from excite.robot.robot import Robot
 from excite.simulation.drives import Drives
@@ -44,47 +48,47 @@ def augmented_model(baseline: Baseline, effects: Sequence[Found]) -> AugmentedMo
         InputError: the robot has joints that cannot be simulated.
     """
     robot = baseline.samples.robot
-    wanted, warnings = fitted_plant(baseline), []
-    for item in effects:
-        form = FORMS.get(item.effect)
-        if form is None:
-            warnings.append(formless(item))
-        elif form.plant is not None:
-            wanted = form.plant(wanted, robot, baseline.samples.joints, item)
-    gravity = np.array(robot.model.gravity.linear)
-    for item in effects:
-        if item.effect == "base_tilt":
-            gravity = tilted(gravity, item)
-    plant = physical_plant(baseline, wanted, gravity)
+    joints = baseline.samples.joints
+    forms = [item.form(joints) for item in effects]
+    wanted = fitted_plant(baseline)
+    for item, form in zip(effects, forms, strict=True):
+        wanted = with_effect(wanted, baseline, item.location, form)
+    plant = physical_plant(baseline, wanted, _turned(np.array(robot.model.gravity.linear), forms))
+    warnings = [said for item in effects if (said := item.formless) is not None]
     warnings += unphysical(plant.mismatch, "residual")
-    draft = Draft(robot, baseline.samples.joints, _spec(robot, baseline.samples.index, plant))
-    _formed(draft, baseline, effects)
+    draft = Draft(joints, _spec(robot, baseline.samples.index, plant))
+    draft.spec.option.gravity = _turned(np.array(draft.spec.option.gravity), forms)
+    for noted in _presliding(baseline):
+        write_note(draft.spec, noted)
+    for form in forms:
+        if form.elements is not None:
+            form.elements(draft)
+        for noted in form.notes:
+            write_note(draft.spec, noted)
+    for form in forms:
+        if form.finish is not None:
+            form.finish(draft)
     draft.spec.compile()
     return AugmentedModel(draft.spec.to_xml(), tuple(warnings))
 
 
-def formless(item: Found) -> str:
-    """The warning for an effect that no simulator can express."""
-    return f"{item.effect} has no form in a simulator and is left out of the model"
+def _turned(gravity: Array, forms: Sequence[Form]) -> Array:
+    """Gravity ``(3,)`` as effects turn it [m/s²]."""
+    for form in forms:
+        gravity = gravity if form.gravity is None else form.gravity(gravity)
+    return gravity
 
 
-def _formed(draft: Draft, baseline: Baseline, effects: Sequence[Found]) -> None:
-    """Presliding of the baseline's friction, and what effects change in the XML."""
+def _presliding(baseline: Baseline) -> list[Noted]:
+    """What is noted of the baseline's own friction: where it builds up over a deflection."""
+    if not COULOMB.asked(baseline.modelled):
+        return []
+    noted = []
     for j, (joint, sign) in enumerate(zip(baseline.samples.joints, baseline.signs, strict=True)):
-        if sign.bent and "coulomb_friction" in baseline.modelled:
-            values = {"breakaway": sign.breakaway}
-            if sign.damped:
-                values |= {"damping": baseline.bristle_damping(j), "damped_below": sign.damped_below}
-            presliding(draft, joint, values)
-    for item in effects:
-        form = FORMS.get(item.effect)
-        if form is not None and form.model is not None:
-            form.model(draft, item)
-    for item in effects:
-        if "softness" in item.values:
-            names = ("softness", "stiffness", "damping")
-            play = SoftPlay(0.5 * item.value("width"), *(item.value(name) for name in names))
-            add_soft_play(draft.spec, item.location + DEFLECTION, play)
+        if sign.bent:
+            damped = (baseline.bristle_damping(j), sign.damped_below) if sign.damped else (None, None)
+            noted.append(Noted(PRESLIDING, joint, BuildUp(sign.breakaway, *damped)))
+    return noted
 
 
 def _spec(robot: Robot, index: Sequence[int], plant: Plant) -> mujoco.MjSpec:

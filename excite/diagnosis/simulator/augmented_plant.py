@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.effects.form import Form
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.friction_sign import sign_of_motion
-from excite.diagnosis.equations.own_columns import own_names
+from excite.diagnosis.equations.own_columns import ARMATURE, CONSTANT, COULOMB, VISCOUS, OwnTerm, own_terms
 from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies
 from excite.regressor.kernels import joint_torque_regressor
+from excite.robot.links import carried_link
 
 _ROWS = 500
 
@@ -40,17 +43,36 @@ class Plant:
 
 def fitted_plant(baseline: Baseline) -> Plant:
     """The plant as fitted: possibly no physical one."""
-    own = dict.fromkeys(("viscous_friction", "coulomb_friction", "armature", "torque_bias"))
-    names = own_names(baseline.modelled)
-    values = np.array([o[: len(names)] for o in baseline.fit.own]).reshape(baseline.n_joints, len(names))
-    found = {name: values[:, names.index(name)] if name in names else np.zeros(len(values)) for name in own}
-    return Plant(
-        baseline.phi,
-        found["viscous_friction"],
-        found["coulomb_friction"],
-        found["armature"],
-        found["torque_bias"],
-    )
+    terms = own_terms(baseline.modelled)
+    values = np.array([o[: len(terms)] for o in baseline.fit.own]).reshape(baseline.n_joints, len(terms))
+
+    def of(term: OwnTerm) -> Array:
+        return values[:, terms.index(term)] if term in terms else np.zeros(len(values))
+
+    return Plant(baseline.phi, of(VISCOUS), of(COULOMB), of(ARMATURE), of(CONSTANT))
+
+
+def with_effect(plant: Plant, baseline: Baseline, location: str, form: Form) -> Plant:
+    """The plant with an effect's bodies and drives.
+
+    Args:
+        plant: the plant; left as it is.
+        baseline: for joints and links.
+        location: the effect's place.
+        form: its form.
+    """
+    samples = baseline.samples
+    changed: dict[str, Any] = {}
+    for name in ("viscous", "coulomb", "armature", "bias"):
+        if getattr(form, name) != 0.0:
+            changed[name] = getattr(plant, name).copy()
+            changed[name][samples.joints.index(location)] += getattr(form, name)
+    if form.body is not None:
+        model = samples.robot.model
+        k = [carried_link(model, joint) for joint in range(1, model.njoints)].index(location)
+        changed["phi"] = plant.phi.copy()
+        changed["phi"][10 * k : 10 * k + 10] += form.body
+    return replace(plant, **changed) if changed else plant
 
 
 def physical_plant(baseline: Baseline, wanted: Plant, gravity: Array | None = None) -> Plant:

@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.simulator.augmented_effects import DEFLECTION
-from excite.diagnosis.simulator.model_text import load_model, model_notes
-from excite.diagnosis.simulator.rollout_deflection import resting_deflection
+from excite.diagnosis.effects.form import DEFLECTION
+from excite.diagnosis.effects.note import JointStep
+from excite.diagnosis.simulator.model_text import load_model
+from excite.diagnosis.simulator.notes import read_notes
 from excite.diagnosis.simulator.rollout_drives import Drive, LoggedTorque, PositionServo, Window
-from excite.diagnosis.simulator.rollout_friction import DryFriction
+from excite.diagnosis.simulator.rollout_friction import JointFriction
 from excite.divergence import diverged, without_log_file
-
-if TYPE_CHECKING:
-    import mujoco
-
-_FRICTION = {"stribeck", "load_dependent_friction", "friction_drift", "presliding", "joint_spring"}
 
 
 class Simulator:
     """A loaded model.
 
-    The runner applies, at every step: Stribeck and load-dependent friction, friction that drifts and friction that
-    builds up over a deflection, by setting ``dof_frictionloss`` and ``dof_damping``; periodic torques (ripple; a
-    tilted base's part on the first joint) and springs that harden in ``qfrc_applied``; a delay of the torque
-    channel, by taking the logged torque of a later time; an offset of the log's positions that a servo does not have.
+    At every step the runner does what the notes in it say: friction of the coming step goes to ``dof_frictionloss`` and
+    ``dof_damping``, torques go to ``qfrc_applied``. A torque channel that is late is read at a later time.
     """
 
     def __init__(self, xml: str, joints: tuple[str, ...]):
@@ -50,14 +44,16 @@ class Simulator:
         # MuJoCo's own arrays: asking for them at every step would take as long as the step.
         self._levels, self._dampings = self.model.dof_frictionloss, self.model.dof_damping
         self._applied = self.data.qfrc_applied
-        every = _notes(self.model)
-        self._notes = [item for item in every if item[0] != "time_delay" and item[1] in joints]
-        self._delay = sum(v["delay"] for effect, _, v in every if effect == "time_delay")
-        self._before = sum(v["before"] for e, _, v in every if e == "actuator_lag")
-        logged = {place: v["in_log_only"] for e, place, v in every if e == "encoder_offset"}
-        self._logged = np.array([logged.get(name, 0.0) for name in joints])
-        self._stepwise = any(_acts(effect, values) for effect, _, values in self._notes)
-        self._dry = DryFriction([item for item in self._notes if item[0] in _FRICTION], joints)
+        every = read_notes(self.model)
+        self._notes = [(joints.index(item.place), item.note) for item in every if item.place in joints]
+        self._delay = sum(item.note.late_by for item in every)
+        self._before = sum(item.note.filter_before for item in every)
+        self._logged = np.zeros(len(joints))
+        for j, note in self._notes:
+            self._logged[j] += note.log_offset
+        self._stepwise = any(note.every_step for _, note in self._notes)
+        self._steps = tuple(JointStep(partial(self._carried_by, j)) for j in range(len(joints)))
+        self._dry = JointFriction(self._notes, self._steps)
         self._load = np.zeros(len(joints))
 
     def run(self, window: Window, drive: Drive, keep: int) -> Array:
@@ -147,54 +143,35 @@ class Simulator:
 
     def _deflect(self, window: Window) -> None:
         """Soft and loose gears start as they are said to swing, or where their load puts them."""
-        for effect, place, values in self._notes:
-            if effect not in {"joint_elasticity", "backlash"}:
+        for j, note in self._notes:
+            resting = note.deflection(float(window.load[j]))
+            if resting is None:
                 continue
-            joint, torque = self.model.joint(place + DEFLECTION), float(window.load[self.joints.index(place)])
-            angle, speed = window.deflected.get(place, (resting_deflection(values, torque), 0.0))
+            joint = self.model.joint(self.joints[j] + DEFLECTION)
+            angle, speed = window.deflected.get(self.joints[j], (resting, 0.0))
             self.data.qpos[joint.qposadr[0]], self.data.qvel[joint.dofadr[0]] = angle, speed
 
     def _apply(self, q: Array, v: Array, window: Window, elapsed: float, held: Array) -> None:
         """Set friction and torques of the coming step; ``held`` is the damping that does not change."""
         dof, bent = self._dof, np.zeros(len(self.joints))
+        trial_s, session_s = float(window.time[0]) + elapsed, window.session_s + elapsed
+        for j, step in enumerate(self._steps):
+            step.q, step.v, step.growth = q[j], v[j], window.growth.get(self.joints[j])
+            step.trial_s, step.session_s = trial_s, session_s
         if self._dry.acts:
-            carried = self._carried() if self._dry.loaded else self._load
-            level, viscous = self._dry.levels(self._friction[dof], v, carried, self._growth(window, elapsed))
+            level, viscous = self._dry.levels(self._friction[dof])
             bent, stiff = self._dry.bent(level, v, self.model.opt.timestep)
             self._levels[dof] = level
             self._dampings[:] = held
             self._dampings[dof] += viscous + stiff
+        # What gears carry is asked for on the way: the last step's torques stay until all notes have spoken.
+        for j, note in self._notes:
+            bent[j] += note.torque(self._steps[j])
         self._applied[:] = 0.0
         self._applied[dof] = bent
-        for effect, place, p in self._notes:
-            j = self.joints.index(place)
-            if "periods_per_rev" in p:
-                self._applied[dof[j]] -= self._wave(j, q[j], p)
-            elif effect == "joint_spring":
-                self._applied[dof[j]] -= p.get("quadratic", 0.0) * q[j] ** 2 + p.get("cubic", 0.0) * q[j] ** 3
 
-    def _growth(self, window: Window, elapsed: float) -> dict[str, float]:
-        """How far friction that drifts has come, by joint."""
-        found = {}
-        for effect, place, p in self._notes:
-            if effect == "friction_drift":
-                start = float(window.time[0]) if "in_each_trial" in p else window.session_s
-                session, slow = start + elapsed, p["time_constant"]
-                clock = np.expm1(-session / slow) / np.expm1(-p["session_end"] / slow)
-                # Held at what it was when a window began, unless it may be over by its end.
-                known = {} if "in_each_trial" in p else window.growth
-                found[place] = float(known.get(place, clock))
-        return found
-
-    def _wave(self, j: int, q: float, p: dict[str, float]) -> float:
-        """Periodic torque of a joint, with its second harmonic and the part that grows with the load."""
-        phase = p["periods_per_rev"] * q
-        c, s = np.cos(phase), np.sin(phase)
-        wave = p["cosine"] * c + p["sine"] * s
-        if "cosine_2" in p:
-            wave += p["cosine_2"] * np.cos(2.0 * phase) + p["sine_2"] * np.sin(2.0 * phase)
-            wave += abs(self._carried()[j]) * (p["cosine_load"] * c + p["sine_load"] * s)
-        return float(wave)
+    def _carried_by(self, j: int) -> float:
+        return float(self._carried()[j])
 
     def _carried(self) -> Array:
         """Torques that the gears carry: what the last step's motors gave less friction and rotors."""
@@ -205,24 +182,6 @@ class Simulator:
         return force + data.qfrc_applied[dof] - self.model.dof_armature[dof] * data.qacc[dof]
 
 
-def _acts(effect: str, values: dict[str, float]) -> bool:
-    """Whether the runner has to see to an effect at every step: not where the model's own text says it all."""
-    if effect == "joint_spring":
-        return not values.keys().isdisjoint({"quadratic", "cubic", "breakaway"})
-    return effect in _FRICTION or "periods_per_rev" in values
-
-
 def _share(period: float, time_constant: float) -> float:
     """Share of a step that a first-order filter follows within a period."""
     return float(-np.expm1(-period / time_constant)) if time_constant > 0.0 else 1.0
-
-
-def _notes(model: mujoco.MjModel) -> list[tuple[str, str, dict[str, float]]]:
-    """Effects noted in a model: name, place, values."""
-    found = []
-    for rest, data in model_notes(model):
-        effect, _, place = rest.partition(".")
-        if place:
-            pairs = (item.split("=") for item in data.split())
-            found.append((effect, place, {key: float(value) for key, value in pairs}))
-    return found

@@ -14,9 +14,9 @@ from excite.diagnosis.answer.result import Rollout
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.search.attribution import Attribution
-from excite.diagnosis.simulator.accepted_values import drift_growth, found_effects, gear_deflections
-from excite.diagnosis.simulator.augmented import augmented_model, baseline_model, formless
-from excite.diagnosis.simulator.augmented_effects import FORMS, Found
+from excite.diagnosis.simulator.accepted_values import found_effects, told_states
+from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
+from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import LOUDER, MODEL, AugmentedModel, ignored, without
 from excite.diagnosis.simulator.rollout import Simulator
 from excite.diagnosis.simulator.rollout_floor import replicated
@@ -91,10 +91,11 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
             remedy="judge by the torques",
         )
     samples, effects = baseline.samples, found_effects(attribution)
+    told = told_states(attribution)
     plan = replace(
         plan or torque_plan(samples),
-        growth=drift_growth(attribution),
-        deflections=gear_deflections(attribution),
+        growth={place: state.growth for place, state in told if state.growth is not None},
+        deflections={place: state.deflection for place, state in told if state.deflection is not None},
     )
     before = baseline_model(baseline)
     plain = errors(before.xml, samples, baseline.rigid, plan)
@@ -107,8 +108,8 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
     if len(kept) < len(effects) and plan.all_effects:
         with_all = errors(helpful.whole.xml, samples, attribution.final.rigid, plan)
     left = effects[len(kept) :]
-    unhelpful = [f"{e.effect} at {e.location}" for e in left if e.effect in FORMS]
-    unsaid = [formless(e) for e in left if e.effect not in FORMS]
+    unhelpful = [f"{e.effect.name} at {e.location}" for e in left if e.formless is None]
+    unsaid = [e.formless for e in left if e.formless is not None]
     warnings = (*after.warnings, *unheard(final, kept, after.xml, plan), *unsaid, *without(unhelpful))
     rollout = Rollout(
         before=_rms(plain, samples.joints),
@@ -202,6 +203,8 @@ def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) 
     here = Simulator(xml, samples.joints)
     runs = [here.run(p.window, p.drive, p.keep) for p in few] if effects else []
     for k, item in enumerate(effects):
+        if item.formless is not None:
+            continue
         bigger = replace(item, values={n: LOUDER * v for n, v in item.values.items()})
         other = augmented_model(baseline, [*effects[:k], bigger, *effects[k + 1 :]])
         moved = Simulator(other.xml, samples.joints)
@@ -210,7 +213,7 @@ def unheard(baseline: Baseline, effects: Sequence[Found], xml: str, plan: Plan) 
             for p, r in zip(few, runs, strict=True)
         )
         if not change > 0.0:
-            said.append(ignored(item.effect, item.location))
+            said.append(ignored(item.effect.name, item.location))
     return tuple(said)
 
 

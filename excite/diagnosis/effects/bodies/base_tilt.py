@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.forces.torque_ripple import Wave
+from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.equations.horizontal import level_axes
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.units import slides
@@ -18,6 +22,15 @@ _G = 9.81
 _LEVER = 0.1
 # A tilt that is not seen for the noise [m/s²].
 _LEAST = 0.02
+
+
+def tilted(gravity: Array, item: Sizes) -> Array:
+    """Gravity ``(3,)`` in a tilted base [m/s²]: its components are along the axes that the effect is fitted in."""
+    size, (first, second, down) = float(np.linalg.norm(gravity)), level_axes(gravity)
+    aside = item.value("gravity_x") * first + item.value("gravity_y") * second
+    # A tilt turns gravity, it does not add to it; but masses that were fitted beside what is left of it go with that.
+    less = float(np.sqrt(max(size**2 - float(aside @ aside), 0.0))) - size
+    return (size + item.value("gravity_down", less)) * down + aside
 
 
 class BaseTilt(Effect):
@@ -39,6 +52,7 @@ class BaseTilt(Effect):
     separating_motion = "a wide range of joint 1; the arm on a base that is turned"
     mujoco = "option gravity"
     moves = True
+    note = Wave
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -79,6 +93,11 @@ class BaseTilt(Effect):
         angle = Estimate(float(np.arcsin(min(float(np.linalg.norm(aside)) / _G, 1.0))), std, "rad")
         found = super().estimates(context, location, theta, fit)
         return {"angle": angle, **{p.name: found[p.name] for p in self.linear[:2] if p.name in found}}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        first = {name: item.value(f"first_row_{name}") for name in ("cosine", "sine")}
+        noted = self.noted(replace(item, values={**first, "periods_per_rev": 1.0}), item.joints[0])
+        return Form(gravity=lambda gravity: tilted(gravity, item), notes=(noted,))
 
 
 class SteepTilt(BaseTilt):

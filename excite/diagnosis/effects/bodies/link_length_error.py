@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Draft, Form, Sizes
 
 _STEP = 1e-4
 
@@ -44,3 +46,10 @@ class LinkLengthError(Effect):
         return Shape(
             {j: stacked[:, j] for j in range(stacked.shape[1]) if np.abs(stacked[:, j]).max() > 1e-9}
         )
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        def shifted(draft: Draft) -> None:
+            body = draft.moved_body(item.location)
+            body.pos = body.pos + np.array([item.value(p.name) for p in self.linear])
+
+        return Form(elements=shifted)

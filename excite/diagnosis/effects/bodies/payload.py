@@ -6,8 +6,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.diagnosis.equations.own_columns import ARMATURE
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.links import carried_link
 
@@ -60,7 +63,7 @@ class Payload(Effect):
 
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         """Whether it has weight: one that has inertia alone is a rotor that the model lacks."""
-        if "armature" in context.baseline.modelled:
+        if ARMATURE.asked(context.baseline.modelled):
             return True
         columns = link_columns(context, self.locations(context).index(location) + 1)
         torque, weight = columns @ beta, columns[:, :, :4] @ beta[:4]
@@ -84,3 +87,6 @@ class Payload(Effect):
         size = float(np.linalg.norm(moment))
         std = float(np.linalg.norm(moment * spread) / max(size, 1e-300))
         return {"first_moment": Estimate(size, std, "kg·m")} | shown
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(body=np.array([item.value(p.name) for p in self.linear]))

@@ -2,18 +2,55 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.bristle import Bristle
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
+from excite.diagnosis.effects.note import Beyond, JointStep, Note
 
 # A spring whose torque hardly changes over the joint's motion is a constant.
 _CHANGES = 0.05
 # Cables and springs wind up over no more than so many radians.
 _TRAVEL = 4.0 * np.pi
+
+
+@dataclass(frozen=True)
+class Spring(Note):
+    """What a spring has beside its stiffness.
+
+    Attributes:
+        quadratic: [N·m/rad²].
+        cubic: [N·m/rad³].
+        rubbing: dry friction that builds up over a deflection [N·m].
+        breakaway: that deflection [rad].
+    """
+
+    quadratic: float
+    cubic: float
+    rubbing: float | None = None
+    breakaway: float | None = None
+
+    beyond = Beyond.SPRING
+
+    @property
+    def rubs(self) -> bool:
+        return self.breakaway is not None
+
+    def bristle(self) -> Bristle | None:
+        return None if self.breakaway is None else Bristle(self.breakaway)
+
+    def held(self, level: float) -> float:
+        return self.rubbing or 0.0
+
+    def torque(self, at: JointStep) -> float:
+        return -(self.quadratic * at.q**2 + self.cubic * at.q**3)
 
 
 class JointSpring(Effect):
@@ -27,6 +64,8 @@ class JointSpring(Effect):
     confusable_with = ("torque_bias", "encoder_offset", "base_tilt")
     separating_motion = "the joint slowly over its whole range, in two postures of the others"
     mujoco = "joint stiffness and springref"
+    note = Spring
+    spans = ("q", "1")
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -46,6 +85,16 @@ class JointSpring(Effect):
         return abs(beta[0]) * q.std() >= _CHANGES * constant and super().admissible(
             context, location, theta, beta
         )
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        stiffness = item.value("stiffness")
+
+        def stretched(draft: Draft) -> None:
+            joint = draft.joint(item.location)
+            joint.stiffness = [stiffness, 0.0, 0.0]
+            joint.springref = -item.value("torque_at_zero") / stiffness
+
+        return Form(elements=stretched)
 
 
 class HardeningSpring(JointSpring):
@@ -69,6 +118,9 @@ class HardeningSpring(JointSpring):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         return True
 
+    def in_mujoco(self, item: Sizes) -> Form:
+        return replace(super().in_mujoco(item), notes=(self.noted(item),))
+
 
 class RubbingSpring(HardeningSpring):
     """The same with a dry rubbing that builds up over a deflection."""
@@ -83,3 +135,11 @@ class RubbingSpring(HardeningSpring):
         j = context.row(location)
         columns = super().shape(context, location, theta).columns[j]
         return Shape({j: np.column_stack([columns, hysteretic_sign(context, j, theta[0])])})
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        rubbing = item.value("rubbing")
+        if rubbing > 0.0:
+            return super().in_mujoco(item)
+        # Bristles do not push: where a fit has them do so, the joint has less dry friction.
+        rest = {name: value for name, value in item.values.items() if name not in ("rubbing", "breakaway")}
+        return replace(super().in_mujoco(replace(item, values=rest)), coulomb=rubbing)

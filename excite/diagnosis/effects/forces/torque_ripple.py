@@ -2,17 +2,53 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.note import Beyond, JointStep, Note
 
 # Periods over a joint's motion below which nothing has been seen to repeat: a spring or a stop would do as well.
 _SEEN = 2.0
 # Spacing of the periods a revolution that are tried.
 _APART = 0.5
+
+
+@dataclass(frozen=True)
+class Wave(Note):
+    """A torque periodic in a joint's position, with its second harmonic and the part that grows with the load.
+
+    Attributes:
+        cosine: [N·m]; sine alike.
+        periods_per_rev: periods a revolution.
+        cosine_2: of the second harmonic [N·m]; sine_2 alike.
+        cosine_load: by the torque that the gear carries [N·m/(N·m)]; sine_load alike.
+    """
+
+    cosine: float
+    sine: float
+    periods_per_rev: float
+    cosine_2: float | None = None
+    sine_2: float | None = None
+    cosine_load: float | None = None
+    sine_load: float | None = None
+
+    beyond = Beyond.SPRING
+
+    def torque(self, at: JointStep) -> float:
+        phase = self.periods_per_rev * at.q
+        c, s = np.cos(phase), np.sin(phase)
+        wave = self.cosine * c + self.sine * s
+        if self.cosine_2 is not None and self.sine_2 is not None:
+            wave += self.cosine_2 * np.cos(2.0 * phase) + self.sine_2 * np.sin(2.0 * phase)
+        if self.cosine_load is not None and self.sine_load is not None:
+            wave += abs(at.carried()) * (self.cosine_load * c + self.sine_load * s)
+        return -float(wave)
 
 
 class TorqueRipple(Effect):
@@ -24,6 +60,7 @@ class TorqueRipple(Effect):
     confusable_with = ("joint_spring",)
     separating_motion = "a slow sweep of the joint at constant speed"
     mujoco = "none of its own: a control callback"
+    note = Wave
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -58,6 +95,9 @@ class TorqueRipple(Effect):
     def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
         seen = theta[0] * float(np.ptp(context.q[:, context.row(location)])) / (2.0 * np.pi)
         return seen >= _SEEN and super().admissible(context, location, theta, beta)
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(notes=(self.noted(item),))
 
 
 def _projections(periods: Array, q: Array, residual: Array) -> Array:

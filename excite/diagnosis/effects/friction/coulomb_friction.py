@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
+from excite.diagnosis.effects.note import Noted
 from excite.diagnosis.equations.friction_sign import WIDTHS
+from excite.diagnosis.equations.own_columns import COULOMB
 
 # A sign that changes over more than this share of a joint's speed (root mean square) is a slope: viscous friction.
 _SIGN = 0.25
@@ -22,6 +27,7 @@ class CoulombFriction(Effect):
     confusable_with = ("stribeck", "load_dependent_friction", "viscous_friction")
     separating_motion = "slow reversals at constant speed"
     mujoco = "joint frictionloss"
+    term = COULOMB
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -42,6 +48,9 @@ class CoulombFriction(Effect):
         speed = float(np.sqrt(np.mean(context.v[:, context.row(location)] ** 2)))
         narrow = theta[0] <= max(_SIGN * speed, WIDTHS[0])
         return narrow and super().admissible(context, location, theta, beta)
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(coulomb=item.value("level"))
 
 
 class CoulombBristles(CoulombFriction):
@@ -69,3 +78,7 @@ class CoulombBristles(CoulombFriction):
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         return Shape({j: hysteretic_sign(context, j, theta[0])[:, None]})
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        bends = BuildUp(item.value("breakaway"))
+        return Form(coulomb=item.value("level"), notes=(Noted(PRESLIDING, item.location, bends),))

@@ -2,14 +2,58 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta, Told
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.note import Beyond, JointStep, Note
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.diagnosis.equations.own_columns import coulomb_level
+from excite.diagnosis.equations.own_columns import COULOMB, VISCOUS, coulomb_level
 from excite.lazy_kernel import LazyKernel
+
+# Samples over which what the record tells of the drift is averaged.
+_SMOOTH = 201
+
+
+@dataclass(frozen=True)
+class Drift(Note):
+    """Friction that has drifted so far.
+
+    Attributes:
+        coulomb_change: dry friction at the session's end, less that at its start [N·m].
+        viscous_change: viscous friction likewise [N·m·s/rad].
+        time_constant: [s].
+        session_end: [s].
+        in_each_trial: given where it begins anew in every trial.
+    """
+
+    coulomb_change: float
+    viscous_change: float
+    time_constant: float
+    session_end: float
+    in_each_trial: float | None = None
+
+    beyond = Beyond.FRICTION
+
+    @property
+    def rubs(self) -> bool:
+        return True
+
+    def friction(self, level: float, at: JointStep) -> tuple[float, float]:
+        growth = self._growth(at)
+        return level + growth * self.coulomb_change, growth * self.viscous_change
+
+    def _growth(self, at: JointStep) -> float:
+        """How far it has come: held at what it was when a roll-out began, unless it may be over by its end."""
+        if at.growth is not None and self.in_each_trial is None:
+            return at.growth
+        time = at.session_s if self.in_each_trial is None else at.trial_s
+        return float(np.expm1(-time / self.time_constant) / np.expm1(-self.session_end / self.time_constant))
 
 
 @LazyKernel
@@ -36,6 +80,7 @@ class FrictionDrift(Effect):
     separating_motion = "the same trial at the start, in the middle and at the end of the session"
     mujoco = "none of its own: a control callback"
     friction = True
+    note = Drift
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -46,7 +91,7 @@ class FrictionDrift(Effect):
         return (DriftInTrial(),)
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
-        return self.name not in modelled and bool({"coulomb_friction", "viscous_friction"} & set(modelled))
+        return self.name not in modelled and (COULOMB.asked(modelled) or VISCOUS.asked(modelled))
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(t,) for t in (12.0, 50.0, 2000.0)]
@@ -61,8 +106,8 @@ class FrictionDrift(Effect):
         growth = self.growth(context, j, theta)
         # What the baseline has not cannot have drifted: a viscous column would stand in for viscous friction.
         modelled = context.baseline.modelled
-        coulomb = growth * context.sign(j) if "coulomb_friction" in modelled else np.zeros_like(growth)
-        viscous = growth * context.v[:, j] if "viscous_friction" in modelled else np.zeros_like(growth)
+        coulomb = growth * context.sign(j) if COULOMB.asked(modelled) else np.zeros_like(growth)
+        viscous = growth * context.v[:, j] if VISCOUS.asked(modelled) else np.zeros_like(growth)
         return Shape({j: np.column_stack([coulomb, viscous])})
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
@@ -72,6 +117,32 @@ class FrictionDrift(Effect):
             return found
         share = Estimate(float(fit.extra[0]) / level, float(fit.extra_std[0]) / level, "1")
         return {"relative_change": share, **found}
+
+    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        return super().sizes(context, location, theta, fit) | {"session_end": self._end(context)}
+
+    def _end(self, context: Context) -> float:
+        return float(context.session.max())
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(notes=(self.noted(item),))
+
+    def told(self, context: Context, location: str, theta: Theta) -> Told:
+        """Its Coulomb column over the sign of motion, or its viscous one over the velocity where it has no other."""
+        from scipy.ndimage import uniform_filter1d
+
+        j, samples = context.row(location), context.baseline.samples
+        columns = self.shape(context, location, theta).columns[j]
+        made: list[Array] = []
+        for column, unit in zip(columns.T, (context.sign(j), context.v[:, j]), strict=True):
+            parts = zip(*(samples.split(x) for x in (column * unit, unit**2)), strict=True)
+            made = [
+                uniform_filter1d(a, _SMOOTH) / np.maximum(uniform_filter1d(b, _SMOOTH), 1e-12)
+                for a, b in parts
+            ]
+            if column.any():
+                break
+        return Told(growth=made)
 
 
 class DriftInTrial(FrictionDrift):
@@ -96,6 +167,9 @@ class DriftInTrial(FrictionDrift):
 
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         return super().estimates(context, location, theta, fit) | {"in_each_trial": Estimate(1.0, None, "1")}
+
+    def _end(self, context: Context) -> float:
+        return max(float(trial.time[-1]) for trial in context.baseline.samples.trials)
 
 
 class HeatedFriction(FrictionDrift):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.friction_sign import SignChange, bent, damped_rate, sign_of_motion
 from excite.diagnosis.equations.own_columns import coulomb_level
 from excite.diagnosis.equations.presliding import RATIO, bend_further

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.bristle import Bristle, Static
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.friction.presliding import bent_excess
+from excite.diagnosis.effects.note import Beyond, JointStep, Note
 from excite.diagnosis.equations.friction_sign import SignChange, damping_of_bristles, sign_of_motion
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.diagnosis.equations.own_columns import coulomb_level
+from excite.diagnosis.equations.own_columns import COULOMB, coulomb_level
 
 # A Stribeck velocity nearer to the width of the sign change says how friction changes sign, no more.
 _APART = 2.5
@@ -28,6 +34,53 @@ _SETTLED = 0.9
 _LEFT = 0.1
 
 
+@dataclass(frozen=True)
+class Slow(Note):
+    """More dry friction at low speed, on the bristles that the joint's friction has, or on some of its own.
+
+    Attributes:
+        excess: at rest, over the level [N·m].
+        velocity: Stribeck velocity [rad/s].
+        exponent: of the decay; 2 where it is not given.
+        presliding: of the level, what bristles of its own hold [N·m].
+        breakaway: of these [rad].
+        bristle_damping: of these [N·m·s].
+    """
+
+    excess: float
+    velocity: float
+    exponent: float | None = None
+    presliding: float | None = None
+    breakaway: float | None = None
+    bristle_damping: float | None = None
+
+    beyond = Beyond.FRICTION
+
+    @property
+    def rubs(self) -> bool:
+        return True
+
+    @cached_property
+    def static(self) -> Static:
+        return Static(self.excess, self.velocity, 2.0 if self.exponent is None else self.exponent)
+
+    def bristle(self) -> Bristle | None:
+        if self.breakaway is None:
+            return None
+        return Bristle(self.breakaway, self.bristle_damping or 0.0, static=self.static)
+
+    def held(self, level: float) -> float:
+        # A fit may have bristles take less than none of a level, or more than all.
+        return min(max(self.presliding or 0.0, 0.0), max(level, 0.0))
+
+    def friction(self, level: float, at: JointStep) -> tuple[float, float]:
+        if self.breakaway is not None:
+            return level - self.held(float(level)), 0.0
+        if at.bends:
+            return level, 0.0
+        return level + self.static.excess * self.static.share(float(at.v)), 0.0
+
+
 class Stribeck(Effect):
     """``τ = f_s exp(−(|v|/v_s)²) sign(v)`` (Armstrong-Hélouvry et al. 1994, eq. 3; exponent 2)."""
 
@@ -38,6 +91,7 @@ class Stribeck(Effect):
     separating_motion = "constant speeds from below the Stribeck velocity to well above it"
     mujoco = "none of its own: a control callback"
     friction = True
+    note = Slow
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -64,6 +118,9 @@ class Stribeck(Effect):
         """
         left = coulomb_level(context.baseline.modelled, fit.own[context.row(location)])
         return theta[0] < _SETTLED * self.searched[0].high and left > -_LEFT * float(fit.extra[0])
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(notes=(self.noted(item),))
 
 
 class StribeckExponential(Stribeck):
@@ -124,7 +181,7 @@ class StribeckBristles(Stribeck):
         """Bristles that bend nearly like the baseline's can have any share of the level: no more than there is."""
         base, j = context.baseline, context.row(location)
         level = coulomb_level(base.modelled, base.fit.own[j])
-        too_much = "coulomb_friction" in base.modelled and beta[1] > _SHARE * max(level, 0.0)
+        too_much = COULOMB.asked(base.modelled) and beta[1] > _SHARE * max(level, 0.0)
         return not too_much and super().admissible(context, location, theta, beta)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.equations.own_columns import VISCOUS
 
 
 class ViscousFriction(Effect):
@@ -13,7 +16,12 @@ class ViscousFriction(Effect):
     confusable_with = ("coulomb_friction", "actuator_lag")
     separating_motion = "constant speeds from slow to fast, both ways"
     mujoco = "joint damping"
+    term = VISCOUS
+    twins_of_a_gain = ("torque_gain",)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         return Shape({j: context.v[:, [j]]})
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(viscous=item.value("coefficient"))

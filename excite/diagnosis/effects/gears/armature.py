@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.equations.own_columns import ARMATURE
 
 
 class Armature(Effect):
@@ -13,7 +16,12 @@ class Armature(Effect):
     confusable_with = ("link_inertia", "payload", "joint_elasticity")
     separating_motion = "fast motion of that joint in two postures with different link inertia"
     mujoco = "joint armature"
+    term = ARMATURE
+    twins_of_a_gain = ("torque_gain",)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
         return Shape({j: context.a[:, [j]]})
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(armature=item.value("inertia"))

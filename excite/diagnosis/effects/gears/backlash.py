@@ -2,17 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Theta
+from excite.diagnosis.effects.form import DEFLECTION, Draft, Form, Sizes
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping
-from excite.diagnosis.effects.gears.gear_effect import GearEffect
+from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
+from excite.diagnosis.effects.gears.soft_play import SoftPlay, add_soft_play
+from excite.diagnosis.effects.note import Beyond, Note
 from excite.diagnosis.equations.joint_torque import Fit
 
 # Share of the widest play that a search has to end below.
 _SETTLED = 0.9
+
+
+@dataclass(frozen=True)
+class Play(Note):
+    """Where a loose gear begins a roll-out of which nothing is told: at one end of its play.
+
+    Attributes:
+        width: of the play [rad].
+        softness: width over which contact comes on [rad].
+        stiffness: of such a contact [N·m/rad].
+    """
+
+    width: float
+    softness: float | None = None
+    stiffness: float | None = None
+
+    beyond = Beyond.START
+    every_step = False
+
+    def deflection(self, torque: float) -> float:
+        if self.softness is not None and self.stiffness is not None:
+            return -SoftPlay(0.5 * self.width, self.softness, self.stiffness, 0.0).deflection(torque)
+        return float(-0.5 * np.sign(torque) * self.width)
 
 
 class Backlash(GearEffect):
@@ -26,6 +54,7 @@ class Backlash(GearEffect):
     confusable_with = ("torque_bias", "stribeck", "joint_elasticity")
     separating_motion = "torque crossing zero at constant speed"
     mujoco = "a second joint with limited range behind the motor's"
+    note = Play
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -40,6 +69,18 @@ class Backlash(GearEffect):
     def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:
         """Play as wide as any that is searched is a soft gear that passes for it."""
         return theta[0] < _SETTLED * self.searched[0].high
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        def loose(draft: Draft) -> None:
+            # Its range is as wide as the play; its stops have the contact's frequency and damping.
+            joint = joint_behind(draft, item.location)
+            half = 0.5 * item.value("width")
+            joint.limited, joint.range = True, [-half, half]
+            ratio = item.value("damping_ratio", 1.0)
+            joint.solref_limit = [1.0 / (2.0 * np.pi * item.value("contact_hz", 20.0) * ratio), ratio]
+            joint.solimp_limit = [0.99, 0.99, 0.001, 0.5, 2.0]
+
+        return Form(elements=loose, notes=(self.noted(item),))
 
     def _between_contacts(
         self, context: Context, location: str, width: float, hertz: float, ratio: float
@@ -81,6 +122,22 @@ class SoftBacklash(Backlash):
 
     def gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return super().gear(context, location, theta)._replace(soft=theta[2])
+
+    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        values, j = super().sizes(context, location, theta, fit), context.row(location)
+        stiffness = contact_stiffness(context, j, values["contact_hz"])
+        return values | {"stiffness": stiffness, "damping": gear_damping(context, j, stiffness, 1.0)}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        def free(draft: Draft) -> None:
+            joint_behind(draft, item.location)
+
+        def held(draft: Draft) -> None:
+            of_contact = (item.value(name) for name in ("softness", "stiffness", "damping"))
+            play = SoftPlay(0.5 * item.value("width"), *of_contact)
+            add_soft_play(draft.spec, item.location + DEFLECTION, play)
+
+        return Form(elements=free, finish=held, notes=(self.noted(item),))
 
 
 class RoundBacklash(Backlash):

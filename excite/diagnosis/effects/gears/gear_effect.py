@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
+from typing import TYPE_CHECKING
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Shape, Theta, Told
+from excite.diagnosis.effects.form import DEFLECTION, Draft
 from excite.diagnosis.effects.gears.deflection import deflect
 from excite.diagnosis.effects.gears.gear import Behind, Gear
 from excite.diagnosis.effects.gears.gear_start import first_states
+
+if TYPE_CHECKING:
+    import mujoco
+
+# A motor whose rotor weighs nothing has no equation of motion of its own [kg·m²].
+_LEAST_ROTOR = 1e-4
 
 
 class GearEffect(Effect, ABC):
@@ -58,3 +67,14 @@ class GearEffect(Effect, ABC):
         gear = self.gear(context, location, theta)
         begin = first_states(context, j, behind, gear)
         return deflect(behind, gear, samples.starts, begin, 1.0 / samples.rate_hz)
+
+    def told(self, context: Context, location: str, theta: Theta) -> Told:
+        moved = self.deflection(context, location, theta)
+        return Told(deflection=context.baseline.samples.split(moved[:2].T))
+
+
+def joint_behind(draft: Draft, motor: str) -> mujoco.MjsJoint:
+    """A second joint of the body that a motor moves, behind the motor's, whose rotor alone the armature then is."""
+    joint = draft.joint(motor)
+    joint.armature = max(joint.armature, _LEAST_ROTOR)
+    return draft.moved_body(motor).add_joint(name=motor + DEFLECTION, type=joint.type, axis=joint.axis)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context
+from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.deflection import deflect
 from excite.diagnosis.effects.gears.gear import Behind, Gear
 from excite.diagnosis.equations.samples import ArmSamples

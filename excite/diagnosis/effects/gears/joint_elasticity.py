@@ -2,13 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Theta
+from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping, link_inertia
-from excite.diagnosis.effects.gears.gear_effect import GearEffect
+from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
+from excite.diagnosis.effects.note import Beyond, Note
+from excite.diagnosis.equations.joint_torque import Fit
+
+
+@dataclass(frozen=True)
+class Stretched(Note):
+    """Where a soft gear begins a roll-out of which nothing is told.
+
+    Attributes:
+        stiffness: [N·m/rad].
+        hardening_at: deflection at which it is twice as stiff as at rest [rad].
+    """
+
+    stiffness: float
+    hardening_at: float | None = None
+
+    beyond = Beyond.START
+    every_step = False
+
+    def deflection(self, torque: float) -> float:
+        linear, at = -torque / self.stiffness, np.inf if self.hardening_at is None else self.hardening_at
+        # x (1 + (x/x₀)²) = linear by Newton's method.
+        x = linear
+        for _ in range(30):
+            r = x / at
+            x -= (x * (1.0 + r * r) - linear) / (1.0 + 3.0 * r * r)
+        return x
 
 
 class JointElasticity(GearEffect):
@@ -22,6 +52,7 @@ class JointElasticity(GearEffect):
     confusable_with = ("armature", "backlash", "time_delay")
     separating_motion = "a chirp of that joint around the resonance"
     mujoco = "a second joint with stiffness and damping behind the motor's"
+    note = Stretched
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -38,6 +69,24 @@ class JointElasticity(GearEffect):
         """As many swings a second: a link that turns out lighter has a gear that is softer by as much."""
         before, after = (float(link_inertia(c, c.row(location)).mean()) for c in (old, new))
         return (theta[0] * after / before, *theta[1:])
+
+    def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
+        values = super().sizes(context, location, theta, fit)
+        damping = gear_damping(context, context.row(location), values["stiffness"], values["damping_ratio"])
+        return values | {"damping": damping}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        def soft(draft: Draft) -> None:
+            # MuJoCo's polynomial: force −(k₀ + k₁ |x| + k₂ x²) x.
+            joint = joint_behind(draft, item.location)
+            joint.stiffness = [item.value("stiffness"), 0.0, self.harder(item)]
+            joint.damping = [item.value("damping"), 0.0, 0.0]
+
+        return Form(elements=soft, notes=(self.noted(item),))
+
+    def harder(self, item: Sizes) -> float:
+        """Growth of the stiffness with the square of the deflection [N·m/rad³]."""
+        return 0.0
 
 
 class HardeningElasticity(JointElasticity):
@@ -63,3 +112,6 @@ class HardeningElasticity(JointElasticity):
 
     def gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return super().gear(context, location, theta)._replace(cubic=theta[2] ** -2)
+
+    def harder(self, item: Sizes) -> float:
+        return item.value("stiffness") / item.value("hardening_at") ** 2

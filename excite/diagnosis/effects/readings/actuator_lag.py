@@ -2,15 +2,37 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Draft, Form, Sizes
+from excite.diagnosis.effects.note import Beyond, Note
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4
+
+
+@dataclass(frozen=True)
+class FasterFilter(Note):
+    """The second of two filters in series, before that of the motors.
+
+    Attributes:
+        before: its time constant [s].
+    """
+
+    before: float
+
+    beyond = Beyond.CHANNEL
+    every_step = False
+
+    @property
+    def filter_before(self) -> float:
+        return self.before
 
 
 class ActuatorLag(Effect):
@@ -23,6 +45,8 @@ class ActuatorLag(Effect):
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
     smooths = True
+    note = FasterFilter
+    twins_without_torque = ("time_delay",)
 
     @property
     def richer(self) -> tuple[Effect, ...]:
@@ -41,6 +65,25 @@ class ActuatorLag(Effect):
         least = _SAMPLE / context.baseline.samples.rate_hz
         return beta[0] >= least and super().admissible(context, location, theta, beta)
 
+    def in_mujoco(self, item: Sizes) -> Form:
+        import mujoco
+
+        slow, fast = self.filters(item)
+
+        def lagging(draft: Draft) -> None:
+            for name in draft.joints:
+                motor = draft.motor(name)
+                motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+                # The filter's at the step's end: a command is half a step old, and so is the velocity of a servo.
+                motor.dynprm[0], motor.actearly = slow, True
+
+        notes = () if fast is None else (self.noted(replace(item, values={"before": fast})),)
+        return Form(elements=lagging, notes=notes)
+
+    def filters(self, item: Sizes) -> tuple[float, float | None]:
+        """Time constants of the motors' filter and of one before it [s]; None where there is no other."""
+        return item.value("time_constant"), None
+
 
 class SecondOrderLag(ActuatorLag):
     """``T₂² τ̈ + T τ̇ + τ = u``: two filters in series."""
@@ -58,3 +101,9 @@ class SecondOrderLag(ActuatorLag):
         second = [np.gradient(t, axis=0) * samples.rate_hz for t in samples.split(stacked)]
         rate = np.concatenate(second)
         return Shape({j: np.column_stack([first[j][:, 0], rate[:, j]]) for j in first})
+
+    def filters(self, item: Sizes) -> tuple[float, float | None]:
+        """``T₂² τ̈ + T τ̇ + τ = u`` as two filters in series, as like as they can be where it rings."""
+        total, square = item.value("time_constant"), item.value("second_order")
+        root = float(np.sqrt(max(0.25 * total**2 - square, 0.0)))
+        return 0.5 * total + root, 0.5 * total - root if square > 0.0 else None

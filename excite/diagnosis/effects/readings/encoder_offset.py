@@ -3,15 +3,37 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Draft, Form, Sizes
+from excite.diagnosis.effects.note import Beyond, Note
 from excite.diagnosis.equations.joint_torque import Fit
 
 _WIDEST = 0.3
 _SMALL = 2e-3
+
+
+@dataclass(frozen=True)
+class LoggedAlone(Note):
+    """An offset of the log's positions that the servo does not have.
+
+    Attributes:
+        in_log_only: the offset [rad].
+    """
+
+    in_log_only: float
+
+    beyond = Beyond.READING
+    every_step = False
+
+    @property
+    def log_offset(self) -> float:
+        return self.in_log_only
 
 
 class EncoderOffset(Effect):
@@ -28,6 +50,7 @@ class EncoderOffset(Effect):
     separating_motion = "elbow up and elbow down"
     mujoco = "joint ref"
     moves = True
+    note = LoggedAlone
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(1.0,)]
@@ -47,3 +70,9 @@ class EncoderOffset(Effect):
     def estimates(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, Estimate]:
         value, std = float(fit.extra[0]), float(fit.extra_std[0])
         return {"offset": Estimate(value, std if np.isfinite(std) else None, "rad")}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        def turned(draft: Draft) -> None:
+            draft.joint(item.location).ref = item.value("offset")
+
+        return Form(elements=turned)

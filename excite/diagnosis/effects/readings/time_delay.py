@@ -2,15 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Form, Sizes
+from excite.diagnosis.effects.note import Beyond, Note
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4
 # A little of a much longer delay is no delay: it smooths the model's torque, and the encoders' noise in it.
 _ALIKE = 1.7
+
+
+@dataclass(frozen=True)
+class Late(Note):
+    """A torque channel that is logged late: its torque is that of a later time.
+
+    Attributes:
+        delay: [s].
+    """
+
+    delay: float
+
+    beyond = Beyond.CHANNEL
+    every_step = False
+
+    @property
+    def late_by(self) -> float:
+        return self.delay
 
 
 class TimeDelay(Effect):
@@ -27,6 +50,8 @@ class TimeDelay(Effect):
     mujoco = "actuator delay (a ring buffer in the control callback)"
     timing = True
     smooths = True
+    of_channel = True
+    note = Late
 
     def locations(self, context: Context) -> tuple[str, ...]:
         return ("torque",)
@@ -49,3 +74,6 @@ class TimeDelay(Effect):
         least = _SAMPLE / context.baseline.samples.rate_hz
         same = theta[0] / _ALIKE <= beta[0] <= theta[0] * _ALIKE
         return same and beta[0] >= least and super().admissible(context, location, theta, beta)
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        return Form(notes=(self.noted(item),))

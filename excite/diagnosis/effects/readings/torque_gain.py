@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.effects.effect import Context, Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.equations.joint_torque import Fit
 
 
@@ -15,6 +17,7 @@ class TorqueGain(Effect):
     confusable_with = ("payload", "link_inertia", "load_dependent_friction")
     separating_motion = "the same motion with and without a known payload"
     mujoco = "actuator gear"
+    twins_of_a_gain = ("payload",)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:
         j = context.row(location)
@@ -24,3 +27,11 @@ class TorqueGain(Effect):
         error = super().estimates(context, location, theta, fit)
         std = error["gain_error"].std
         return {"gain": Estimate(1.0 + error["gain_error"].value, std, "1"), **error}
+
+    def in_mujoco(self, item: Sizes) -> Form:
+        def weaker(draft: Draft) -> None:
+            motor, gain = draft.motor(item.location), 1.0 + item.value("gain_error")
+            motor.gainprm[0] /= gain
+            motor.biasprm[0] /= gain
+
+        return Form(elements=weaker)

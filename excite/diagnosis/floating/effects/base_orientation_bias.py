@@ -9,6 +9,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.state import State
 
 
@@ -20,6 +21,8 @@ class BaseOrientationBias(FloatingEffect):
 
     name: ClassVar[str] = "base_orientation_bias"
     reads_as: ClassVar[str] = "constant horizontal sensor bias or external force; bending forward and turning"
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias", "external_force")
+    says = Beyond.MOTION
 
     def locations(self, state: State) -> tuple[str, ...]:
         """The base."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.floating.effects.form import Beyond, Part, StandingNote
 from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.diagnosis.floating.equations.state import State
 
@@ -42,8 +43,10 @@ class FloatingEffect(ABC):
         name: a word of the contract.
         form: which of several forms of the same physics it is; empty where there is but one.
         reads_as: what it is confused with, and what tells it apart.
-        mujoco: how a MuJoCo model has it; empty where it is noted beside the model.
-        changes_readings: whether it says something else of what the sensors read.
+        confusable_with: effects that can look alike, by name.
+        leaves: effects as which an approximate form of it leaves its own rest, at the same place.
+        says: the part of a MuJoCo model that has it, or why none can.
+        mujoco: the same in words; empty where it is noted beside the model.
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
             noise in the regressors' kinematics lets a fit to a clean record shrink it a little, and more so
             where the columns are made of accelerations.
@@ -54,8 +57,10 @@ class FloatingEffect(ABC):
     name: ClassVar[str]
     form: ClassVar[str] = ""
     reads_as: ClassVar[str]
+    confusable_with: ClassVar[tuple[str, ...]] = ()
+    leaves: ClassVar[tuple[str, ...]] = ()
+    says: ClassVar[Part | Beyond]
     mujoco: ClassVar[str] = ""
-    changes_readings: ClassVar[bool] = False
     least_shrink: ClassVar[float] = 0.1
     rough_steps: ClassVar[int] = 4
     price: float = 0.0
@@ -64,6 +69,11 @@ class FloatingEffect(ABC):
     def word(self) -> str:
         """What the library calls this form."""
         return self.form or self.name
+
+    @property
+    def changes_readings(self) -> bool:
+        """Whether it says something else of what the sensors read."""
+        return self.says is Beyond.READINGS
 
     @abstractmethod
     def locations(self, state: State) -> tuple[str, ...]:
@@ -92,6 +102,20 @@ class FloatingEffect(ABC):
     @abstractmethod
     def apply(self, state: State, location: str, theta: Array) -> State:
         """What is true if it is there with parameters ``theta``, given all else in ``state``."""
+
+    def in_mujoco(self, state: State, location: str, theta: Array) -> Part | StandingNote:
+        """What of a model has it, written from what :meth:`apply` makes of a state, or the note beside the model.
+
+        Args:
+            state: the nominal state.
+            location: its place.
+            theta: its parameters.
+        """
+        if isinstance(self.says, Part):
+            return self.says
+        names = [p.name for p in self.parameters(state, location)]
+        values = dict(zip(names, theta.tolist(), strict=True))
+        return StandingNote(self.word, location, values, self.holds(state.record), self.says)
 
     def columns(self, state: State, location: str, theta: Array) -> Array:
         """Minus the derivative of the residual with respect to ``theta``, ``(n, 6, k)``.

@@ -7,6 +7,7 @@ from typing import ClassVar
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.joint_turns import joint_turn
 from excite.diagnosis.floating.equations.state import State
 
@@ -18,6 +19,8 @@ class EncoderOffset(FloatingEffect):
     reads_as: ClassVar[str] = (
         "link length and inertia beyond the joint; postures that turn it against gravity"
     )
+    confusable_with: ClassVar[tuple[str, ...]] = ("link_length_error", "link_inertia")
+    says = Beyond.MOTION
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Joints."""

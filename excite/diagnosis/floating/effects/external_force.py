@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.effects.point_force import columns_of_force
 from excite.diagnosis.floating.equations.state import State
 
@@ -25,6 +26,8 @@ class ExternalForce(FloatingEffect):
 
     name: ClassVar[str] = "external_force"
     reads_as: ClassVar[str] = "sensor bias (the unloaded foot tells), base orientation (bend and turn)"
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias", "base_orientation_bias")
+    says = Beyond.FORCES
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Links."""

@@ -10,6 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.joint_turns import joint_turn
 from excite.diagnosis.floating.equations.state import State
 
@@ -27,6 +28,9 @@ class JointElasticity(FloatingEffect):
 
     name: ClassVar[str] = "joint_elasticity"
     reads_as: ClassVar[str] = "encoder offset, where the joint's load hardly changes"
+    confusable_with: ClassVar[tuple[str, ...]] = ("encoder_offset",)
+    leaves: ClassVar[tuple[str, ...]] = ("encoder_offset",)
+    says = Beyond.MOTION
     least_shrink: ClassVar[float] = 0.15
 
     def locations(self, state: State) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, segment_of
+from excite.diagnosis.floating.effects.form import Part
 from excite.diagnosis.floating.equations.state import State
 
 _NAMES = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -20,6 +21,8 @@ class LinkInertia(FloatingEffect):
 
     name: ClassVar[str] = "link_inertia"
     reads_as: ClassVar[str] = "constant sensor bias, and the neighbouring links where they move as one"
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias",)
+    says = Part.BODIES
     mujoco: ClassVar[str] = "body mass, pos and inertia"
 
     def locations(self, state: State) -> tuple[str, ...]:

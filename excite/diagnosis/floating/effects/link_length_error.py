@@ -8,6 +8,7 @@ from typing import ClassVar
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.effects.form import Part
 from excite.diagnosis.floating.equations.moved_branch import moved_branch
 from excite.diagnosis.floating.equations.state import State
 
@@ -17,6 +18,8 @@ class LinkLengthError(FloatingEffect):
 
     name: ClassVar[str] = "link_length_error"
     reads_as: ClassVar[str] = "sensor frame at the leg's end; inertia of what the joint carries"
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_frame_offset", "link_inertia")
+    says = Part.LENGTHS
     mujoco: ClassVar[str] = "body pos"
 
     def locations(self, state: State) -> tuple[str, ...]:

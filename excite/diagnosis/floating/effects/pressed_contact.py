@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.effects.point_force import columns_of_force
 from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.diagnosis.floating.equations.state import State
@@ -69,6 +70,8 @@ class PressedContact(FloatingEffect):
     name: ClassVar[str] = "unlogged_contact"
     form: ClassVar[str] = "pressed_contact"
     reads_as: ClassVar[str] = "a spring, where the link never leaves it"
+    confusable_with: ClassVar[tuple[str, ...]] = ("external_force",)
+    says = Beyond.FORCES
 
     def __init__(self, surface: Surface):
         self.surface = surface

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.state import State
 from excite.logs.columns import WRENCH_AXES
 
@@ -15,7 +16,8 @@ class SensorBias(FloatingEffect):
 
     name: ClassVar[str] = "sensor_bias"
     reads_as: ClassVar[str] = "constant external force, inertials, base orientation; the unloaded foot tells"
-    changes_readings: ClassVar[bool] = True
+    confusable_with: ClassVar[tuple[str, ...]] = ("external_force", "link_inertia", "base_orientation_bias")
+    says = Beyond.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Sensors."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.state import State
 from excite.logs.columns import WRENCH_AXES
 
@@ -15,7 +16,8 @@ class SensorCrosstalk(FloatingEffect):
 
     name: ClassVar[str] = "sensor_crosstalk"
     reads_as: ClassVar[str] = "a turn of the sensor's frame, which couples A to B and B to A"
-    changes_readings: ClassVar[bool] = True
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_frame_offset",)
+    says = Beyond.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Every ordered pair of axes of every sensor."""

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
+from excite.diagnosis.floating.effects.form import Part
 from excite.diagnosis.floating.equations.state import State
 
 
@@ -17,6 +18,8 @@ class SensorFrameOffset(FloatingEffect):
 
     name: ClassVar[str] = "sensor_frame_offset"
     reads_as: ClassVar[str] = "cross-talk between force axes; the last link's length for a foot sensor"
+    confusable_with: ClassVar[tuple[str, ...]] = ("sensor_crosstalk", "link_length_error")
+    says = Part.SENSORS
     mujoco: ClassVar[str] = "pos and quat of the site that is the sensor"
 
     def locations(self, state: State) -> tuple[str, ...]:

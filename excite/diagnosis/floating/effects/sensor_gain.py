@@ -7,6 +7,7 @@ from typing import ClassVar
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.state import State
 from excite.logs.columns import WRENCH_AXES
 
@@ -16,7 +17,8 @@ class SensorGain(FloatingEffect):
 
     name: ClassVar[str] = "sensor_gain"
     reads_as: ClassVar[str] = "with free inertials a gain common to all sensors is invisible"
-    changes_readings: ClassVar[bool] = True
+    confusable_with: ClassVar[tuple[str, ...]] = ("link_inertia",)
+    says = Beyond.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """Sensors, and each of their axes."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, joint_of, joints
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.joint_turns import joint_turn
 from excite.diagnosis.floating.equations.state import State
 
@@ -23,6 +24,8 @@ class SoftTissue(FloatingEffect):
 
     name: ClassVar[str] = "soft_tissue"
     reads_as: ClassVar[str] = "elasticity, where the joint's load is the segment's own inertia"
+    confusable_with: ClassVar[tuple[str, ...]] = ("joint_elasticity",)
+    says = Beyond.MOTION
     least_shrink: ClassVar[float] = 0.3
 
     def locations(self, state: State) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.diagnosis.floating.equations.state import State
 
@@ -18,7 +19,7 @@ class TimeDelay(FloatingEffect):
 
     name: ClassVar[str] = "time_delay"
     reads_as: ClassVar[str] = "nothing else follows the wrench's rate"
-    changes_readings: ClassVar[bool] = True
+    says = Beyond.READINGS
 
     def locations(self, state: State) -> tuple[str, ...]:
         """The wrench channels as a whole."""

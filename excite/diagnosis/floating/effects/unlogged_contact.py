@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.diagnosis.floating.equations.state import State
 
@@ -23,6 +24,8 @@ class UnloggedContact(FloatingEffect):
 
     name: ClassVar[str] = "unlogged_contact"
     reads_as: ClassVar[str] = "any force that comes and goes; two levels, and the same link each time"
+    confusable_with: ClassVar[tuple[str, ...]] = ("external_force",)
+    says = Beyond.FORCES
 
     def __init__(self, share: Array | None = None, coarse: Array | None = None, price: float = 0.0):
         self.share, self.coarse, self.price = share, coarse, price

@@ -12,6 +12,7 @@ from scipy.signal import cont2discrete, lfilter
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, points, segment_of
+from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.cross import cross
 from excite.diagnosis.floating.equations.state import State
 
@@ -42,6 +43,8 @@ class WobblingMass(FloatingEffect):
     name: ClassVar[str] = "soft_tissue"
     form: ClassVar[str] = "wobbling_mass"
     reads_as: ClassVar[str] = "an external force, and elasticity of the joints that carry the segment"
+    confusable_with: ClassVar[tuple[str, ...]] = ("external_force", "joint_elasticity")
+    says = Beyond.FORCES
     least_shrink: ClassVar[float] = 0.3
     # A resonance is narrow.
     rough_steps: ClassVar[int] = 10

@@ -17,8 +17,6 @@ _WITHIN_NOISE = 25.0
 # A further effect must close this share of the power above the noise that is still open, and of all of it;
 # more where one of its kind is accepted already, since that is what an approximate form leaves behind.
 _FURTHER_SHARE, _FURTHER_OF_ALL, _SAME_OF_ALL = 0.3, 0.002, 0.1
-# What an approximate form leaves at its own place by another name: a bend's mean is an offset.
-_LEAVES = {"joint_elasticity": "encoder_offset"}
 # A further effect that closes this share of what is still open need not be large beside the others.
 _CLOSES_ALL = 0.85
 _MOST_EFFECTS = 3
@@ -108,7 +106,7 @@ def _alike(found: Placed, further: Placed) -> bool:
     """Whether a further effect may be what an approximate form of one that was found leaves."""
     if found.effect.name == further.effect.name:
         return True
-    return found.location == further.location and _LEAVES.get(found.effect.name) == further.effect.name
+    return found.location == further.location and further.effect.name in found.effect.leaves
 
 
 def _beginnings(step: Step, baseline: Fitted) -> list[Step]:

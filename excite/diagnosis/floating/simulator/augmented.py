@@ -9,10 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.diagnosis.floating.effects.form import StandingNote
 from excite.diagnosis.floating.equations.problem import Problem
 from excite.diagnosis.floating.equations.state import State
 from excite.diagnosis.floating.search.refinement import Fitted, apply_all
-from excite.diagnosis.floating.simulator.noted import note_data, note_name
+from excite.diagnosis.floating.simulator.noted import write_note
 from excite.diagnosis.simulator.model_text import AugmentedModel, refused
 from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies, unphysical
 from excite.robot.robot import Robot
@@ -44,8 +45,9 @@ def standing_model(problem: Problem, fitted: Fitted) -> AugmentedModel:
         spec.option.gravity = problem.record.tree.gravity
         _add_sensors(spec, problem, state.placements)
         for number, (item, theta) in enumerate(zip(fitted.placed, fitted.theta, strict=True)):
-            if not item.effect.mujoco:
-                spec.add_text(name=note_name(number, item), data=note_data(problem.nominal, item, theta))
+            form = item.effect.in_mujoco(problem.nominal, item.location, theta)
+            if isinstance(form, StandingNote):
+                write_note(spec, number, form)
         spec.compile()
     except ValueError as error:
         raise refused(error) from error

@@ -1,0 +1,208 @@
+"""What every effect of arms promises: law, places, columns in the units that it states, and its form in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+import pytest
+
+from excite.arrays import Array
+from excite.diagnosis.answer.effect_summary import effect_summaries
+from excite.diagnosis.effects.bodies.base_tilt import BaseTilt, SteepTilt
+from excite.diagnosis.effects.bodies.link_length_error import LinkLengthError
+from excite.diagnosis.effects.bodies.payload import Payload
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
+from excite.diagnosis.effects.forces.torque_ripple import RippleHarmonics, TorqueRipple
+from excite.diagnosis.effects.form import Sizes
+from excite.diagnosis.effects.friction.stribeck import (
+    Stribeck,
+    StribeckBristles,
+    StribeckExponent,
+    StribeckExponential,
+)
+from excite.diagnosis.effects.gears.backlash import Backlash, DampedBacklash, RoundBacklash, SoftBacklash
+from excite.diagnosis.effects.gears.joint_elasticity import HardeningElasticity, JointElasticity
+from excite.diagnosis.effects.note import Beyond, JointStep, Note
+from excite.diagnosis.effects.readings.encoder_offset import EncoderOffset
+from excite.diagnosis.effects.readings.time_delay import TimeDelay
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.servo.encoders import LoggedOffset
+from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
+from excite.diagnosis.simulator.found import Found
+from excite.diagnosis.simulator.notes import read_notes
+from excite.logs.vocabulary import EFFECTS as WORDS
+from tests.diagnosis.effects.arm_record import Case, baseline, forms, place
+
+FORMS = forms()
+# Share of a joint's torques that an effect's columns are given, where nothing else is said below.
+_SHARE = 0.25
+# Parameters where a share of the torques would be no such thing, or would not show it in this record. Secants are taken
+# at the size itself; gears have to give way by degrees; a body has to be one that can be; a tilt turns gravity.
+_BODY = (0.6, 0.06, 0.01, 0.02, 0.01, 0.0, 0.02, 0.0, 0.0, 0.02)
+SIZES: dict[type[Effect], tuple[Theta, tuple[float, ...]]] = {
+    EncoderOffset: ((math.exp(0.1),), (0.1,)),
+    TimeDelay: ((0.03,), (0.03,)),
+    Payload: ((), _BODY),
+    LinkLengthError: ((), (0.02, 0.015, 0.02)),
+    BaseTilt: ((), (0.6, 0.3, 0.2, 0.1)),
+    SteepTilt: ((), (0.6, 0.3, 0.2, 0.1, -0.1)),
+    Stribeck: ((0.25,), (1.5,)),
+    StribeckExponential: ((0.25,), (1.5,)),
+    StribeckExponent: ((0.25, 1.2), (1.5,)),
+    StribeckBristles: ((0.25, 2e-3), (3.0, 0.4, 0.0)),
+    TorqueRipple: ((13.0,), (2.0, 1.0)),
+    RippleHarmonics: ((13.0,), (2.0, 1.0, 0.7, -0.7, 0.1, 0.1)),
+    JointElasticity: ((60.0, 0.2), ()),
+    HardeningElasticity: ((30.0, 0.2, 0.05), ()),
+    Backlash: ((0.08, 20.0), ()),
+    DampedBacklash: ((0.08, 20.0, 1.5), ()),
+    SoftBacklash: ((0.08, 6.0, 0.02), ()),
+    RoundBacklash: ((0.08, 20.0, 0.8), ()),
+}
+# Share of what a model without the effect is off that one with it may be off, beside what both are: columns of gears
+# and geometry are of first order, and a simulator's steps are not the samples.
+_LEFT, _SEEN = 0.15, 3.0
+
+
+def case(effect: Effect) -> Case:
+    """The effect where the record shows it well, with sizes that it shows."""
+    location = place(effect)
+    if type(effect) in SIZES:
+        theta, beta = SIZES[type(effect)]
+        return Case(effect, location, theta, np.array(beta))
+    context = Context(baseline(drives=effect.term is None))
+    grid = EFFECTS[effect.name].grid(context, location)
+    theta = grid[len(grid) // 2]
+    theta = theta if len(theta) == len(effect.searched) and effect.richer else effect.starts(theta)[0]
+    return Case(effect, location, theta, _shares(effect, effect.shape(context, location, theta), context))
+
+
+def _shares(effect: Effect, shape: Shape, context: Context) -> Array:
+    """Linear parameters at which each column adds its share of the torques, within bounds."""
+    beta = np.zeros(len(effect.linear))
+    total = np.sqrt((context.baseline.total**2).mean(axis=0))
+    for k, parameter in enumerate(effect.linear):
+        most = max(float(np.sqrt((c[:, k] ** 2).mean())) / total[j] for j, c in shape.columns.items())
+        beta[k] = np.clip(_SHARE / len(beta) / most, parameter.low, parameter.high)
+    return beta
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_columns_are_torques_of_joints_per_unit_of_its_parameters(name: str) -> None:
+    made = case(FORMS[name])
+    context, effect = made.context, made.effect
+    shape = effect.shape(context, made.location, made.theta)
+    n = len(context.v)
+    assert shape.columns or shape.offset
+    assert set(shape.columns) | set(shape.offset) <= set(range(len(context.joints)))
+    for columns in shape.columns.values():
+        assert columns.shape == (n, len(effect.linear)) and np.isfinite(columns).all()
+    for offset in shape.offset.values():
+        assert offset.shape == (n,) and np.isfinite(offset).all()
+    assert len(effect.widths) == len(effect.linear)
+    for t, parameter in zip(made.theta, effect.searched, strict=True):
+        assert parameter.low <= t <= parameter.high
+    estimates = effect.estimates(context, made.location, made.theta, made.fit)
+    assert estimates and all(item.unit and np.isfinite(item.value) for item in estimates.values())
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_model_with_it_follows_the_record_that_its_columns_say(name: str) -> None:
+    """Driven by the torques that the record needs with it, the model, written and loaded again, moves as recorded.
+
+    In SI units, at every joint, whatever of it is in the XML, in the drives or left to the runner.
+    """
+    made = case(FORMS[name])
+    base, found = made.context.baseline, made.found
+    model = augmented_model(base, [found])
+    plain = baseline_model(base).xml
+    if found.formless is not None:
+        assert found.form(base.samples.joints).absent in Beyond
+        assert found.formless in model.warnings
+        return
+    assert model.warnings == ()
+    missed = made.errors(plain, extra=np.zeros_like(base.total))
+    without, with_it = made.errors(plain), made.errors(model.xml)
+    assert np.linalg.norm(without) > _SEEN * np.linalg.norm(missed)
+    assert np.linalg.norm(with_it) ** 2 < np.linalg.norm(missed) ** 2 + (_LEFT * np.linalg.norm(without)) ** 2
+
+
+def acts(note: Note) -> dict[Beyond, bool]:
+    """By what a model cannot say, whether the note says such a thing."""
+    there = JointStep(carried=lambda: 1.0, q=0.1, v=0.1)
+    return {
+        Beyond.FRICTION: note.rubs,
+        Beyond.SPRING: note.torque(there) != 0.0,
+        Beyond.CHANNEL: note.late_by > 0.0 or note.filter_before > 0.0,
+        Beyond.READING: note.log_offset != 0.0,
+        Beyond.START: note.deflection(1.0) is not None,
+    }
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_what_is_left_to_the_runner_is_read_as_it_was_written_and_has_a_reason(name: str) -> None:
+    made = case(FORMS[name])
+    form = made.found.form(made.context.joints)
+    model = mujoco.MjModel.from_xml_string(augmented_model(made.context.baseline, [made.found]).xml)
+    read = read_notes(model)
+    assert [(item.word, item.place, item.note.text()) for item in read] == [
+        (item.word, item.place, item.note.text()) for item in form.notes
+    ]
+    for noted, again in zip(form.notes, read, strict=True):
+        assert type(noted.note) is type(again.note)
+        assert acts(noted.note)[noted.note.beyond]
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+def test_it_says_what_it_is_where_it_can_be_and_what_it_looks_like(effect: Effect) -> None:
+    context = Context(baseline(drives=effect.term is None))
+    links = {f.name for f in context.baseline.samples.robot.model.frames}
+    places = effect.locations(context)
+    assert places and set(places) <= {*context.joints, *links, "torque", "base"}
+    (summary,) = (s for s in effect_summaries() if (s.name, s.base) == (effect.name, "fixed"))
+    assert len(summary.law.split()) > 3 and summary.told_apart_by and summary.mujoco
+    assert summary.looks_like
+    known = {*WORDS, *EFFECTS}
+    related = (effect.confusable_with, effect.twins_without_torque, effect.twins_of_a_gain)
+    for name in (name for names in related for name in names):
+        assert name in known and name != effect.name
+    for form in (*effect.richer, *effect.forms):
+        assert form.name == effect.name
+    asked = ("rigid_body_fixed",) if effect.term is None else effect.term.words
+    assert not effect.offered((*asked, effect.name))
+
+
+class Formless(Effect):
+    """``τ = c q v``: nobody has given it a form."""
+
+    name = "formless"
+    linear: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficient", "N·m·s/rad²"),)
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j = context.row(location)
+        return Shape({j: (context.q[:, j] * context.v[:, j])[:, None]})
+
+
+def test_an_effect_without_a_form_is_said_to_have_none() -> None:
+    item = Found(Formless(), "elbow", {"coefficient": 1.0})
+    base = baseline(drives=True)
+    assert item.formless is not None and item.formless.startswith("formless has no form in a simulator")
+    model = augmented_model(base, [item])
+    assert model.warnings == (item.formless,)
+    assert model.xml == baseline_model(base).xml
+
+
+def test_only_what_an_effect_leaves_to_a_runner_is_noted() -> None:
+    with pytest.raises(TypeError, match="formless"):
+        Formless().noted(Sizes("elbow", {}))
+
+
+def test_an_offset_that_the_servo_does_not_have_is_left_to_the_runner() -> None:
+    offset = {"offset": 0.1}
+    form = LoggedOffset({"elbow": 100.0}, "none").in_mujoco(Sizes("elbow", {**offset, "in_log_only": 0.1}))
+    assert [item.note.log_offset for item in form.notes] == [0.1]
+    assert EncoderOffset().in_mujoco(Sizes("elbow", offset)).notes == ()
