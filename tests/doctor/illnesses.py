@@ -35,8 +35,9 @@ def _each(log: Log, change: Callable[[Trial], Trial], **header: object) -> Log:
 
 
 def _loaded(log: Log, rng: np.random.Generator, heaviest: int) -> int:
-    """One of the joints whose torque varies most."""
+    """One of the joints whose torque varies most; the first, whose axis mostly stands upright, left out."""
     size = np.concatenate([trial.tau for trial in log.trials]).std(axis=0)
+    size[0] = 0.0
     return int(rng.choice(np.argsort(-size)[:heaviest]))
 
 
@@ -167,8 +168,8 @@ def torque_late(log: Log, rng: np.random.Generator, strength: int) -> Log:
 
 
 def zero_position(log: Log, rng: np.random.Generator, strength: int) -> Log:
-    """A joint's zero off by 25 degrees, or a quarter turn."""
-    j = int(rng.integers(1, 4))
+    """The zero of a joint that carries much off by 25 degrees, or a quarter turn."""
+    j = _loaded(log, rng, 2)
     off = (np.radians(25.0), 0.5 * np.pi)[strength] * (1.0 if rng.random() < 0.5 else -1.0)
 
     def change(t: Trial) -> Trial:

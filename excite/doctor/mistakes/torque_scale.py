@@ -14,9 +14,9 @@ _SCALE_OFF = 1.6
 # A joint alone is told from the others where its factor is beyond what any gain of a sensor is.
 _ONE_OFF = 2.5
 # Joints whose model makes so large a share of the torque tell the factor.
-_TELLS = 0.3
-# Factors of the joints that tell agree within this, as logarithm: half of them lie so near to the median. Wrong masses
-# give every joint a factor of its own.
+_TELLS = 0.15
+# Factors of the joints that tell lie so near to their median, as logarithm. Wrong masses and loads give every joint a
+# factor of its own.
 _AGREES = 0.35
 
 
@@ -34,7 +34,7 @@ class TorqueScale(Mistake[TorqueSamples]):
         power = samples.measured_torque(reading).var(axis=0)
         if told.any() and power[told].sum() > 0.5 * power.sum() and (told.sum() > 1 or len(joints) == 1):
             factor = float(np.median(gains[told]))
-            spread = float(np.median(np.abs(np.log(gains[told] / factor)))) if factor > 0.0 else np.inf
+            spread = float(np.abs(np.log(gains[told] / factor)).max()) if factor > 0.0 else np.inf
             if spread < _AGREES and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
                 cause = (
                     "currents, another unit, or torques before the gear"
