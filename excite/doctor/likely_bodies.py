@@ -20,8 +20,8 @@ from excite.rows.drive_terms import smooth_sign
 
 # Standard deviation of a mass about its nominal value: a share of its own, and a share of the robot's for loads.
 _OWN, _LOAD = 0.3, 0.03
-# Centres of mass and extents that are wrong, beside a load's own [m].
-_ASTRAY_M = 0.07
+# Centres of mass and extents that are wrong, beside a load's own [m]: those of CAD models are off by 1 to 3 cm.
+_ASTRAY_M = 0.04
 # What is left beside the best rigid bodies is no noise but other physics, alike over whole motions: a trial of some
 # seconds says as much as so many independent samples.
 _EFFECTIVE = 50.0
