@@ -111,4 +111,4 @@ def _explains(samples: Samples, correction: Correction, left: Array, then: Array
     before, after = left[:-1], then[:-1]
     gaining = before - after > _GAINS
     concerned = gaining | np.array([name in correction.places for name in samples.channels])
-    return bool(gaining.any()) and bool((after[concerned] < 0.5 * np.log(_EXPLAINED)).all())
+    return bool((after[concerned] < 0.5 * np.log(_EXPLAINED)).all())
