@@ -13,7 +13,7 @@ from excite.campaign.candidates.series import SeriesSettings
 from excite.campaign.candidates.source import candidates_of, check_generator
 from excite.campaign.choice import Rule, choose
 from excite.campaign.planned import Plan
-from excite.campaign.pool import Keeper, Pool
+from excite.campaign.pool import Keeper, Pool, ranked_segments
 from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
@@ -100,7 +100,7 @@ def plan(
             remedy="see which limit refuses them, or ask for more candidates",
         )
     base = structural_base_parameters(robot)
-    pool = Pool(report.kept, folder)
+    pool = Pool(report.kept, folder, ranked_segments(robot))
     ranked = time.perf_counter()
     choice = choose(robot, pool, base, Rule(selection, budget_s), jobs, progress)
     pool = choice.pool
@@ -112,7 +112,7 @@ def plan(
     finished = time.perf_counter()
     return Plan(
         robot=robot,
-        generated=len(report.outcomes),
+        generated=report.generated,
         rejected=rejected,
         pool=pool,
         selection=choice.selection,

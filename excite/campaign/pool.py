@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.campaign.on_disk import OnDisk, write_value
 from excite.excitation.conditioning import MotionFactor, motion_factor
-from excite.excitation.ranking import Ranking, ranking
-from excite.excitation.sub_regressors import SegmentCondition, segment_columns, segment_conditions
+from excite.excitation.ranking import Ranking
+from excite.excitation.sub_regressors import segment_columns, segment_conditions
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.regressor.columns import measured_columns
@@ -22,7 +22,7 @@ from excite.temporary_folder import TemporaryFolder
 from excite.threads import one_blas_thread
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Accepted:
     """What is known of an accepted motion without reading it.
 
@@ -30,7 +30,8 @@ class Accepted:
         name: of the motion.
         generator: registry name of its generator.
         duration_s: [s]
-        conditions: of its segments' sub-regressors.
+        conditions: ``(n_segments, 2)`` condition numbers of its segments' sub-regressors, and their smallest singular
+            values [SI].
         motion: its file.
         factor: the file of its R factor.
     """
@@ -38,7 +39,7 @@ class Accepted:
     name: str
     generator: str
     duration_s: float
-    conditions: tuple[SegmentCondition, ...]
+    conditions: Array
     motion: Path
     factor: Path
 
@@ -64,7 +65,9 @@ class Keeper:
             name=motion.name,
             generator=motion.metadata.generator,
             duration_s=motion.duration,
-            conditions=segment_conditions(factor.matrix, _columns(robot)),
+            conditions=np.array(
+                [(c.condition, c.smallest) for c in segment_conditions(factor.matrix, _columns(robot))]
+            ),
             motion=write_value(motion, self.folder / f"{motion.name}.motion"),
             factor=write_value(factor, self.folder / f"{motion.name}.factor"),
         )
@@ -77,10 +80,12 @@ class Pool:
     Attributes:
         entries: one a motion.
         folder: that of their files.
+        segments: names of the segments that motions are ranked by, in the order of their conditions.
     """
 
     entries: tuple[Accepted, ...]
     folder: TemporaryFolder
+    segments: tuple[str, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -105,7 +110,8 @@ class Pool:
     @property
     def ranking(self) -> Ranking:
         """Condition numbers of each segment in each motion."""
-        return ranking(self.names, [entry.conditions for entry in self.entries])
+        conditions = np.array([entry.conditions for entry in self.entries])
+        return Ranking(self.names, self.segments, conditions[:, :, 0], conditions[:, :, 1])
 
     def without(self, fallen: set[str]) -> Pool:
         """The pool without motions of these names."""
@@ -128,6 +134,11 @@ class Pool:
                 break
             taken.append(index)
         return sorted(taken)
+
+
+def ranked_segments(robot: Robot) -> tuple[str, ...]:
+    """Names of the segments that motions of a robot are ranked by."""
+    return tuple(_columns(robot))
 
 
 @lru_cache(maxsize=4)

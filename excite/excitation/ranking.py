@@ -10,7 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.errors import InputError, UnknownNameError
 from excite.excitation.conditioning import MotionFactor
-from excite.excitation.sub_regressors import SegmentCondition, segment_columns, segment_conditions
+from excite.excitation.sub_regressors import segment_columns, segment_conditions
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Robot
 
@@ -69,23 +69,8 @@ def rank(robot: Robot, factors: Sequence[MotionFactor], base: BaseParameters | N
     if any(factor.columns.names != base.names for factor in factors):
         raise InputError("factors of different robots", remedy="rank motions of one robot")
     table = [segment_conditions(factor.matrix, columns) for factor in factors]
-    return ranking([" + ".join(factor.motions) for factor in factors], table)
-
-
-def ranking(motions: Sequence[str], table: Sequence[Sequence[SegmentCondition]]) -> Ranking:
-    """The ranking of motions whose segments were judged before.
-
-    Args:
-        motions: their names.
-        table: of each, its segments, in one order.
-
-    Raises:
-        InputError: no motion.
-    """
-    if not table:
-        raise InputError("no motion to rank", remedy="hand over at least one")
     return Ranking(
-        motions=tuple(motions),
+        motions=tuple(" + ".join(factor.motions) for factor in factors),
         segments=tuple(cell.segment for cell in table[0]),
         condition=np.array([[cell.condition for cell in row] for row in table]),
         smallest=np.array([[cell.smallest for cell in row] for row in table]),

@@ -61,54 +61,61 @@ class FilterReport:
     """What became of all candidates, in their order.
 
     Attributes:
-        outcomes: one per candidate.
+        generated: number of candidates.
+        outcomes: one per candidate; none where accepted motions were handed to ``keep``, so that memory does not grow
+            with the number of candidates.
+        kept: what ``keep`` made of the accepted motions.
+        rejected: number of rejected candidates by reason, the commonest first.
+        acceptance: share of accepted candidates by generator.
+        stage_seconds: processor time by stage, over all candidates and processes [s].
     """
 
+    generated: int
     outcomes: tuple[FilterOutcome, ...]
+    kept: tuple[Any, ...]
+    rejected: dict[str, int]
+    acceptance: dict[str, float]
+    stage_seconds: dict[str, float]
 
     @property
     def motions(self) -> tuple[Motion, ...]:
         """The accepted motions, but for those handed to ``keep``."""
         return tuple(o.motion for o in self.outcomes if o.accepted and o.motion is not None)
 
-    @property
-    def kept(self) -> tuple[Any, ...]:
-        """What ``keep`` made of the accepted motions."""
-        return tuple(o.kept for o in self.outcomes if o.accepted and o.kept is not None)
-
-    @property
-    def rejections(self) -> tuple[Rejection, ...]:
-        """Why the others were rejected."""
-        return tuple(outcome.rejection for outcome in self.outcomes if outcome.rejection is not None)
-
-    @property
-    def rejected(self) -> dict[str, int]:
-        """Number of rejected candidates by reason, the commonest first."""
-        counts = Counter(rejection.reason for rejection in self.rejections)
-        return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
-
-    @property
-    def acceptance(self) -> dict[str, float]:
-        """Share of accepted candidates by generator."""
-        made = Counter(outcome.generator for outcome in self.outcomes)
-        kept = Counter(outcome.generator for outcome in self.outcomes if outcome.accepted)
-        return {generator: kept[generator] / count for generator, count in sorted(made.items())}
-
-    @property
-    def stage_seconds(self) -> dict[str, float]:
-        """Processor time by stage, over all candidates and processes [s]."""
-        total: dict[str, float] = {}
-        for outcome in self.outcomes:
-            for stage, seconds in outcome.seconds.items():
-                total[stage] = total.get(stage, 0.0) + seconds
-        return total
-
     def summary(self) -> str:
         """One line for a person."""
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.rejected.items())
-        return f"{len(self.motions)} of {len(self.outcomes)} candidates accepted" + (
+        accepted = self.generated - sum(self.rejected.values())
+        return f"{accepted} of {self.generated} candidates accepted" + (
             f"; rejected: {reasons}" if reasons else ""
         )
+
+
+def _report(outcomes: Iterable[FilterOutcome], *, whole: bool) -> FilterReport:
+    """Count outcomes as they come; they are held where the report is to be ``whole``."""
+    held: list[FilterOutcome] = []
+    kept: list[Any] = []
+    made, accepted, reasons = Counter[str](), Counter[str](), Counter[str]()
+    seconds: dict[str, float] = {}
+    for outcome in outcomes:
+        made[outcome.generator] += 1
+        accepted[outcome.generator] += outcome.accepted
+        if outcome.rejection is not None:
+            reasons[outcome.rejection.reason] += 1
+        elif outcome.kept is not None:
+            kept.append(outcome.kept)
+        for stage, spent in outcome.seconds.items():
+            seconds[stage] = seconds.get(stage, 0.0) + spent
+        if whole:
+            held.append(outcome)
+    return FilterReport(
+        generated=made.total(),
+        outcomes=tuple(held),
+        kept=tuple(kept),
+        rejected=dict(sorted(reasons.items(), key=lambda item: (-item[1], item[0]))),
+        acceptance={name: accepted[name] / count for name, count in sorted(made.items())},
+        stage_seconds=seconds,
+    )
 
 
 class SafetyFilter:
@@ -186,11 +193,11 @@ def filter_candidates(
         jobs: number of processes, or an executor. The outcomes do not depend on it.
         total: how many candidates, where they do not say.
         progress: told after each candidate, stage ``filter``.
-        keep: called with the robot and each accepted motion where that was made; its answer stands in the outcome
-            in place of the motion, so that memory need not grow with the number of candidates.
+        keep: called with the robot and each accepted motion where that was made; its answer stands in the report
+            in place of all outcomes, so that memory need not grow with the number of candidates.
 
     Returns:
-        One outcome per candidate, in their order.
+        What became of the candidates, in their order.
 
     Raises:
         InputError: ``jobs`` is not what it may be.
@@ -204,7 +211,7 @@ def filter_candidates(
     outcomes = in_order(
         _work, candidates, jobs=jobs, shared=(robot, keep), total=total, stage="filter", progress=progress
     )
-    return FilterReport(tuple(outcomes))
+    return _report(outcomes, whole=keep is None)
 
 
 @lru_cache(maxsize=4)

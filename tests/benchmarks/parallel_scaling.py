@@ -46,7 +46,7 @@ def rows() -> list[Row]:
     wanted = _EFFICIENCY * min(2, cores)
     busy = sum(one.report.stage_seconds.values()) / _COUNT
     sent = len(pickle.dumps(next(iter(_proposals(1)))))
-    back = float(np.mean([len(pickle.dumps(Answer(outcome))) for outcome in one.report.outcomes]))
+    back = float(np.mean([len(pickle.dumps(Answer(kept))) for kept in one.report.kept]))
     kept = one.disk / max(1, len(one.report.kept))
     local, dask = _overhead(2), _overhead_of_dask()
     return [

@@ -41,13 +41,13 @@ if whole:
     accepted, repairs = len(made.accepted), 0.0
 else:
     from excite.temporary_folder import TemporaryFolder
-    from excite.campaign.pool import Keeper, Pool
+    from excite.campaign.pool import Keeper, Pool, ranked_segments
     from excite.motion.generators.registry import plan_candidates
     from excite.safety.filter import filter_candidates
     folder = TemporaryFolder()
     candidates = plan_candidates(robot, count, np.random.SeedSequence(1))
     report = filter_candidates(robot, candidates, jobs=2, keep=Keeper(folder.path))
-    Pool(report.kept, folder).ranking
+    Pool(report.kept, folder, ranked_segments(robot)).ranking
     accepted, repairs = len(report.kept), sum(report.stage_seconds.values())
 used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
 print(json.dumps({

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from excite.campaign.choice import Rule, candidates, choose
-from excite.campaign.pool import Keeper, Pool
+from excite.campaign.pool import Keeper, Pool, ranked_segments
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import select
 from excite.motion.generators.mixture import plan_candidates
@@ -97,7 +97,8 @@ def on_force_plates(robot: Robot) -> Robot:
 def _pool(robot: Robot) -> Pool:
     drawn = plan_candidates(robot, _CANDIDATES, np.random.SeedSequence(_SEED), mix=_MIX)
     folder = TemporaryFolder()
-    return Pool(filter_candidates(robot, drawn, jobs=2, keep=Keeper(folder.path)).kept, folder)
+    kept = filter_candidates(robot, drawn, jobs=2, keep=Keeper(folder.path)).kept
+    return Pool(kept, folder, ranked_segments(robot))
 
 
 def _conditions(
