@@ -23,6 +23,7 @@ from excite.campaign.result import Campaign, Iteration
 from excite.campaign.settings import CampaignSettings
 from excite.campaign.targets import Miss, joints_to_aim_at, misses
 from excite.claim import claimed
+from excite.errors import NoSolutionError
 from excite.excitation.conditioning import Conditioning, MotionFactor, conditioning, motion_factor
 from excite.excitation.weakness import unexcited
 from excite.identification.identify import identify
@@ -68,7 +69,7 @@ def campaign(
 
     Raises:
         InputError: the folder holds a campaign, or another one than asked for, or another run writes there.
-        NoSolutionError: no candidate is safe, or the estimator failed.
+        NoSolutionError: no candidate is safe, or the estimator failed; what earlier iterations found is written.
         LogError: a recorded log does not fit.
     """
     settings = settings or CampaignSettings()
@@ -82,7 +83,13 @@ def _run(state: _State) -> Campaign:
     settings, journal = state.settings, state.journal
     targets: tuple[str, ...] = ()
     for number in range(1, settings.max_iterations + 1):
-        planned = state.plan(number, targets)
+        try:
+            planned = state.plan(number, targets)
+        except NoSolutionError:
+            # What was identified so far is the best that there is.
+            if state.iterations:
+                state.finish()
+            raise
         log = state.run(number, planned)
         if log is None:
             return state.finish(awaits=journal.log_folder(number))

@@ -12,7 +12,7 @@ from excite.campaign.experiment import simulate
 from excite.campaign.loop import campaign
 from excite.campaign.result import Campaign
 from excite.campaign.settings import CampaignSettings
-from excite.errors import InputError
+from excite.errors import InputError, NoSolutionError
 from excite.motion.collection import load_motions
 from excite.robot.robot import Robot
 from tests.campaign.conftest import SMALL
@@ -85,3 +85,14 @@ def test_campaign_on_a_real_robot_waits_for_its_log(ur10: Robot, tmp_path: Path)
     simulate(ur10, motions, seed=9).save(waiting.awaits)
     finished = campaign(ur10, tmp_path, settings, resume=True)
     assert finished.awaits is None and finished.identification is not None
+
+
+def test_what_was_found_is_written_where_a_later_plan_fails(ur10: Robot, tmp_path: Path) -> None:
+    """Of five candidates; the one of the second iteration collides."""
+    asked = CampaignSettings(n_candidates=5, target_rsd=15.0, max_iterations=2, seed=3)
+    with pytest.raises(NoSolutionError, match="none of 1 candidates is safe"):
+        campaign(ur10, tmp_path / "campaign", asked)
+    found = json.loads((tmp_path / "campaign" / "campaign.json").read_text(encoding="utf-8"))
+    assert len(found["iterations"]) == 1
+    assert not found["targets_met"]
+    assert (tmp_path / "campaign" / "identification.json").is_file()
