@@ -420,7 +420,7 @@ _MAGNITUDES = (
     ("counter overflowed", _with("q.shoulder", 3, 2.0**31), "q.shoulder: is 2.147e"),
 )
 _CLOCKS = (
-    ("nanoseconds since 1970", _spoilt(time=1.7e18 + 1e7 * np.arange(ROWS)), "nanoseconds since 1970"),
+    ("nanoseconds since 1970, too slow", _spoilt(time=1.7e18 + 4e7 * np.arange(ROWS)), "nanoseconds since 1970"),
     ("milliseconds since 1970, too slow", _spoilt(time=1.7e12 + 35.0 * np.arange(ROWS)), "milliseconds since"),
     ("gap of 11 days", _spoilt(time=_CLOCK + 950400.0 * (np.arange(ROWS) > 99)), "gap of 11 days after 0.99 s"),
     ("one trial in no unit", _spoilt(time=3e4 * _CLOCK), "runs at"),

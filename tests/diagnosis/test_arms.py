@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.doctor import examine
+from excite.doctor.examine import examine
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
@@ -60,6 +60,6 @@ def test_repeated_rows_are_found_and_counted(gap_dir: Path):
         q[row], tau[row] = q[row - 1], tau[row - 1]
     dirty = replace(log, trials=(replace(first, q=q, tau=-tau), *log.trials[1:3]))
     chart = examine(nominal_robot(log), dirty)
-    kinds = [fault.kind for fault in chart.faults]
+    kinds = [fault.kind for fault in chart.findings]
     assert kinds.count("repeated_rows") == 1
-    assert len(chart.trials[0].time) == len(first.time) - 3
+    assert len(chart.log.trials[0].time) == len(first.time) - 3

@@ -140,6 +140,7 @@ def _every_error() -> list[ExciteError]:
         "OtherRobotError": errors.OtherRobotError("g1", "ur10", "a.parquet"),
         "LogError": errors.LogError("is 1", source="log"),
         "UnknownNameError": errors.UnknownNameError("joint", "elbow", ["knee", "hip"]),
+        "IllLogError": errors.IllLogError("no torques", source="log.yaml", findings=["bad"]),
         "UnsafeMotionError": errors.UnsafeMotionError("falls", verdicts=["bad"], remedy="no"),
         "NoSolutionError": errors.NoSolutionError("none", best=[1, 2], remedy="more"),
         "ExciteError": errors.ExciteError("plain"),

@@ -11,12 +11,12 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
-from excite.diagnosis.doctor import examine
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.samples import arm_samples
 from excite.diagnosis.equations.units import force_unit
 from excite.diagnosis.search.attribute import Attributor
+from excite.doctor.examine import examine
 from excite.logs.log import Log
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, to_png
 from excite.robot.robot import Robot
@@ -64,7 +64,7 @@ def with_torques(log: Log) -> Log:
 def curves(robot: Robot, log: Log, joints: Sequence[str]) -> list[Curves]:
     """What the steps of a diagnosis predict on its first validation trial."""
     log = with_torques(log)
-    samples = arm_samples(robot, log, examine(robot, log).trials)
+    samples = arm_samples(robot, log, examine(robot, log).log.trials)
     floor = spectral_floor(samples)
     baseline = fit_baseline(samples, log.header.modelled, floor)
     found = Attributor(baseline, floor).run()
