@@ -60,7 +60,8 @@ def identify(
     """Identify a robot's parameters from a log and judge them on its validation trials.
 
     Methods, by what they give (:func:`~excite.identification.estimators.summary.method_summaries` says when to take
-    which): base parameters from the data alone ``ls``, ``wls``, ``robust``; parameters near the nominal model
+    which): bodies that can exist, as near to the nominal ones as the log supports, ``adaptive``; base parameters from
+    the data alone ``ls``, ``wls``, ``robust``; parameters near the nominal model
     ``map``, ``qp``, ``hqp``; parameters within bounds ``cls1``, ``cls2``; parameters of bodies that can exist
     ``cls3``, ``lmi``, ``physical``.
 
