@@ -52,6 +52,7 @@ _PUBLIC = {
     "write_ranges": "excite.identification.sessions.compare",
     "identify_drive_gains": "excite.identification.load.drive_gains",
     "identify_load": "excite.identification.load.drive_gains",
+    "weigh_load": "excite.identification.load.weighing",
     "momentum_residual": "excite.identification.momentum_observer",
     "write_models": "excite.export.models.write",
     "write_urdf": "excite.export.models.urdf",
