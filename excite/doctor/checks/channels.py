@@ -28,12 +28,12 @@ class Channels(Check):
         reading, found = misreadings(samples, Reading.as_stated(log), OF_TORQUES)
         if not found:
             return Outcome(log)
-        imitated = tuple(
-            name for item in found if not item.correction.certain for name in item.mistake.imitates
+        doubts = frozenset(
+            doubt for item in found if not item.correction.certain for doubt in item.mistake.leaves
         )
         mended = any(item.correction.surprise is None for item in found)
         log = _without_scale(reading, found).of(log) if mended else log
-        return Outcome(log, tuple(_finding(item) for item in found), imitated)
+        return Outcome(log, tuple(_finding(item) for item in found), doubts)
 
 
 def _without_scale(reading: Reading, found: tuple[Misreading, ...]) -> Reading:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 from excite.arrays import Array
+from excite.doctor.doubt import Doubt
 from excite.doctor.reading import Reading
 
 
@@ -66,11 +67,11 @@ class Mistake(ABC, Generic[S]):
 
     Attributes:
         name: kind of its findings.
-        imitates: effects of a diagnosis that it would be taken for where it is not undone.
+        leaves: what is known only about where it could not be undone exactly.
     """
 
     name: ClassVar[str]
-    imitates: ClassVar[tuple[str, ...]] = ()
+    leaves: ClassVar[frozenset[Doubt]] = frozenset()
 
     @abstractmethod
     def corrections(self, samples: S, reading: Reading) -> Iterable[Correction]:

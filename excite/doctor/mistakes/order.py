@@ -24,7 +24,6 @@ class TorqueOrder(Mistake[TorqueSamples]):
     """Torques stand under another joint's name, positions do not."""
 
     name = "torque_order"
-    imitates = ("torque_gain", "joint_spring", "payload")
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         rows, order = linear_sum_assignment(samples.across(reading))
@@ -54,7 +53,6 @@ class Order(Mistake[TorqueSamples]):
     """Whole joints, or their positions alone, stand under another joint's name."""
 
     name = "order"
-    imitates = ("torque_gain", "joint_spring", "payload", "link_inertia")
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         n = len(samples.channels)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 
@@ -22,7 +23,7 @@ class TorqueLate(Mistake[Samples]):
     """The shift at which the torques agree with the motion."""
 
     name = "torque_late"
-    imitates = ("time_delay", "actuator_lag", "viscous_friction", "backlash")
+    leaves = frozenset({Doubt.DELAY})
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         if reading.late_s != 0.0:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
@@ -24,7 +25,7 @@ class TorqueScale(Mistake[TorqueSamples]):
     """All torques, or one joint's, larger or smaller than the nominal masses need."""
 
     name = "torque_scale"
-    imitates = ("torque_gain", "payload", "link_inertia")
+    leaves = frozenset({Doubt.SIZE})
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         gains, shares = samples.gains(reading)

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 
@@ -26,7 +27,7 @@ class ZeroPosition(Mistake[Samples]):
     """Gravity, and what joints do to each other, tell where a joint really is."""
 
     name = "zero_position"
-    imitates = ("encoder_offset", "joint_spring", "base_tilt")
+    leaves = frozenset({Doubt.POSITION})
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         start = float(samples.left(reading).sum())
