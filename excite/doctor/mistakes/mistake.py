@@ -7,6 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Generic, Protocol, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from excite.arrays import Array
 from excite.doctor.doubt import Doubt
 from excite.doctor.reading import Reading
@@ -25,6 +28,9 @@ class Samples(Protocol):
 
     def slides(self, joint: int) -> bool:
         """Whether a joint, by its index among ``joints``, slides instead of turning."""
+
+    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+        """Which channels the model's bodies make a good share of, ``(n_channels,)``; the rest is friction."""
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of the share of each channel's power that nothing explains, ``(n_channels,)``."""

@@ -29,8 +29,13 @@ class TorqueLate(Mistake[Samples]):
         if reading.late_s != 0.0:
             return
 
+        # Friction that builds up over a way after each reversal looks late, too; weights and inertia do not.
+        tells = samples.tells(reading)
+        if not tells.any():
+            return
+
         def left(late: float) -> float:
-            return float(samples.left(replace(reading, late_s=float(late))).sum())
+            return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
 
         scores = [left(late) for late in _GRID_S]
         best = float(_GRID_S[int(np.argmin(scores))])
