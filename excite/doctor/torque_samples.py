@@ -61,6 +61,11 @@ class TorqueSamples:
     _models: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
 
     @property
+    def measured_name(self) -> str:
+        """Torques."""
+        return "torques"
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """Joints that have a torque."""
         return tuple(self.joints[k] for k in self.measured)

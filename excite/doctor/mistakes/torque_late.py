@@ -47,7 +47,12 @@ class TorqueLate(Mistake[Samples]):
         if -_EARLY_S < best < _LATE_S:
             return
         which = "late" if best > 0.0 else "early"
-        text = f"torques look {1e3 * abs(best):.0f} ms {which} beside the positions"
+        text = f"{samples.measured_name} look {1e3 * abs(best):.0f} ms {which} beside the positions"
         yield Correction(
-            self.name, replace(reading, late_s=best), text, ("torque",), {"late_s": best}, certain=False
+            self.name,
+            replace(reading, late_s=best),
+            text,
+            (samples.measured_name,),
+            {"late_s": best},
+            certain=False,
         )

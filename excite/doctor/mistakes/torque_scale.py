@@ -26,6 +26,7 @@ class TorqueScale(Mistake[TorqueSamples]):
     """All torques, or one joint's, larger or smaller than the nominal masses need."""
 
     name = "torque_scale"
+    may_surprise = True
     leaves = frozenset({Doubt.SIZE})
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
@@ -55,6 +56,7 @@ class TorqueScale(Mistake[TorqueSamples]):
                     joints,
                     {"factor": factor},
                     surprise=abs(float(np.log(factor))),
+                    as_logged=True,
                     certain=False,
                 )
         if len(joints) == 1:
