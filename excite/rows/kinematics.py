@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -37,7 +37,7 @@ class TrialKinematics:
         v: ``(n, nv)``.
         a: ``(n, nv)``.
         valid: ``(n,)`` False in gaps and at the ends, where the filter's transient is.
-        moving: span in which a joint moves.
+        moving: span in which a joint moves; empty where none ever does.
     """
 
     time: Array
@@ -47,6 +47,15 @@ class TrialKinematics:
     a: Array
     valid: NDArray[np.bool_]
     moving: slice
+
+    @property
+    def standing(self) -> bool:
+        """Whether no joint ever moves."""
+        return self.moving.start == self.moving.stop
+
+    def at_rest(self) -> TrialKinematics:
+        """The same with no velocity and no acceleration: those of a robot that stands are its encoders' noise."""
+        return replace(self, v=np.zeros_like(self.v), a=np.zeros_like(self.a))
 
 
 def trial_kinematics(
@@ -65,7 +74,7 @@ def trial_kinematics(
         The kinematics at the trial's own rate.
 
     Raises:
-        LogError: too short for the filter, or nothing moves.
+        LogError: too short for the filter.
     """
     rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
     grid = trial.time if is_uniform(trial.time, rate) else uniform_grid(trial.time, rate)
@@ -87,7 +96,10 @@ def trial_kinematics(
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
     edge = max(3, settling_samples(rate, cutoff_hz))
     valid[:edge] = valid[n - edge :] = False
-    moving = slice(0, n) if robot.floating else moving_span(joints.first, settings.standstill_velocity)
+    moves = robot.floating or bool((np.abs(joints.first) > settings.standstill_velocity).any())
+    moving = slice(0, 0) if not moves else slice(0, n)
+    if moves and not robot.floating:
+        moving = moving_span(joints.first, settings.standstill_velocity)
     return TrialKinematics(grid, rate, q, v, a, valid, moving)
 
 
