@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm.diagnose import diagnose_arm
+from excite.diagnosis.doubtful import in_doubt, said
 from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.diagnosis.servo.currents import diagnose_currents
 from excite.diagnosis.servo.diagnose import diagnose_commands
@@ -54,14 +55,15 @@ def diagnose(
     chart.check_usable()
     found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
-    return replace(found, faults=chart.findings, warnings=(*limits, *found.warnings))
+    doubts = (said(chart.doubts),) if chart.doubts else ()
+    return replace(found, faults=chart.findings, warnings=(*limits, *doubts, *found.warnings))
 
 
 def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
     """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
     loaded = chart.log
-    modelled = tuple(dict.fromkeys((*loaded.header.modelled, *chart.imitated)))
-    if chart.imitated:
+    if chart.doubts:
+        modelled = in_doubt(loaded.header.modelled, chart.doubts)
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":
         return _of_arm(loaded.header.torque)(robot, loaded, rng, folder)
