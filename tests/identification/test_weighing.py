@@ -47,7 +47,8 @@ def test_a_calibration_load_tells_gains_and_load_within_their_intervals(robot, l
     truth = add_body(np.zeros(10), MASS, AT, 0.06)
     told = found.determined
     assert told[:4].all()
-    assert (np.abs(found.parameters - truth)[told] < 2.0 * found.half_width_95[told]).all()
+    inside = np.abs(found.parameters - truth)[told] < found.half_width_95[told]
+    assert inside[:4].all() and inside.mean() >= 0.8
     assert found.half_width_95[0] < 0.1 and abs(found.mass - MASS) < 0.05
     np.testing.assert_allclose(found.center, AT, atol=0.02)
     np.testing.assert_allclose(list(found.gains.values()), GAINS, rtol=0.03)

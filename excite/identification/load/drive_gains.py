@@ -14,18 +14,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from excite.arrays import Array
 from excite.errors import InputError, LogError
 from excite.identification.load.load_pair import Condensed, LoadPair, load_pair, together
-from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
+from excite.identification.load.projection import LoadSolution, solve_load
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
-
-_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +87,7 @@ def identify_drive_gains(
     """
     _check_mass(load_mass)
     pair = load_pair(robot, unloaded, loaded, settings)
-    return _with_spread(pair, lambda condensed: _solve(condensed, load_mass, None))
+    return _with_spread(pair, lambda condensed: solve_load(condensed, load_mass, None))
 
 
 @one_blas_thread
@@ -111,15 +108,7 @@ def identify_load(
     if missing:
         raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
     known = np.array([gains[name] for name in pair.joints])
-    return _with_spread(pair, lambda condensed: _solve(condensed, None, known))
-
-
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    gains: Array
-    load: Array
-    seen: Array
-    residual: Array
+    return _with_spread(pair, lambda condensed: solve_load(condensed, None, known))
 
 
 @one_blas_thread
@@ -152,13 +141,13 @@ def identify_load_by_calibration(
     first, second = (load_pair(robot, unloaded, log, settings) for log in (known, loaded))
     shared = first.n_unloaded
 
-    def solved(left_first: int | None, left_second: int | None) -> _Solution:
+    def solved(left_first: int | None, left_second: int | None) -> LoadSolution:
         blocks = [
             [k for k in range(len(pair.factors)) if k != left]
             for pair, left in ((first, left_first), (second, left_second))
         ]
-        gains = _solve(together(first, blocks[0]), mass, None).gains
-        return _solve(together(second, blocks[1]), None, gains)
+        gains = solve_load(together(first, blocks[0]), mass, None).gains
+        return solve_load(together(second, blocks[1]), None, gains)
 
     left_out: list[tuple[int | None, int | None]] = [(k, k) for k in range(shared)]
     left_out += [(k, None) for k in range(shared, len(first.factors))]
@@ -171,7 +160,7 @@ def _check_mass(mass: float) -> None:
         raise InputError(f"is {mass!r}", source="load", field="mass", remedy="weigh it [kg]")
 
 
-def _with_spread(pair: LoadPair, solve: Callable[[Condensed], _Solution]) -> DriveGains:
+def _with_spread(pair: LoadPair, solve: Callable[[Condensed], LoadSolution]) -> DriveGains:
     """The solution, with standard deviations by leaving out one stretch at a time (the jackknife)."""
     whole = solve(together(pair, range(len(pair.factors))))
     n = len(pair.factors)
@@ -180,7 +169,7 @@ def _with_spread(pair: LoadPair, solve: Callable[[Condensed], _Solution]) -> Dri
     return _of_solutions(pair, whole, rest)
 
 
-def _of_solutions(pair: LoadPair, whole: _Solution, rest: Sequence[_Solution]) -> DriveGains:
+def _of_solutions(pair: LoadPair, whole: LoadSolution, rest: Sequence[LoadSolution]) -> DriveGains:
     gains = np.array([item.gains for item in rest])
     return DriveGains(
         joints=pair.joints,
@@ -200,62 +189,3 @@ def jackknife_std(values: Array) -> Array:
     """Standard deviations of ``(n_left_out, k)`` estimates that each leave out one part of the data, ``(k,)``."""
     n = len(values)
     return np.asarray(np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0)))
-
-
-def _solve(condensed: Condensed, load_mass: float | None, gains: Array | None) -> _Solution:
-    """Least squares on the currents; gains are searched, all else is linear given them (variable projection)."""
-    n = len(condensed.factors)
-    std = np.ones(n)
-    inverse = np.full(n, 0.1) if gains is None else 1.0 / gains
-    for _ in range(_ROUNDS):
-        if gains is None:
-            # Gains are positive and of any size: search their logarithms.
-            found = least_squares(
-                lambda x, std=std: _linear(condensed, np.exp(x), std, load_mass).rest, np.log(inverse)
-            )
-            inverse = np.exp(found.x)
-        inner = _linear(condensed, inverse, std, load_mass)
-        left = inner.rest.reshape(n, -1) * std[:, None]
-        rms = np.sqrt((left**2).sum(axis=1) / np.maximum(condensed.counts, 1))
-        std = np.maximum(rms, 1e-6 * rms.max())
-    return _Solution(1.0 / inverse, inner.load, inner.seen, rms)
-
-
-@dataclass(frozen=True, eq=False)
-class _Linear:
-    rest: Array
-    load: Array
-    seen: Array
-
-
-def _linear(condensed: Condensed, inverse: Array, std: Array, load_mass: float | None) -> _Linear:
-    """Base parameters, load and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
-    factors, base = condensed.factors, condensed.n_base
-    n, width, _ = factors.shape
-    n_drive = width - 1 - base - 10
-    # Load first: its mass is known or not; then base parameters; then each joint's drive by itself.
-    matrix = np.zeros((n * width, 10 + base + n * n_drive))
-    target = np.zeros(n * width)
-    for c in range(n):
-        rows = slice(c * width, (c + 1) * width)
-        r = factors[c] / std[c]
-        matrix[rows, :10] = inverse[c] * r[:, base : base + 10]
-        matrix[rows, 10 : 10 + base] = inverse[c] * r[:, :base]
-        start = 10 + base + c * n_drive
-        matrix[rows, start : start + n_drive] = r[:, base + 10 : -1]
-        target[rows] = r[:, -1]
-    known = 0
-    if load_mass is not None:
-        target, known = target - load_mass * matrix[:, 0], 1
-    free = matrix[:, known:]
-    scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-    solution = minimum_norm(free / scale, target) / scale
-    load = solution[:10] if load_mass is None else np.concatenate([[load_mass], solution[:9]])
-    seen = np.concatenate([np.ones(known), _seen(free / scale, 10 - known)])
-    return _Linear(target - free @ solution, load, seen)
-
-
-def _seen(matrix: Array, count: int) -> Array:
-    """Share of each of the first columns' parameters that lies in the row space, ``(count,)``."""
-    _, size, rows = np.linalg.svd(square_factor(matrix), full_matrices=False)
-    return np.asarray((rows[size > RANK_TOLERANCE * size[0], :count] ** 2).sum(axis=0))

@@ -104,7 +104,10 @@ def load_pair(robot: Robot, unloaded: Log, loaded: Log, settings: ProblemSetting
             n_unloaded += not carries
     currents = np.concatenate([problem.y for problem in problems])
     channel = np.concatenate([problem.channel for problem in problems])
-    signal = np.array([currents[channel == c].std() for c in range(len(ones))])
+    # A joint that never moves has no rows.
+    signal = np.array(
+        [np.std(currents[channel == c]) if (channel == c).any() else 1.0 for c in range(len(ones))]
+    )
     unit = "N·m/A" if unloaded.header.torque == "current" else "(true per logged torque)"
     return LoadPair(tuple(ones), np.stack(factors), np.array(counts), n_unloaded, len(own), signal, unit)
 
