@@ -39,6 +39,10 @@ from excite.robot.quantities import (
 )
 from excite.robot.shapes.collision_block import CollisionBlock
 
+Base = Literal["fixed", "floating", "suspended", "held"]
+# Bases whose pose is part of the configuration.
+FREE_BASES: tuple[Base, ...] = ("floating", "suspended")
+
 
 class ModelFile(Block):
     """Where the URDF comes from: a data wheel (``package``) or a file beside ``robot.yaml``.
@@ -71,11 +75,14 @@ class LimitsBlock(Block):
 
 
 class FootBlock(Block):
-    """A foot: its link and the sole's corners in that link's frame, in order around the sole."""
+    """A foot: its link and the sole's corners in that link's frame, in order around the sole.
+
+    One corner is a point foot, which carries no moment; two are an edge, three or more a sole.
+    """
 
     name: Name
     link: str
-    sole: Annotated[tuple[Vector3, ...], Field(min_length=3)]
+    sole: Annotated[tuple[Vector3, ...], Field(min_length=1)]
     friction: FrictionCoefficient
     source: Source
 
@@ -94,8 +101,20 @@ class WrenchSensorBlock(Block):
     noise_moment: Noise
 
 
+class ImuBlock(Block):
+    """An inertial measurement unit: its link, and the noise of each axis [rad/s, m/s²]."""
+
+    link: str
+    noise_gyro: Noise
+    noise_acceleration: Noise
+
+
 class SensorsBlock(Block):
-    """What the robot measures, how often and how well (standard deviations of white noise)."""
+    """What the robot measures, how often and how well (standard deviations of white noise).
+
+    A base that is free needs ``wrench`` sensors in or under its feet, or ``joint_torque``: without the former the
+    contact wrenches are unknown and are taken out of the equations.
+    """
 
     rate_hz: Rate
     noise_position: Noise
@@ -104,6 +123,7 @@ class SensorsBlock(Block):
     noise_base_position: Noise = 0.0
     noise_base_orientation: Noise = 0.0
     wrench: tuple[WrenchSensorBlock, ...] = ()
+    imu: ImuBlock | None = None
     source: Source
 
 
@@ -152,13 +172,17 @@ class PostureBlock(Block):
 
 
 class RobotDescription(Block):
-    """The whole of ``robot.yaml``."""
+    """The whole of ``robot.yaml``.
+
+    ``base`` says what carries the robot: ``fixed`` to the world, ``floating`` on its feet, ``suspended`` in a harness
+    (free, no foot on the ground), ``held`` by a stand (still while the limbs move, no foot on the ground).
+    """
 
     schema_: Literal["excite.robot/1"] = Field(alias="schema")
     name: Name
     title: Name
     model: ModelFile
-    base: Literal["fixed", "floating"]
+    base: Base
     locked_joints: dict[str, JointValue] = Field(default_factory=dict)
     posture: PostureBlock
     limits: LimitsBlock
@@ -180,10 +204,17 @@ class RobotDescription(Block):
                 raise ValueError(
                     f"sensors.wrench {sensor.name}: foot {sensor.foot!r} is not among feet {sorted(feet)}"
                 )
-        if self.base == "fixed" and self.sensors.joint_torque is None:
-            raise ValueError("sensors.joint_torque: a fixed-base robot needs link_side or motor_side")
-        if self.base == "floating" and not self.sensors.wrench:
-            raise ValueError("sensors.wrench: a floating-base robot needs at least one contact wrench sensor")
+        if self.base == "floating":
+            if not self.feet:
+                raise ValueError(
+                    "feet: a floating base needs a foot to stand on; else it is suspended or held"
+                )
+            if not self.sensors.wrench and self.sensors.joint_torque is None:
+                raise ValueError(
+                    "sensors: a floating-base robot needs contact wrench sensors (wrench) or joint_torque"
+                )
+        elif self.sensors.joint_torque is None:
+            raise ValueError(f"sensors.joint_torque: a {self.base} base needs link_side or motor_side")
         return self
 
 
