@@ -66,14 +66,18 @@ def link_placement(model: pin.Model, link: str, source: object, field: str) -> t
     )
 
 
-def read_foot(model: pin.Model, description: RobotDescription, name: str, path: Path) -> Foot:
-    """A foot with the frame of its sole; raises RobotError."""
+def read_foot(
+    model: pin.Model, description: RobotDescription, name: str, path: Path, upright: Array
+) -> Foot:
+    """A foot with the frame of its sole, the robot resting at ``upright`` ``(nq,)``; raises RobotError."""
     block = next(foot for foot in description.feet if foot.name == name)
     joint, placement = link_placement(model, block.link, path, f"feet.{name}.link")
     corners = np.array([placement.act(np.array(corner)) for corner in block.sole])
     centre = corners.mean(axis=0)
     if len(corners) == 1:
-        rotation = placement.rotation
+        data = model.createData()
+        pin.forwardKinematics(model, data, upright)
+        rotation = data.oMi[joint].rotation.T
     elif len(corners) == 2:
         rotation = _edge_axes(corners, placement.rotation)
     else:

@@ -58,7 +58,8 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     joint_names = tuple(list(model.names)[2 if description.base in FREE_BASES else 1 :])
     check_joints(description, joint_names, path)
     segments = read_segments(model, description, path)
-    feet = tuple(read_foot(model, description, block.name, path) for block in description.feet)
+    upright = _upright(model, description, joint_names)
+    feet = tuple(read_foot(model, description, block.name, path, upright) for block in description.feet)
     sensors = read_sensors(model, description, segments, path)
     if description.sensors.imu is not None:
         link_placement(model, description.sensors.imu.link, path, "sensors.imu.link")
@@ -76,7 +77,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
         feet=feet if standing else (),
         sensors=sensors if standing else (),
         segments=segments,
-        rest=_rest(model, description, joint_names, feet),
+        rest=_rest(model, description, upright, feet),
     )
 
 
@@ -141,16 +142,20 @@ def _build_model(root: ElementTree.Element, description: RobotDescription, model
     return model
 
 
-def _rest(
-    model: pin.Model, description: RobotDescription, names: tuple[str, ...], feet: tuple[Foot, ...]
-) -> Array:
-    """Rest configuration; the lowest sole corner of a standing robot touches the ground."""
+def _upright(model: pin.Model, description: RobotDescription, names: tuple[str, ...]) -> Array:
+    """The posture of the description, the base oriented and at height zero."""
     q = pin.neutral(model)
     offset = 7 if description.base in FREE_BASES else 0
     if offset:
         q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*description.posture.base_rpy)).coeffs()
     for joint, angle in description.posture.joints.items():
         q[offset + names.index(joint)] = angle
+    return np.asarray(q)
+
+
+def _rest(model: pin.Model, description: RobotDescription, upright: Array, feet: tuple[Foot, ...]) -> Array:
+    """Rest configuration; the lowest sole corner of a standing robot touches the ground."""
+    q = upright.copy()
     if description.base in FREE_BASES:
         if description.posture.base_height is not None:
             q[2] = description.posture.base_height
@@ -159,4 +164,4 @@ def _rest(
             pin.forwardKinematics(model, data, q)
             heights = [data.oMi[foot.joint].act(corner)[2] for foot in feet for corner in foot.sole]
             q[2] -= min(heights)
-    return np.asarray(q)
+    return q

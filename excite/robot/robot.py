@@ -47,7 +47,7 @@ class Foot:
             point foot, two for an edge.
         placement: pose of a frame on the sole in the frame of ``joint``: origin at the mean of the
             corners, z along the sole's outward-from-ground normal, x along the link's x. A point foot's axes are
-            the link's; an edge's x runs along it.
+            the world's at rest; an edge's x runs along it.
         friction: Coulomb friction coefficient of the sole on the ground.
     """
 
