@@ -17,7 +17,7 @@ from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, least_squares, regression
 from excite.logs.log import Log, Trial, TrialHeader
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, closed_contacts, interpolate
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
@@ -125,7 +125,7 @@ def _statistics(problem: IdentificationProblem, noise: EquationNoise) -> Predict
 def _planned_log(robot: Robot, motions: Sequence[Motion], settings: ProblemSettings) -> Log:
     """The log that the motions would leave, without noise, of forces only what the model may fail to explain."""
     own = robot.description.sensors.rate_hz
-    filters = settings.filters(floating=robot.floating)
+    filters = settings.filters(floating=robot.measures_contacts)
     step = max(1, int(own / (_SAMPLES_A_CUTOFF * min(filters.kinematics_cutoff_hz, own))))
     rate = own / step
     headers = tuple(TrialHeader(file=f"{motion.name}.parquet", role="identification") for motion in motions)
@@ -145,6 +145,7 @@ def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
         tau=None if robot.description.sensors.joint_torque is None else _sharp_friction(robot, sampled.v),
         base=sampled.q[:, :7] if robot.floating else None,
         wrenches={sensor.name: np.zeros((n, 6)) for sensor in robot.sensors},
+        contacts=dict(zip((f.name for f in robot.feet), closed_contacts(robot, sampled).T, strict=True)),
     )
 
 

@@ -43,7 +43,7 @@ def excitable(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.b
     if columns.names != base.names:
         raise InputError("base parameters of other columns than the robot's", source=robot.name)
     random = np.random.default_rng(seed)
-    n = 3 * len(columns.names) // (6 if robot.floating else robot.n_joints) + 1
+    n = 3 * len(columns.names) // robot.n_equations + 1
     stances: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
     parts = []
     for foot in stances:

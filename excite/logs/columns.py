@@ -57,7 +57,7 @@ def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
         if sensor.name in trial.wrenches:
             wrench = trial.wrenches[sensor.name]
             columns |= {f"wrench.{sensor.name}.{axis}": wrench[:, i] for i, axis in enumerate(WRENCH_AXES)}
-    return columns
+    return columns | {f"contact.{name}": flags.astype(float) for name, flags in trial.contacts.items()}
 
 
 def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeader, file: Path) -> Trial:
@@ -101,6 +101,11 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         time=values["time"],
         base=base,
         wrenches=wrenches,
+        contacts={
+            foot.name: values[f"contact.{foot.name}"] > 0.5
+            for foot in header.feet
+            if f"contact.{foot.name}" in values
+        },
         session=entry.session,
         start_s=entry.start_s,
         repeats=None if entry.repeats is None else Path(entry.repeats).stem,
@@ -161,17 +166,20 @@ def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list
     groups["base"] = list(BASE_POSE)
     for sensor in header.sensors:
         groups[f"wrench.{sensor.name}"] = [f"wrench.{sensor.name}.{axis}" for axis in WRENCH_AXES]
+    for foot in header.feet:
+        groups[f"contact.{foot.name}"] = [f"contact.{foot.name}"]
     required = {"time", "q"}
+    required |= set() if header.measures_contacts else {f"contact.{foot.name}" for foot in header.feet}
     required |= {"tau"} if header.torque in {"motor_side", "link_side"} else set()
     required |= {"i"} if header.torque == "current" else set()
-    required |= {"base"} if header.base != "fixed" else set()
+    required |= {"base"} if header.free_base else set()
     required |= {f"wrench.{sensor.name}" for sensor in header.sensors} if header.base == "floating" else set()
     allowed = {name for names in groups.values() for name in names}
     allowed |= {f"{prefix}.{joint}" for prefix in ("tau", "i") for joint in header.no_torque}
     for name in present:
-        if name not in allowed and name.split(".")[0] in {*_JOINT_CHANNELS, "base", "wrench"}:
+        if name not in allowed and name.split(".")[0] in {*_JOINT_CHANNELS, "base", "wrench", "contact"}:
             raise LogError(
-                "names no joint or sensor of log.yaml",
+                "names no joint, sensor or foot of log.yaml",
                 source=file,
                 field=name,
                 remedy="correct one of the two",

@@ -114,7 +114,7 @@ def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | Non
     """Text of the nominal model, its joints checked against the header's."""
     if robot is not None:
         _check_joints(header.joints, robot.joint_names, path)
-        if robot.floating != (header.base != "fixed"):
+        if robot.floating != header.free_base:
             raise LogError(
                 f"is {header.base}, unlike that of robot {robot.name!r}",
                 source=path,

@@ -49,6 +49,14 @@ class SensorHeader(_Block):
     noise_moment: Noise | None = None
 
 
+class FootHeader(_Block):
+    """A foot whose contact flag is logged: its link, and corners of its sole in that link's frame, one for a point."""
+
+    name: Name
+    link: Name
+    sole: tuple[tuple[Length, Length, Length], ...] = Field(min_length=1, max_length=MAX_NAMES)
+
+
 class TrialHeader(_Block):
     """One trial: its file, relative to ``log.yaml``, and what it is for."""
 
@@ -67,12 +75,13 @@ class LogHeader(_Block):
     ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move,
     but their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their
     joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
-    then the motors', reflected through their own gears.
+    then the motors', reflected through their own gears. ``feet`` are those that carry a floating base whose contact
+    wrenches nobody measures; their flags are the columns ``contact.NAME``.
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
     robot: Text
-    base: Literal["fixed", "floating", "suspended"]
+    base: Literal["fixed", "floating", "suspended", "held"]
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     rate_hz: Rate
     lowpass_hz: Cutoff | None = None
@@ -85,8 +94,19 @@ class LogHeader(_Block):
     base_link: Name | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None
     sensors: tuple[SensorHeader, ...] = Field(default=(), max_length=MAX_NAMES)
+    feet: tuple[FootHeader, ...] = Field(default=(), max_length=MAX_NAMES)
     modelled: tuple[Name, ...] = Field(default=("rigid_body",), max_length=MAX_NAMES)
     trials: tuple[TrialHeader, ...] = Field(min_length=1, max_length=MAX_TRIALS)
+
+    @property
+    def free_base(self) -> bool:
+        """Whether the base moves, so that its pose is logged."""
+        return self.base in ("floating", "suspended")
+
+    @property
+    def measures_contacts(self) -> bool:
+        """Whether wrench sensors see all that carries the base, so that the base's rows are the equations."""
+        return self.base == "floating" and bool(self.sensors)
 
     @property
     def torque_joints(self) -> tuple[str, ...]:
@@ -153,6 +173,7 @@ class Trial:
         a: measured accelerations ``(n, n_joints)``.
         base: base pose ``(n, 7)``: x y z qx qy qz qw, world frame.
         wrenches: by sensor name, ``(n, 6)``: force [N] then moment [N·m] on the robot, in the sensor's frame.
+        contacts: by foot name, ``(n,)`` whether it carries.
         session: session name.
         start_s: when the trial began within its session [s].
         repeats: stem of the trial whose command this one repeats.
@@ -171,6 +192,7 @@ class Trial:
     a: Array | None = None
     base: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
+    contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     session: str | None = None
     start_s: float | None = None
     repeats: str | None = None
@@ -199,6 +221,7 @@ class Trial:
             a=taken(self.a),
             base=taken(self.base),
             wrenches={name: values[which] for name, values in self.wrenches.items()},
+            contacts={name: flags[which] for name, flags in self.contacts.items()},
         )
 
 

@@ -66,12 +66,12 @@ def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) ->
         source: file to name in errors.
 
     Returns:
-        A robot that differs in ``model.gravity`` and ``sensors`` only.
+        A robot that differs in ``model.gravity`` and ``sensors`` only; one that hangs stands on no feet.
 
     Raises:
         LogError: base, joints, base link or sensors do not fit the robot.
     """
-    if robot.floating != (header.base != "fixed"):
+    if robot.floating != header.free_base:
         raise LogError(f"is {header.base}, unlike that of robot {robot.name!r}", source=source, field="base")
     for joint in header.joints:
         if joint not in robot.joint_names:
@@ -84,6 +84,8 @@ def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) ->
     model = robot.model.copy()
     model.gravity.linear = np.array(header.gravity)
     sensors = tuple(_sensor(robot, sensor, source) for sensor in header.sensors)
+    if header.base == "suspended":
+        return replace(robot, model=model, sensors=(), feet=())
     return replace(robot, model=model, sensors=sensors)
 
 

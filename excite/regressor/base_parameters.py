@@ -125,7 +125,7 @@ def structural_base_parameters(
     """
     columns = measured_columns(robot, drives)
     random = np.random.default_rng(seed)
-    rows_a_sample = 6 if robot.floating else robot.n_joints
+    rows_a_sample = robot.n_equations
     n = 3 * len(columns.names) // rows_a_sample + 1
     q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
     if robot.floating:

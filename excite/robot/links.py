@@ -66,9 +66,7 @@ def link_placement(model: pin.Model, link: str, source: object, field: str) -> t
     )
 
 
-def read_foot(
-    model: pin.Model, description: RobotDescription, name: str, path: Path, upright: Array
-) -> Foot:
+def read_foot(model: pin.Model, description: RobotDescription, name: str, path: Path, upright: Array) -> Foot:
     """A foot with the frame of its sole, the robot resting at ``upright`` ``(nq,)``; raises RobotError."""
     block = next(foot for foot in description.feet if foot.name == name)
     joint, placement = link_placement(model, block.link, path, f"feet.{name}.link")

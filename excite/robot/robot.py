@@ -169,6 +169,19 @@ class Robot:
         return 6 if self.floating else 0
 
     @property
+    def measures_contacts(self) -> bool:
+        """Whether wrench sensors see all that carries a free base, so that the base's rows are its equations.
+
+        Else the joints' rows are: of a fixed base, or with unmeasured contact forces taken out.
+        """
+        return self.floating and bool(self.sensors)
+
+    @property
+    def n_equations(self) -> int:
+        """Number of its equations a sample: 6 rows of the base, or one a joint."""
+        return 6 if self.measures_contacts else self.n_joints
+
+    @property
     def base_link(self) -> str:
         """Link whose pose is the base's."""
         return self.segments[0].link if self.floating else "world"

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.logs.log import LogHeader, SensorHeader, Trial, TrialHeader
+from excite.logs.log import FootHeader, LogHeader, SensorHeader, Trial, TrialHeader
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
 from excite.simulation.drives import nominal_drives
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
+
+
+# Share of the weight above which a foot counts as carrying: what it carries below that is lost in the torques' noise.
+CONTACT_SHARE = 0.005
 
 
 def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random.Generator) -> Trial:
@@ -24,7 +29,7 @@ def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random
         rng: source of the noise; numbers are drawn in a fixed order whatever the level of noise.
 
     Returns:
-        The trial: joint positions and commands; for a floating base its pose and the contact wrenches; joint
+        The trial: joint positions and commands; for a floating base its pose, and the contact wrenches or flags; joint
         torques where the robot measures them.
     """
     for reading in virtual.readings:
@@ -57,7 +62,14 @@ def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random
         q_cmd=recording.q_cmd,
         base=base,
         wrenches=wrenches,
+        contacts={} if robot.measures_contacts else contact_flags(robot, recording),
     )
+
+
+def contact_flags(robot: Robot, recording: Recording) -> dict[str, NDArray[np.bool_]]:
+    """Whether the ground presses on each foot, as a switch in it would say, ``(n,)`` by foot name."""
+    threshold = CONTACT_SHARE * robot.mass * float(np.linalg.norm(robot.description.gravity))
+    return {foot.name: recording.contacts[foot.name][:, 2] > threshold for foot in robot.feet}
 
 
 def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
@@ -77,7 +89,7 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
     return LogHeader(
         schema="excite.log/1",
         robot="robot.urdf",
-        base="floating" if robot.floating else "fixed",
+        base=description.base,
         gravity=description.gravity,
         rate_hz=description.sensors.rate_hz,
         joints=robot.joint_names,
@@ -93,7 +105,8 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
         },
         base_link=robot.base_link if robot.floating else None,
         wrench="on_robot_in_sensor_frame" if robot.sensors else None,
-        sensors=_sensor_headers(robot),
+        sensors=_sensor_headers(robot) if robot.sensors else (),
+        feet=() if robot.measures_contacts else _foot_headers(robot),
         modelled=tuple(modelled),
         trials=trials,
     )
@@ -114,6 +127,11 @@ def _sensor_headers(robot: Robot) -> tuple[SensorHeader, ...]:
         )
         for block in robot.description.sensors.wrench
     )
+
+
+def _foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
+    blocks = {block.name: block for block in robot.description.feet}
+    return tuple(FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole) for f in robot.feet)
 
 
 def _noisy_pose(pose: Array, position: Array, rotation: Array) -> Array:

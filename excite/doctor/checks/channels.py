@@ -20,7 +20,7 @@ class Channels(Check):
     kinds = tuple(mistake.name for mistake in OF_TORQUES)
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
-        if log.header.base != "fixed" or log.header.torque in {None, "none"}:
+        if log.header.free_base or log.header.torque in {None, "none"}:
             return Outcome(log)
         samples = torque_samples(robot, log)
         if samples is None:

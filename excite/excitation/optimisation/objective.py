@@ -152,7 +152,7 @@ class Objective:
         self._columns: Columns = measured_columns(robot, drives)
         self._criterion = criterion
         self.independent, size = _base(layout, self._columns, independent)
-        n_rows = 6 if robot.floating else robot.n_joints
+        n_rows = robot.n_equations
         noise = row_noise(robot) if criterion.weighted else np.ones(n_rows)
         self._weights = 1.0 / noise
         rate = robot.description.sensors.rate_hz
@@ -204,7 +204,9 @@ class Objective:
 
     def _rows(self, q: Array, v: Array, a: Array, sign: Array) -> Array:
         """Weighted base columns, ``(n·n_rows, n_base)``."""
-        model_rows = base_link_regressor if self._sampling.layout.robot.floating else joint_torque_regressor
+        model_rows = (
+            base_link_regressor if self._sampling.layout.robot.measures_contacts else joint_torque_regressor
+        )
         rows = np.zeros((len(q), len(self._weights), len(self._columns.names)))
         rows[:, :, : len(self._inertial)] = model_rows(self._tree, q, v, a)[:, :, self._inertial]
         values = {"viscous": v, "coulomb": sign, "offset": np.ones_like(v), "armature": a}
@@ -219,7 +221,7 @@ def _base(
     """Base columns when only the layout's joints move, and the sizes of their parameters."""
     robot = layout.robot
     random = np.random.default_rng(0)
-    n_rows = 6 if robot.floating else robot.n_joints
+    n_rows = robot.n_equations
     n = 3 * len(columns.names) // n_rows + 1
     q = np.tile(robot.rest, (n, 1))
     v, a = np.zeros((2, n, robot.model.nv))

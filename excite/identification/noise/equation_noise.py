@@ -18,7 +18,8 @@ from excite.errors import InputError
 from excite.identification.noise.correlated import fft_length
 from excite.identification.noise.trial_grid import TrialGrid
 from excite.identification.problem import IdentificationProblem
-from excite.motion.motion import Motion, interpolate
+from excite.motion.motion import Motion, closed_contacts, interpolate
+from excite.regressor.contact_forces import contact_elimination
 from excite.regressor.wrench import base_wrench
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
@@ -158,7 +159,7 @@ def equation_noise(
         log_hz: rate at which the sensors are read [Hz].
 
     Raises:
-        InputError: an arm whose description does not state the noise of its torques.
+        InputError: joint torques whose description does not state the noise of its torques.
     """
     sources = []
     for grid in grids:
@@ -166,7 +167,7 @@ def equation_noise(
         motion = motions[problem.trial_names[int(problem.trial[grid.rows[0]])]]
         time = np.clip(start + grid.step_s * np.arange(grid.n_samples), motion.time[0], motion.time[-1])
         sampled = interpolate(motion, robot, time)
-        force = _wrench_source(robot, sampled) if robot.floating else _torque_source(robot, sampled)
+        force = _wrench_source(robot, sampled) if robot.measures_contacts else _torque_source(robot, sampled)
         sources.append((force, _position_source(robot, problem, sampled)))
     return EquationNoise(problem, tuple(grids), tuple(sources), log_hz)
 
@@ -182,7 +183,13 @@ def _torque_source(robot: Robot, motion: Motion) -> NoiseSource:
             remedy="state its standard deviation",
         )
     gain = np.broadcast_to(np.eye(robot.n_joints), (motion.n_samples, robot.n_joints, robot.n_joints))
+    if robot.floating:
+        gain = _elimination(robot, motion)[:, :, robot.n_base_v :]
     return NoiseSource(std, (gain,), positions=False)
+
+
+def _elimination(robot: Robot, motion: Motion) -> Array:
+    return contact_elimination(robot, motion.q, closed_contacts(robot, motion))
 
 
 def _wrench_source(robot: Robot, motion: Motion) -> NoiseSource:
@@ -197,12 +204,16 @@ def _wrench_source(robot: Robot, motion: Motion) -> NoiseSource:
 
 
 def _position_source(robot: Robot, problem: IdentificationProblem, motion: Motion) -> NoiseSource:
-    """Derivatives of the inverse dynamics of the nominal model and its drives."""
+    """Derivatives of the inverse dynamics of the nominal model and its drives.
+
+    Where contact forces are taken out, how these change with position is left out: it is the stiffness of the
+    contacts' geometry, of the order of gravity's own.
+    """
     sensors, model = robot.description.sensors, robot.model
     std = np.full(model.nv, sensors.noise_position)
     if robot.floating:
         std[:6] = np.repeat([sensors.noise_base_position, sensors.noise_base_orientation], 3)
-    rows = 6 if robot.floating else model.nv
+    rows = 6 if robot.measures_contacts else model.nv
     gains = np.empty((3, motion.n_samples, rows, model.nv))
     data = model.createData()
     for t in range(motion.n_samples):
@@ -217,8 +228,11 @@ def _position_source(robot: Robot, problem: IdentificationProblem, motion: Motio
     )
     for order, term in ((1, "viscous"), (2, "armature")):
         for index, joint in enumerate(robot.joint_names):
-            if not robot.floating:
-                gains[order, :, index, index] += drives.get(f"{term}.{joint}", 0.0)
+            if not robot.measures_contacts:
+                row = robot.n_base_v + index
+                gains[order, :, row, row] += drives.get(f"{term}.{joint}", 0.0)
+    if robot.floating and not robot.measures_contacts:
+        gains = _elimination(robot, motion) @ gains
     return NoiseSource(std, tuple(gains), positions=True)
 
 

@@ -35,7 +35,9 @@ def _kinematic_urdf(robot: Robot) -> str:
             joint = ElementTree.SubElement(root, "joint", name=_tip(foot) + "/joint", type="fixed")
             ElementTree.SubElement(joint, "parent", link=foot.link)
             ElementTree.SubElement(joint, "child", link=_tip(foot))
-            ElementTree.SubElement(joint, "origin", xyz=" ".join(map(repr, np.mean(corners, axis=0).tolist())))
+            ElementTree.SubElement(
+                joint, "origin", xyz=" ".join(map(repr, np.mean(corners, axis=0).tolist()))
+            )
             ElementTree.SubElement(root, "link", name=_tip(foot))
     return ElementTree.tostring(root, encoding="unicode")
 
@@ -51,9 +53,7 @@ class Balancer:
         import placo
 
         self._robot = robot
-        self._wrapper = placo.RobotWrapper(
-            "", int(placo.Flags.ignore_collisions), _kinematic_urdf(robot)
-        )
+        self._wrapper = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _kinematic_urdf(robot))
         model = self._wrapper.model
         names = list(model.names)
         # placo's model also has the joints that ours has locked, except those with mimics, which it drops.
