@@ -150,5 +150,5 @@ def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
 
 
 def _sharp_friction(robot: Robot, velocity: Array) -> Array:
-    """Coulomb friction of the declared drives, ``(n, n_joints)`` [N·m or N]."""
-    return np.asarray(nominal_drives(robot).coulomb * np.sign(velocity))
+    """Coulomb friction of the declared drives, ``(n, n_joints)`` [N·m or N], at velocities ``(n, nv)``."""
+    return np.asarray(nominal_drives(robot).coulomb * np.sign(velocity[:, robot.n_base_v :]))

@@ -95,17 +95,18 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         for sensor in header.sensors
         if f"wrench.{sensor.name}.fx" in values
     }
+    flags = {
+        foot.name: values[f"contact.{foot.name}"] > 0.5
+        for foot in header.feet
+        if f"contact.{foot.name}" in values
+    }
     return Trial(
         name=Path(entry.file).stem,
         role=entry.role,
         time=values["time"],
         base=base,
         wrenches=wrenches,
-        contacts={
-            foot.name: values[f"contact.{foot.name}"] > 0.5
-            for foot in header.feet
-            if f"contact.{foot.name}" in values
-        },
+        contacts=flags,
         session=entry.session,
         start_s=entry.start_s,
         repeats=None if entry.repeats is None else Path(entry.repeats).stem,

@@ -86,7 +86,7 @@ def _wrenches(foot: Foot) -> Array:
 
 
 def _eliminate(maps: Array, weight: Array) -> Array:
-    """The matrices of samples with the same contacts, from ``(n, nv, k)``; ``weight`` is one over the torques' noise."""
+    """The matrices of samples with the same contacts, from ``(n, nv, k)``; ``weight``: one over torques' noise."""
     n, nv, k = maps.shape
     base, joints = maps[:, :6].copy(), maps[:, 6:]
     base[:, 3:] /= _LENGTH

@@ -14,7 +14,6 @@ from excite.simulation.drives import nominal_drives
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
 
-
 # Share of the weight above which a foot counts as carrying: what it carries below that is lost in the torques' noise.
 CONTACT_SHARE = 0.005
 

@@ -14,8 +14,8 @@ from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import Candidate
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.load import take_off_contacts
+from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
 

@@ -13,7 +13,6 @@ from excite.arrays import Array
 from excite.motion.generators.bodyparts import has_area, support_corners
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
-from excite.robot.robot import Robot
 from excite.safety.repairs.balancer import Balancer
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath, coordinates_of
@@ -34,9 +33,9 @@ _LIMIT = 1e-3
 class WholeBody(Repair):
     """Finds base and legs along the path; upper-body joints, feet and centre of mass are as asked for.
 
-    Feet (six coordinates of a flat one, three of a point or an edge), the horizontal centre of mass and the pelvis's height and orientation are hard
-    tasks: as many as there are free coordinates for legs of as many joints, so that the solution is a smooth
-    function of the path. A robot without feet keeps its base where it rests.
+    Feet (six coordinates of a sole, three of a point or an edge), the horizontal centre of mass and the pelvis's
+    height and orientation are hard tasks: as many as there are free coordinates for legs of six joints, or three, so
+    that the solution is a smooth function of the path. A robot without feet keeps its base where it rests.
     """
 
     name: ClassVar[str] = "whole_body"
