@@ -22,7 +22,7 @@ from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.simulation.drives import nominal_drives
-from excite.simulation.sensing import log_header
+from excite.simulation.sensing import imu_readings, log_header
 from excite.threads import one_blas_thread
 
 # The planned log is sampled so many times as densely as the filter of the kinematics passes.
@@ -144,9 +144,17 @@ def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
         q=joints,
         tau=None if robot.description.sensors.joint_torque is None else _sharp_friction(robot, sampled.v),
         base=sampled.q[:, :7] if robot.floating else None,
+        imu=_planned_imu(robot, sampled),
         wrenches={sensor.name: np.zeros((n, 6)) for sensor in robot.sensors},
         contacts=dict(zip((f.name for f in robot.feet), closed_contacts(robot, sampled).T, strict=True)),
     )
+
+
+def _planned_imu(robot: Robot, motion: Motion) -> Array | None:
+    """What an IMU would read, without noise."""
+    if robot.description.sensors.imu is None or not robot.floating:
+        return None
+    return imu_readings(robot, motion)
 
 
 def _sharp_friction(robot: Robot, velocity: Array) -> Array:

@@ -15,6 +15,7 @@ from excite.logs.log import LogHeader, Trial, TrialHeader
 from excite.logs.sampling import in_seconds
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
+IMU_AXES = tuple(f"imu.{name}" for name in ("gx", "gy", "gz", "ax", "ay", "az"))
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 _JOINT_CHANNELS = {
     "q": "q",
@@ -38,6 +39,7 @@ _LARGEST = {
     "i": 1e6,
     "base": 1e7,
     "wrench": 1e9,
+    "imu": 1e6,
 }
 # No sensor resolves less [N·m, N or A].
 _RESOLVED = 1e-9
@@ -57,6 +59,8 @@ def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
         if sensor.name in trial.wrenches:
             wrench = trial.wrenches[sensor.name]
             columns |= {f"wrench.{sensor.name}.{axis}": wrench[:, i] for i, axis in enumerate(WRENCH_AXES)}
+    if trial.imu is not None:
+        columns |= {name: trial.imu[:, i] for i, name in enumerate(IMU_AXES)}
     return columns | {f"contact.{name}": flags.astype(float) for name, flags in trial.contacts.items()}
 
 
@@ -107,6 +111,7 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         base=base,
         wrenches=wrenches,
         contacts=flags,
+        imu=np.column_stack([values[name] for name in IMU_AXES]) if IMU_AXES[0] in values else None,
         session=entry.session,
         start_s=entry.start_s,
         repeats=None if entry.repeats is None else Path(entry.repeats).stem,
@@ -167,20 +172,28 @@ def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list
     groups["base"] = list(BASE_POSE)
     for sensor in header.sensors:
         groups[f"wrench.{sensor.name}"] = [f"wrench.{sensor.name}.{axis}" for axis in WRENCH_AXES]
+    if header.imu is not None:
+        groups["imu"] = list(IMU_AXES)
     for foot in header.feet:
         groups[f"contact.{foot.name}"] = [f"contact.{foot.name}"]
     required = {"time", "q"}
     required |= set() if header.measures_contacts else {f"contact.{foot.name}" for foot in header.feet}
     required |= {"tau"} if header.torque in {"motor_side", "link_side"} else set()
     required |= {"i"} if header.torque == "current" else set()
-    required |= {"base"} if header.free_base else set()
+    required |= {"imu"} if header.uses_imu else {"base"} if header.free_base else set()
     required |= {f"wrench.{sensor.name}" for sensor in header.sensors} if header.base == "floating" else set()
     allowed = {name for names in groups.values() for name in names}
     allowed |= {f"{prefix}.{joint}" for prefix in ("tau", "i") for joint in header.no_torque}
     for name in present:
-        if name not in allowed and name.split(".")[0] in {*_JOINT_CHANNELS, "base", "wrench", "contact"}:
+        if name not in allowed and name.split(".")[0] in {
+            *_JOINT_CHANNELS,
+            "base",
+            "wrench",
+            "contact",
+            "imu",
+        }:
             raise LogError(
-                "names no joint, sensor or foot of log.yaml",
+                "names no joint, sensor, foot or IMU of log.yaml",
                 source=file,
                 field=name,
                 remedy="correct one of the two",

@@ -57,6 +57,14 @@ class FootHeader(_Block):
     sole: tuple[tuple[Length, Length, Length], ...] = Field(min_length=1, max_length=MAX_NAMES)
 
 
+class ImuHeader(_Block):
+    """An inertial measurement unit on the base: the link whose frame its readings are in, and their noise."""
+
+    link: Name
+    noise_gyro: Noise | None = None
+    noise_acceleration: Noise | None = None
+
+
 class TrialHeader(_Block):
     """One trial: its file, relative to ``log.yaml``, and what it is for."""
 
@@ -76,7 +84,8 @@ class LogHeader(_Block):
     but their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their
     joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
     then the motors', reflected through their own gears. ``feet`` are those that carry a floating base whose contact
-    wrenches nobody measures; their flags are the columns ``contact.NAME``.
+    wrenches nobody measures; their flags are the columns ``contact.NAME``. The columns of an ``imu`` make the base's
+    pose unnecessary there.
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
@@ -95,6 +104,7 @@ class LogHeader(_Block):
     wrench: Literal["on_robot_in_sensor_frame"] | None = None
     sensors: tuple[SensorHeader, ...] = Field(default=(), max_length=MAX_NAMES)
     feet: tuple[FootHeader, ...] = Field(default=(), max_length=MAX_NAMES)
+    imu: ImuHeader | None = None
     modelled: tuple[Name, ...] = Field(default=("rigid_body",), max_length=MAX_NAMES)
     trials: tuple[TrialHeader, ...] = Field(min_length=1, max_length=MAX_TRIALS)
 
@@ -107,6 +117,11 @@ class LogHeader(_Block):
     def measures_contacts(self) -> bool:
         """Whether wrench sensors see all that carries the base, so that the base's rows are the equations."""
         return self.base == "floating" and bool(self.sensors)
+
+    @property
+    def uses_imu(self) -> bool:
+        """Whether the base's motion comes from its IMU: what is free of the world's frame needs no pose."""
+        return self.imu is not None and self.free_base and not self.measures_contacts
 
     @property
     def torque_joints(self) -> tuple[str, ...]:
@@ -174,6 +189,7 @@ class Trial:
         base: base pose ``(n, 7)``: x y z qx qy qz qw, world frame.
         wrenches: by sensor name, ``(n, 6)``: force [N] then moment [N·m] on the robot, in the sensor's frame.
         contacts: by foot name, ``(n,)`` whether it carries.
+        imu: ``(n, 6)``: angular velocity [rad/s], then acceleration less gravity [m/s²], frame of the IMU's link.
         session: session name.
         start_s: when the trial began within its session [s].
         repeats: stem of the trial whose command this one repeats.
@@ -193,6 +209,7 @@ class Trial:
     base: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    imu: Array | None = None
     session: str | None = None
     start_s: float | None = None
     repeats: str | None = None
@@ -220,6 +237,7 @@ class Trial:
             v=taken(self.v),
             a=taken(self.a),
             base=taken(self.base),
+            imu=taken(self.imu),
             wrenches={name: values[which] for name, values in self.wrenches.items()},
             contacts={name: flags[which] for name, flags in self.contacts.items()},
         )

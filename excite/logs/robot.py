@@ -107,6 +107,23 @@ def base_offset(robot: Robot, header: LogHeader, source: Path | None = None) -> 
     return placement
 
 
+def imu_placement(robot: Robot, header: LogHeader, source: Path | None = None) -> pin.SE3:
+    """Pose of the IMU's link in the frame of the free-flyer; raises LogError where it is not on the base."""
+    link = "" if header.imu is None else header.imu.link
+    try:
+        joint, placement = link_placement(robot.model, link, source, "imu.link")
+    except RobotError as error:
+        raise LogError(error.what, source=source, field="imu.link", remedy=error.remedy) from error
+    if joint != 1:
+        raise LogError(
+            f"link {link!r} moves against the root {robot.base_link!r}",
+            source=source,
+            field="imu.link",
+            remedy="log the IMU of the root link, or of one fixed to it",
+        )
+    return placement
+
+
 def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSensor:
     field = f"sensors.{header.name}"
     offset = pin.SE3(pin.rpy.rpyToMatrix(*header.rpy), np.array(header.xyz))

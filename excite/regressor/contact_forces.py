@@ -54,6 +54,13 @@ def contact_elimination(robot: Robot, q: Array, closed: NDArray[np.bool_]) -> Ar
     return rows
 
 
+def stances(robot: Robot, n: int) -> NDArray[np.bool_]:
+    """Contact flags of ``n`` samples, ``(n, n_feet)``: in turn all feet down, and each of several in the air."""
+    n_feet = len(robot.feet)
+    patterns = np.vstack([np.ones((1, n_feet)), 1.0 - np.eye(n_feet) if n_feet > 1 else np.ones((1, n_feet))])
+    return np.asarray(patterns[np.arange(n) % len(patterns)] > 0.5)
+
+
 def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
     """Generalised forces per unit of what feet can transmit, ``(n, nv, k)``.
 

@@ -62,7 +62,14 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     feet = tuple(read_foot(model, description, block.name, path, upright) for block in description.feet)
     sensors = read_sensors(model, description, segments, path)
     if description.sensors.imu is not None:
-        link_placement(model, description.sensors.imu.link, path, "sensors.imu.link")
+        joint, _ = link_placement(model, description.sensors.imu.link, path, "sensors.imu.link")
+        if description.base in FREE_BASES and joint != 1:
+            raise RobotError(
+                f"link {description.sensors.imu.link!r} moves against the base",
+                source=path,
+                field="sensors.imu.link",
+                remedy="name the base's link, or one fixed to it",
+            )
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
     return Robot(

@@ -23,6 +23,7 @@ from excite.logs.signals.resample import (
 )
 from excite.logs.signals.trim import moving_span
 from excite.robot.robot import Robot
+from excite.rows.imu import imu_motion
 from excite.rows.settings import Filters, ProblemSettings
 
 
@@ -80,7 +81,11 @@ def trial_kinematics(
     q[:, [robot.n_base_q + i for i in columns]] = joints.value
     v[:, [robot.n_base_v + i for i in columns]] = joints.first
     a[:, [robot.n_base_v + i for i in columns]] = joints.second
-    if robot.floating and trial.base is not None:
+    if header.uses_imu and trial.imu is not None:
+        readings = lowpass(positions_on_grid(trial.time, trial.imu, grid), rate, cutoff_hz, filters.order)
+        a[:, :6], v[:, 3:6] = imu_motion(robot, header, readings, rate)
+        q[:, :7] = pin.SE3ToXYZQUAT(pin.SE3.Identity())
+    elif robot.floating and trial.base is not None:
         pose = root_pose(trial.base, base_offset(robot, header))
         base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
         q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration

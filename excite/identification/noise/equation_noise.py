@@ -168,7 +168,11 @@ def equation_noise(
         time = np.clip(start + grid.step_s * np.arange(grid.n_samples), motion.time[0], motion.time[-1])
         sampled = interpolate(motion, robot, time)
         force = _wrench_source(robot, sampled) if robot.measures_contacts else _torque_source(robot, sampled)
-        sources.append((force, _position_source(robot, problem, sampled)))
+        positions = _position_source(robot, problem, sampled)
+        if _uses_imu(robot):
+            sources.append((force, *_imu_sources(robot, positions)))
+        else:
+            sources.append((force, positions))
     return EquationNoise(problem, tuple(grids), tuple(sources), log_hz)
 
 
@@ -234,6 +238,28 @@ def _position_source(robot: Robot, problem: IdentificationProblem, motion: Motio
     if robot.floating and not robot.measures_contacts:
         gains = _elimination(robot, motion) @ gains
     return NoiseSource(std, tuple(gains), positions=True)
+
+
+def _uses_imu(robot: Robot) -> bool:
+    return robot.floating and not robot.measures_contacts and robot.description.sensors.imu is not None
+
+
+def _imu_sources(robot: Robot, positions: NoiseSource) -> tuple[NoiseSource, NoiseSource]:
+    """Noise of joint positions, and of an IMU's gyroscope and accelerometer in place of the base's pose.
+
+    The lever from the base's origin to the IMU is left out.
+    """
+    imu = robot.description.sensors.imu
+    position, velocity, acceleration = positions.gains
+    joints = NoiseSource(positions.std[6:], tuple(gain[:, :, 6:] for gain in positions.gains), positions=True)
+    if imu is None:
+        return joints, joints
+    nothing = np.zeros_like(position[:, :, :3])
+    gains = (
+        np.concatenate([velocity[:, :, 3:6], acceleration[:, :, :3]], axis=2),
+        np.concatenate([acceleration[:, :, 3:6], nothing], axis=2),
+    )
+    return joints, NoiseSource(np.repeat([imu.noise_gyro, imu.noise_acceleration], 3), gains, positions=True)
 
 
 def _filtered(problem: IdentificationProblem) -> tuple[Filters, float]:

@@ -23,7 +23,7 @@ from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Foot, Robot
 
-_SWINGS = (8, 14)
+_SWINGS = (12, 20)
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
 _REACH, _RANGE = 0.9, 0.8
 # In shares of the trunk's height: lowest corner of the free foot, its lift before and after the swings.

@@ -19,7 +19,7 @@ from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Robot
 
-_WAYPOINTS = (8, 14)
+_WAYPOINTS = (14, 24)
 # Shares of the trunk's height at rest: how far it goes down and up.
 _DOWN, _UP = 0.25, 0.08
 # Roll, pitch, yaw [rad].
@@ -46,7 +46,7 @@ class Sway(Generator):
         return tuple(robot.joint_names[i] for foot in robot.feet for i in leg_joints(robot, foot))
 
     def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
-        """A spline of trunk and centre of mass through 8 to 13 random control points."""
+        """A spline of trunk and centre of mass through 14 to 23 random control points."""
         rng = np.random.default_rng(seed)
         n = int(rng.integers(*_WAYPOINTS))
         height = pelvis_height(robot)
