@@ -50,11 +50,13 @@ class SensorHeader(_Block):
 
 
 class FootHeader(_Block):
-    """A foot whose contact flag is logged: its link, and corners of its sole in that link's frame, one for a point."""
+    """A foot whose contact flag is logged: its link, and corners of its sole in that link's frame, one for a point
+    foot, which may be a ball with a radius [m]."""
 
     name: Name
     link: Name
     sole: tuple[tuple[Length, Length, Length], ...] = Field(min_length=1, max_length=MAX_NAMES)
+    radius: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
 class ImuHeader(_Block):

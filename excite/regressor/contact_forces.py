@@ -64,7 +64,8 @@ def stances(robot: Robot, n: int) -> NDArray[np.bool_]:
 def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
     """Generalised forces per unit of what feet can transmit, ``(n, nv, k)``.
 
-    A point foot transmits three forces, an edge six on two points (of rank five), a sole a force and a moment.
+    A point foot transmits three forces, a ball where it is lowest, an edge six on two points (of rank five), a sole
+    a force and a moment.
 
     Args:
         robot: a robot with a free base.
@@ -72,10 +73,10 @@ def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
         feet: those that carry.
     """
     model, data = robot.model, robot.model.createData()
-    wrenches = [_wrenches(foot) for foot in feet]
-    maps = np.empty((len(q), model.nv, sum(w.shape[1] for w in wrenches)))
+    maps = np.empty((len(q), model.nv, sum(6 if foot.flat else 3 * len(foot.sole) for foot in feet)))
     for i, row in enumerate(q):
         pin.computeJointJacobians(model, data, row)
+        wrenches = [_wrenches(foot, data.oMi[foot.joint].rotation[2]) for foot in feet]
         maps[i] = np.hstack(
             [
                 pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL).T @ wrench
@@ -85,10 +86,13 @@ def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
     return maps
 
 
-def _wrenches(foot: Foot) -> Array:
-    """Wrenches at the joint's origin, in its frame, that a foot can transmit, ``(6, k)``."""
+def _wrenches(foot: Foot, up: Array) -> Array:
+    """Wrenches at the joint's origin, in its frame, that a foot can transmit, ``(6, k)``; ``up`` in that frame."""
     if foot.flat:
         return np.eye(6)
+    if foot.radius > 0.0:
+        touching = foot.sole[0] + foot.radius * (foot.placement.rotation[:, 2] - up)
+        return np.vstack([np.eye(3), pin.skew(touching)])
     return np.hstack([np.vstack([np.eye(3), pin.skew(corner)]) for corner in foot.sole])
 
 

@@ -77,14 +77,22 @@ class LimitsBlock(Block):
 class FootBlock(Block):
     """A foot: its link and the sole's corners in that link's frame, in order around the sole.
 
-    One corner is a point foot, which carries no moment; two are an edge, three or more a sole.
+    One corner is a point foot, which carries no moment; two are an edge, three or more a sole. A point foot that is a
+    ball has a ``radius``, and its corner is where it touches the ground at rest.
     """
 
     name: Name
     link: str
     sole: Annotated[tuple[Vector3, ...], Field(min_length=1)]
+    radius: Margin = 0.0
     friction: FrictionCoefficient
     source: Source
+
+    @model_validator(mode="after")
+    def _ball(self) -> FootBlock:
+        if self.radius > 0.0 and len(self.sole) != 1:
+            raise ValueError(f"feet {self.name}: a radius goes with a point foot, a sole of one corner")
+        return self
 
 
 class WrenchSensorBlock(Block):

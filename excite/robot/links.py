@@ -85,7 +85,7 @@ def read_foot(model: pin.Model, description: RobotDescription, name: str, path: 
         raise RobotError(
             what, source=path, field=f"feet.{name}.sole", remedy="leave out corners between others"
         )
-    return Foot(name, block.link, joint, corners, pin.SE3(rotation, centre), block.friction)
+    return Foot(name, block.link, joint, corners, pin.SE3(rotation, centre), block.friction, block.radius)
 
 
 def _edge_axes(corners: Array, link: Array) -> Array | None:

@@ -49,6 +49,7 @@ class Foot:
             corners, z along the sole's outward-from-ground normal, x along the link's x. A point foot's axes are
             the world's at rest; an edge's x runs along it.
         friction: Coulomb friction coefficient of the sole on the ground.
+        radius: of a point foot that is a ball and rolls on the ground; zero of all others [m].
     """
 
     name: str
@@ -57,6 +58,7 @@ class Foot:
     sole: Array
     placement: pin.SE3
     friction: float
+    radius: float = 0.0
 
     @property
     def flat(self) -> bool:

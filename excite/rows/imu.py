@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.logs.log import LogHeader
@@ -11,17 +12,20 @@ from excite.logs.signals.differentiate import central_differences
 from excite.robot.robot import Robot
 
 
-def imu_motion(robot: Robot, header: LogHeader, readings: Array, rate_hz: float) -> tuple[Array, Array]:
-    """Acceleration and angular velocity of the base, for a base whose frame counts as level and not moving on.
+def imu_motion(
+    robot: Robot, header: LogHeader, readings: Array, orientation: Array, rate_hz: float
+) -> tuple[Array, Array]:
+    """Acceleration and angular velocity of the base, its linear velocity taken as zero.
 
     Inverse dynamics in the base's frame knows gravity and acceleration as their difference only, which is what an
-    accelerometer reads, and does not know the base's linear velocity at all. So any pose will do, and gravity in
-    that pose is added to the reading.
+    accelerometer reads, and does not know the base's linear velocity at all. So any orientation will do, and gravity
+    in it is added to the reading; only where a ball touches the ground depends on it.
 
     Args:
         robot: the robot in the log; gravity is its model's.
         header: says where the IMU sits.
         readings: ``(n, 6)`` filtered angular velocity [rad/s] and acceleration less gravity [m/s²], IMU's frame.
+        orientation: ``(n, 4)`` quaternions x y z w of the base, as they will stand in the configuration.
         rate_hz: their rate.
 
     Returns:
@@ -35,5 +39,6 @@ def imu_motion(robot: Robot, header: LogHeader, readings: Array, rate_hz: float)
     turning = central_differences(angular, rate_hz).first
     lever = placement.translation
     about = np.cross(turning, lever) + np.cross(angular, np.cross(angular, lever))
-    linear = readings[:, 3:] @ placement.rotation.T - about + robot.model.gravity.linear
+    gravity = Rotation.from_quat(orientation).inv().apply(robot.model.gravity.linear)
+    linear = readings[:, 3:] @ placement.rotation.T - about + gravity
     return np.hstack([linear, turning]), angular

@@ -83,8 +83,12 @@ def trial_kinematics(
     a[:, [robot.n_base_v + i for i in columns]] = joints.second
     if header.uses_imu and trial.imu is not None:
         readings = lowpass(positions_on_grid(trial.time, trial.imu, grid), rate, cutoff_hz, filters.order)
-        a[:, :6], v[:, 3:6] = imu_motion(robot, header, readings, rate)
-        q[:, :7] = pin.SE3ToXYZQUAT(pin.SE3.Identity())
+        if trial.base is not None:
+            pose = root_pose(trial.base, base_offset(robot, header))
+            q[:, :7] = base_motion(
+                positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order
+            ).pose
+        a[:, :6], v[:, 3:6] = imu_motion(robot, header, readings, q[:, 3:7], rate)
     elif robot.floating and trial.base is not None:
         pose = root_pose(trial.base, base_offset(robot, header))
         base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)

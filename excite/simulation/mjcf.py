@@ -180,12 +180,13 @@ def _add_drive(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, drives: Dri
 def _add_sole(body: mujoco.MjsBody, foot: Foot, world: World) -> None:
     import mujoco
 
+    radius = foot.radius or SOLE_RADIUS
     for number, corner in enumerate(foot.sole):
         body.add_geom(
             name=f"{foot.name}.sole.{number}",
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[SOLE_RADIUS, 0.0, 0.0],
-            pos=corner + SOLE_RADIUS * foot.placement.rotation[:, 2],
+            size=[radius, 0.0, 0.0],
+            pos=corner + radius * foot.placement.rotation[:, 2],
             contype=0,
             conaffinity=1,
             priority=1,

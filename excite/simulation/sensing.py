@@ -154,7 +154,9 @@ def _sensor_headers(robot: Robot) -> tuple[SensorHeader, ...]:
 
 def _foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
     blocks = {block.name: block for block in robot.description.feet}
-    return tuple(FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole) for f in robot.feet)
+    return tuple(
+        FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole, radius=f.radius) for f in robot.feet
+    )
 
 
 def _imu_header(robot: Robot) -> ImuHeader | None:
