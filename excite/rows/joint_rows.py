@@ -5,7 +5,7 @@ Of a robot on feet whose contact forces nobody measures, these are taken out of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,8 +29,8 @@ from excite.rows.settings import Filters, ProblemSettings
 SHARED_GEAR_TERMS = ("joint_viscous", "joint_coulomb", "joint_armature")
 """Drive terms of a gear that two motors drive."""
 
-CHANGE_S = 0.03
-"""Rows this long before and after a change of contacts are left out, beside what the filter mixes in [s]."""
+CHANGE_S = 0.01
+"""Rows this long before and after a change of contacts are left out: a strike is over, and flags are right [s]."""
 
 STANDS_FOR_S = 0.25
 """Stretches of standstill that are at least this long are left out [s]."""
@@ -125,7 +125,7 @@ class JointRows:
             out = self._elimination(k.q[part], closed[part])
             return np.concatenate([out @ body, out[:, :, joints] @ own], axis=2)
 
-        return filtered_rows(source, k, self.filters, self._usable(k, joints, closed))
+        return _away_from_changes(filtered_rows(source, k, self.filters, self._usable(k, joints)), k, closed)
 
     def measurement(self, trial: Trial, k: TrialKinematics) -> TrialRows:
         """Only the measured side of :meth:`rows`, ``values`` ``(m, n_joints, 1)``, for kinematics ``k``."""
@@ -137,7 +137,7 @@ class JointRows:
                 return torque[part, :, None]
             return self._elimination(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
 
-        return filtered_rows(source, k, self.filters, self._usable(k, joints, closed))
+        return _away_from_changes(filtered_rows(source, k, self.filters, self._usable(k, joints)), k, closed)
 
     def _elimination(self, q: Array, closed: NDArray[np.bool_]) -> Array:
         """What takes unmeasured contact forces out, ``(n, n_channels, nv)``; raises LogError if a torque is missing."""
@@ -160,16 +160,9 @@ class JointRows:
     def _joints(self) -> list[int]:
         return [self.robot.n_base_v + self.robot.joint_index(name) for name in self.channel_names]
 
-    def _usable(
-        self, k: TrialKinematics, joints: list[int], closed: NDArray[np.bool_] | None
-    ) -> NDArray[np.bool_]:
-        """Samples inside the motion at which the joint itself moves: where it stands, stiction rules.
-
-        Not those about a change of contacts: feet strike there, and flags come late.
-        """
+    def _usable(self, k: TrialKinematics, joints: list[int]) -> NDArray[np.bool_]:
+        """Samples inside the motion at which the joint itself moves: where it stands, stiction rules."""
         use = np.repeat(k.valid[:, None], len(joints), axis=1)
-        if closed is not None and closed.shape[1]:
-            use &= ~near_change(closed, round(CHANGE_S * k.rate_hz))[:, None]
         use[: k.moving.start] = use[k.moving.stop :] = False
         if "coulomb" in self.terms:
             shortest = max(2, round(STANDS_FOR_S * k.rate_hz))
@@ -208,6 +201,14 @@ class JointRows:
         return np.asarray(
             trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
         )
+
+
+def _away_from_changes(rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_] | None) -> TrialRows:
+    """Rows less those about a change of contacts, where feet strike and flags come late."""
+    if closed is None or not closed.shape[1]:
+        return rows
+    near = near_change(closed, round(CHANGE_S * k.rate_hz))[np.searchsorted(k.time, rows.time)]
+    return replace(rows, use=rows.use & ~near[:, None])
 
 
 def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:
