@@ -16,7 +16,8 @@ from excite.identification.noise.equation_noise import EquationNoise, equation_n
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, least_squares, regression
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion, closed_contacts, interpolate
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot

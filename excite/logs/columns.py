@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.cleaning import clean_columns
-from excite.logs.log import LogHeader, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import LogHeader, Trial
 from excite.logs.sampling import in_seconds
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
@@ -41,8 +42,6 @@ _LARGEST = {
     "wrench": 1e9,
     "imu": 1e6,
 }
-# No sensor resolves less [N·m, N or A].
-_RESOLVED = 1e-9
 
 
 def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
@@ -118,33 +117,6 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         cleaning=replace(cleaned.report, time_unit=unit),
         **joint_values,
     )
-
-
-def check_measured(trials: Sequence[Trial], header: LogHeader, path: Path) -> None:
-    """Refuse a log from whose torques, or currents, nothing can be identified as all stay as they are.
-
-    Single channels that are dead are found later, and the others used.
-
-    Args:
-        trials: read and repaired; those of role ``identification`` count, where there are any.
-        header: of the log.
-        path: its ``log.yaml``, for errors.
-
-    Raises:
-        LogError: names the channels.
-    """
-    trials = [trial for trial in trials if trial.role == "identification"] or trials
-    measured = [header.joints.index(joint) for joint in header.torque_joints]
-    for attribute, prefix in (("tau", "tau"), ("current", "i")):
-        values = [getattr(trial, attribute) for trial in trials]
-        wanted = header.torque != "none" and all(value is not None for value in values)
-        if wanted and not any((np.ptp(value[:, measured], axis=0) > _RESOLVED).any() for value in values):
-            raise LogError(
-                "never changes, of no joint and in no identification trial",
-                source=path,
-                field=f"{prefix}.*",
-                remedy="log what was measured, or write torque: none and leave the columns out",
-            )
 
 
 def _with_channel(prefix: str, header: LogHeader) -> tuple[str, ...]:

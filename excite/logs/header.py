@@ -7,7 +7,8 @@ import os
 from pathlib import Path
 
 from excite.errors import InputError, LogError
-from excite.logs.log import LogHeader, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
 from excite.reading.json_document import checked

@@ -9,75 +9,23 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from excite.arrays import Array
+from excite.logs.header_blocks import FootHeader, HeaderBlock, ImuHeader, SensorHeader, TrialHeader
 from excite.logs.header_values import (
     MAX_NAMES,
     MAX_TRIALS,
     Acceleration,
-    Angle,
     Cutoff,
     Factor,
-    FileName,
-    Length,
     Name,
-    Noise,
     Rate,
-    Stamp,
     Text,
 )
 
-Role = Literal["identification", "validation"]
 
-
-class _Block(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
-
-
-class SensorHeader(_Block):
-    """One contact wrench sensor; its pose is given in the frame of the link ``parent``."""
-
-    name: Name
-    kind: Literal["foot_ft", "force_plate"]
-    parent: Name
-    xyz: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    foot: Name
-    excludes: tuple[Name, ...] = Field(default=(), max_length=MAX_NAMES)
-    noise_force: Noise | None = None
-    noise_moment: Noise | None = None
-
-
-class FootHeader(_Block):
-    """A foot whose contact flag is logged: its link, and corners of its sole in that link's frame, one for a point
-    foot, which may be a ball with a radius [m]."""
-
-    name: Name
-    link: Name
-    sole: tuple[tuple[Length, Length, Length], ...] = Field(min_length=1, max_length=MAX_NAMES)
-    radius: float = Field(default=0.0, ge=0.0, le=1.0)
-
-
-class ImuHeader(_Block):
-    """An inertial measurement unit on the base: the link whose frame its readings are in, and their noise."""
-
-    link: Name
-    noise_gyro: Noise | None = None
-    noise_acceleration: Noise | None = None
-
-
-class TrialHeader(_Block):
-    """One trial: its file, relative to ``log.yaml``, and what it is for."""
-
-    file: FileName
-    role: Role
-    session: Name | None = None
-    start_s: Stamp | None = None
-    repeats: FileName | None = None
-
-
-class LogHeader(_Block):
+class LogHeader(HeaderBlock):
     """The whole of ``log.yaml``.
 
     Where ``lowpass_hz`` is stated, all channels went through the same low-pass at that cut-off already.
@@ -98,9 +46,9 @@ class LogHeader(_Block):
     lowpass_hz: Cutoff | None = None
     joints: tuple[Name, ...] = Field(min_length=1, max_length=MAX_NAMES)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
-    torque_constants: dict[Name, Factor] = {}
+    torque_constants: dict[Name, Factor] = Field(default_factory=dict)
     no_torque: tuple[Name, ...] = Field(default=(), max_length=MAX_NAMES)
-    coupling: dict[Name, dict[Name, Factor]] = {}
+    coupling: dict[Name, dict[Name, Factor]] = Field(default_factory=dict)
     controller: dict[Any, Any] | None = None
     base_link: Name | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None

@@ -11,7 +11,8 @@ import pinocchio as pin
 from excite.errors import LogError, RobotError
 from excite.logs.bare_urdf import bare_description
 from excite.logs.header import header_path, read_header
-from excite.logs.log import Log, LogHeader, SensorHeader
+from excite.logs.header_blocks import SensorHeader
+from excite.logs.log import Log, LogHeader
 from excite.robot.links import link_placement
 from excite.robot.loading import build_robot, load_robot
 from excite.robot.robot import Robot, WrenchSensor

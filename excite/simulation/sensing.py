@@ -7,7 +7,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.logs.log import FootHeader, ImuHeader, LogHeader, SensorHeader, Trial, TrialHeader
+from excite.logs.header_blocks import FootHeader, ImuHeader, SensorHeader, TrialHeader
+from excite.logs.log import LogHeader, Trial
 from excite.motion.motion import Motion
 from excite.robot.joint_values import per_joint
 from excite.robot.links import link_placement

@@ -204,9 +204,7 @@ class Objective:
 
     def _rows(self, q: Array, v: Array, a: Array, sign: Array) -> Array:
         """Weighted base columns, ``(n·n_rows, n_base)``."""
-        model_rows = (
-            base_link_regressor if self._sampling.layout.robot.measures_contacts else joint_torque_regressor
-        )
+        model_rows = base_link_regressor if self._sampling.layout.robot.floating else joint_torque_regressor
         rows = np.zeros((len(q), len(self._weights), len(self._columns.names)))
         rows[:, :, : len(self._inertial)] = model_rows(self._tree, q, v, a)[:, :, self._inertial]
         values = {"viscous": v, "coulomb": sign, "offset": np.ones_like(v), "armature": a}

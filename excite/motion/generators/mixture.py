@@ -8,6 +8,7 @@ from itertools import chain
 import numpy as np
 
 from excite.errors import RobotError
+from excite.motion.generators.bodyparts import has_area, support_corners
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.proposal import Proposal
@@ -86,8 +87,15 @@ def usual_mix(robot: Robot, *, aimed: bool) -> dict[str, float]:
     """The shares of a plan for a robot, those left out that do not apply to it; ``aimed`` at some of its joints.
 
     Raises:
-        RobotError: none applies.
+        RobotError: none applies, or its feet have no area between them.
     """
+    if robot.feet and not has_area(support_corners(robot, robot.feet)):
+        raise RobotError(
+            "its feet have no area between them, on which it could stand",
+            source=robot.source,
+            field="feet",
+            remedy="describe more feet or corners, or say that its base is suspended or held",
+        )
     if len(robot.feet) > 2:
         usual = AIMED_MANY_FEET_MIX if aimed else MANY_FEET_MIX
     elif robot.feet:
