@@ -76,7 +76,7 @@ def without_extensions(problem: IdentificationProblem, kept: Sequence[str] = ())
 def extended(log: Log, settings: ProblemSettings | None, own: AdaptiveSettings) -> ProblemSettings:
     """Settings of a problem that has the columns of all terms that may be added to an arm's equations."""
     settings = settings or ProblemSettings()
-    if log.header.base == "floating" or own.terms == "stated":
+    if log.header.free_base or own.terms == "stated":
         return settings
     terms = drive_terms(log.header, settings)
     return replace(settings, drive_terms=(*terms, *(name for name in EXTENSIONS if name not in terms)))

@@ -7,7 +7,8 @@ import os
 from pathlib import Path
 
 from excite.errors import InputError, LogError
-from excite.logs.log import LogHeader, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
 from excite.reading.json_document import checked
@@ -41,6 +42,7 @@ def check_header(header: LogHeader, path: Path) -> None:
     """What the schema alone does not say; raises LogError."""
     _unique(header.joints, "joints", path)
     _unique([sensor.name for sensor in header.sensors], "sensors", path)
+    _unique([foot.name for foot in header.feet], "feet", path)
     files = [trial.file for trial in header.trials]
     _unique(files, "trials", path)
     _unique([Path(file).stem for file in files], "trials", path)
@@ -96,14 +98,15 @@ def _check_repeats(trials: tuple[TrialHeader, ...], path: Path) -> None:
 
 
 def _check_base(header: LogHeader, path: Path) -> None:
-    if header.base == "fixed":
-        if header.torque is None:
-            raise LogError(
-                "is missing",
-                source=path,
-                field="torque",
-                remedy="a fixed-base log says motor_side, link_side, current or none",
-            )
+    if not header.measures_contacts and header.torque is None:
+        what = "a fixed-base log" if header.base == "fixed" else "a log without contact wrenches"
+        raise LogError(
+            "is missing",
+            source=path,
+            field="torque",
+            remedy=f"{what} says motor_side, link_side, current or none",
+        )
+    if not header.free_base:
         return
     if header.base_link is None:
         raise LogError(
@@ -114,9 +117,12 @@ def _check_base(header: LogHeader, path: Path) -> None:
             "is missing", source=path, field="wrench", remedy="say wrench: on_robot_in_sensor_frame"
         )
     if header.base == "floating" and not header.sensors:
-        raise LogError(
-            "is empty", source=path, field="sensors", remedy="a floating base needs its contact sensors"
-        )
+        if header.torque in {None, "none"}:
+            remedy = "a floating base needs its contact sensors, or joint torques"
+            raise LogError("is empty", source=path, field="sensors", remedy=remedy)
+        if not header.feet:
+            remedy = "a floating base without contact sensors needs its feet, and a flag contact.NAME of each"
+            raise LogError("is empty", source=path, field="feet", remedy=remedy)
 
 
 def _check_no_torque(header: LogHeader, path: Path) -> None:

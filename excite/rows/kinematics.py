@@ -24,6 +24,7 @@ from excite.logs.signals.resample import (
 )
 from excite.logs.signals.trim import moving_span
 from excite.robot.robot import Robot
+from excite.rows.imu import imu_motion
 from excite.rows.settings import Filters, ProblemSettings
 
 
@@ -87,7 +88,15 @@ def trial_kinematics(
     n = len(grid)
     q = in_configurations(robot, header.joints, joints.value)
     v, a = (in_velocities(robot, header.joints, values) for values in (joints.first, joints.second))
-    if robot.floating and trial.base is not None:
+    if header.uses_imu and trial.imu is not None:
+        readings = lowpass(positions_on_grid(trial.time, trial.imu, grid), rate, cutoff_hz, filters.order)
+        if trial.base is not None:
+            pose = root_pose(trial.base, base_offset(robot, header))
+            q[:, :7] = base_motion(
+                positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order
+            ).pose
+        a[:, :6], v[:, 3:6] = imu_motion(robot, header, readings, q[:, 3:7], rate)
+    elif robot.floating and trial.base is not None:
         pose = root_pose(trial.base, base_offset(robot, header))
         base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
         q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration

@@ -37,7 +37,7 @@ class Channels(Check):
 def _read(robot: Robot, log: Log) -> tuple[Reading, tuple[Misreading, ...], str]:
     """The likeliest reading of the log, what was found on the way, and what was measured."""
     stated = Reading.as_stated(log)
-    if log.header.base != "fixed":
+    if log.header.free_base:
         wrenches = wrench_samples(robot, log) if log.header.sensors else None
         if wrenches is not None:
             return *misreadings(wrenches, stated, OF_WRENCHES), wrenches.measured_name
