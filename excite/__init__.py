@@ -73,6 +73,7 @@ _PUBLIC = {
     "added_mass": "excite.human.identified",
     "identify_wearing": "excite.human.weight.worn_weight",
     "doctor": "excite.doctor.doctor",
+    "convert": "excite.conversion.convert",
     "Chart": "excite.doctor.examine",
     "Finding": "excite.finding",
     "diagnose": "excite.diagnosis.diagnose",

@@ -59,6 +59,14 @@ class TrialHeader(_Block):
     repeats: FileName | None = None
 
 
+class Guess(_Block):
+    """Something that a conversion took for granted, with its reason."""
+
+    what: str
+    source: str
+    because: str
+
+
 class LogHeader(_Block):
     """The whole of ``log.yaml``.
 
@@ -67,7 +75,8 @@ class LogHeader(_Block):
     ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move,
     but their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their
     joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
-    then the motors', reflected through their own gears.
+    then the motors', reflected through their own gears. ``guessed`` is what a conversion of somebody's recording took
+    for granted.
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
@@ -86,6 +95,7 @@ class LogHeader(_Block):
     wrench: Literal["on_robot_in_sensor_frame"] | None = None
     sensors: tuple[SensorHeader, ...] = Field(default=(), max_length=MAX_NAMES)
     modelled: tuple[Name, ...] = Field(default=("rigid_body",), max_length=MAX_NAMES)
+    guessed: tuple[Guess, ...] = Field(default=(), max_length=MAX_TRIALS)
     trials: tuple[TrialHeader, ...] = Field(min_length=1, max_length=MAX_TRIALS)
 
     @property

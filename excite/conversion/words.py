@@ -1,0 +1,221 @@
+"""What the name of a column says: which quantity, whether commanded, of which joint, in which unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+# Words by the quantity that they name, as drivers, middleware and papers write them.
+_QUANTITIES: dict[str, tuple[str, ...]] = {
+    "skip": (
+        *("err", "error", "errors", "ext", "external", "extern", "hat", "temp", "temps", "temperature", "status"),
+        *("mode", "tcp", "cartesian", "flange", "eef", "id", "seq", "residual", "deviation", "tracking", "model"),
+        *("tool", "gripper", "contact", "disturbance", "load_est", "crc", "kp", "kd", "ki", "stiffness", "damping"),
+    ),
+    "time": ("time", "timestamp", "timestamps", "t", "stamp", "tstamp", "clock", "tick", "ticks", "zeit", "times", "ts"),
+    "a": (
+        *("a", "acc", "accel", "acceleration", "accelerations", "ddq", "qdd", "qddot", "qacc", "ddtheta", "dd"),
+        *("thetaddot", "ddot", "alpha", "ddpos", "accs"),
+    ),
+    "v": (
+        *("v", "vel", "vels", "velocity", "velocities", "speed", "speeds", "dq", "qd", "qdot", "qvel", "dtheta", "omega"),
+        *("thetadot", "dot", "dpos", "velo", "rate", "qp", "geschwindigkeit", "thetad", "dof_vel", "w", "rpm", "qv"),
+    ),
+    "tau": (
+        *("tau", "taus", "torque", "torques", "trq", "tq", "effort", "efforts", "eff", "moment", "drehmoment"),
+        *("actuatorfrc", "trqs", "qfrc", "tor", "frc", "force", "forces", "torq", "tauj", "nm", "mot_torque", "couple"),
+    ),
+    "i": ("current", "currents", "cur", "curr", "amp", "amps", "ampere", "iq", "i", "strom", "motcur"),
+    "volt": (
+        *("volt", "volts", "voltage", "voltages", "vir", "pwm", "duty", "u", "load", "pwms", "uq"),
+    ),
+    "q": (
+        *("q", "pos", "position", "positions", "angle", "angles", "theta", "qpos", "jointpos", "encoder", "enc", "qs"),
+        *("displacement", "disp", "joint_pos", "th", "ang", "winkel", "phi", "posn", "jpos", "coord", "rotation"),
+    ),
+}
+_OF_WORD = {word: quantity for quantity, words in _QUANTITIES.items() for word in words}
+_COMMANDED = frozenset(
+    "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
+    "soll d want demand nominal requested input in".split()
+)
+_MEASURED = frozenset(
+    "act actual meas measured state obs observation feedback fb real ist present current_state raw fbk sensor est mes".split()
+)
+_NOISE = frozenset(
+    "joint joints jnt j motor mot m axis ax dof link robot arm data value msg states position0 deg rad".split()
+)
+_ALL = frozenset(_OF_WORD) | _COMMANDED | _MEASURED | _NOISE
+# Units by how they are written, lower case; the word after the name or in brackets.
+UNITS: dict[str, str] = {
+    **dict.fromkeys(("rad", "radian", "radians", "rads"), "rad"),
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), "deg"),
+    **dict.fromkeys(("rad/s", "radps", "rad_s", "rads-1", "radpersec", "rad_per_s", "rad/sec"), "rad/s"),
+    **dict.fromkeys(("deg/s", "degps", "deg_s", "dps", "°/s", "deg/sec", "deg_per_s"), "deg/s"),
+    **dict.fromkeys(("rpm", "rev/min", "1/min"), "rpm"),
+    **dict.fromkeys(("rad/s2", "rad/s^2", "radps2", "rad/s²", "rads2"), "rad/s2"),
+    **dict.fromkeys(("deg/s2", "deg/s^2", "degps2", "deg/s²"), "deg/s2"),
+    **dict.fromkeys(("nm", "n.m", "n·m", "n*m", "newtonmeter", "n-m", "n_m"), "N·m"),
+    **dict.fromkeys(("mnm", "nmm", "n.mm", "n·mm", "n*mm", "mn.m"), "N·mm"),
+    **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"),
+    **dict.fromkeys(("ma", "milliamp"), "mA"),
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "usec", "usecs", "micros", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds"), "ns"),
+    **dict.fromkeys(("m", "meter", "metre", "meters"), "m"),
+    **dict.fromkeys(("mm", "millimeter"), "mm"),
+    **dict.fromkeys(("m/s", "mps"), "m/s"),
+    **dict.fromkeys(("mm/s",), "mm/s"),
+    **dict.fromkeys(("n", "newton"), "N"),
+    **dict.fromkeys(("v", "volt", "volts"), "V"),
+}
+_QUANTITY_OF_UNIT = {
+    "rad": "q", "deg": "q", "m": "q", "mm": "q",
+    "rad/s": "v", "deg/s": "v", "rpm": "v", "m/s": "v", "mm/s": "v",
+    "rad/s2": "a", "deg/s2": "a",
+    "N·m": "tau", "N·mm": "tau", "N": "tau",
+    "A": "i", "mA": "i", "V": "volt",
+    "s": "time", "ms": "time", "us": "time", "ns": "time",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Clue:
+    """What a name says.
+
+    Attributes:
+        quantity: ``q``, ``v``, ``a``, ``tau``, ``i``, ``volt``, ``time``, ``skip``, or empty where it says nothing.
+        commanded: whether it is what was asked for rather than what was measured.
+        number: the joint's number as written, None for none.
+        label: words that are left, for the joint's name; empty for none.
+        unit: as written, in this package's spelling; empty for none.
+        exact: the robot's joint whose name stands in it; empty for none.
+        stem: the name with joint and number taken out: columns of one family share it.
+    """
+
+    quantity: str
+    commanded: bool
+    number: int | None
+    label: str
+    unit: str
+    exact: str
+    stem: str
+
+
+def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
+    """What a column's name says of it, beside the names of the robot's joints and the unit that the file states."""
+    text, bracketed = _without_unit(name)
+    exact, rest = _without_joint(text, joints)
+    tokens = _tokens(rest)
+    numbers = [int(token) for token in tokens if token.isdigit()]
+    words = [token for token in tokens if not token.isdigit()]
+    found = UNITS.get(unit.strip().lower()) or bracketed
+    if not found and len(words) > 1:
+        words, found = _trailing_unit(words)
+    words = _joined(words)
+    quantity = _quantity(words, found, bool(exact or numbers))
+    left = [w for w in words if w not in _OF_WORD and w not in _COMMANDED | _MEASURED | _NOISE]
+    return Clue(
+        quantity=quantity,
+        commanded=_is_commanded(words, quantity),
+        number=numbers[-1] if numbers else None,
+        label="_".join(left),
+        unit=found,
+        exact=exact,
+        stem="_".join(words),
+    )
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A name without the unit in its brackets, and the unit."""
+    match = re.search(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$", name)
+    if match and not match[1].strip().isdigit():
+        unit = UNITS.get(match[1].strip().lower(), "")
+        if unit:
+            return name[: match.start()], unit
+    match = re.search(r"[/_ ](rad/s\^?2?|deg/s\^?2?|m/s)$", name)
+    if match:
+        return name[: match.start()], UNITS.get(match[1].lower(), "")
+    return name, ""
+
+
+def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
+    """The robot's joint that is named, the longest that is, and the name without it."""
+    low = name.lower()
+    for joint in sorted(joints, key=len, reverse=True):
+        key = joint.lower()
+        if len(key) < 2:
+            continue
+        match = re.search(rf"(?<![a-z0-9]){re.escape(key)}(?![0-9])", low)
+        if match:
+            return joint, f"{name[: match.start()]} {name[match.end() :]}"
+    return "", name
+
+
+def _tokens(text: str) -> list[str]:
+    """Words and numbers of a name, lower case; a change of case or from letters to digits parts them."""
+    text = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", text)
+    text = re.sub(r"(?<=[A-Za-zµ°])(?=\d)|(?<=\d)(?=[A-Za-zµ°])", " ", text)
+    return [token.lower() for token in re.split(r"[^A-Za-z0-9µ°]+", text) if token]
+
+
+def _trailing_unit(words: list[str]) -> tuple[list[str], str]:
+    """The unit that a name ends with, where another word says the quantity."""
+    for count in (2, 1):
+        if len(words) > count:
+            unit = UNITS.get("_".join(words[-count:]), "")
+            others = [w for w in words[:-count] if w in _OF_WORD]
+            if unit and (others or count == 2 or len(words[-1]) > 1):
+                return words[:-count], unit
+    return words, ""
+
+
+def _joined(words: list[str]) -> list[str]:
+    """Words that mean something only together: ``q dot`` is a velocity, ``d q`` too."""
+    found: list[str] = []
+    for word in [part for word in words for part in _parts(word)]:
+        before = found[-1] if found else ""
+        if before in {"q", "theta", "pos", "joint"} and word in {"dot", "ddot"}:
+            found[-1:] = ["qdot" if word == "dot" else "qddot"]
+        elif word == "q" and before in {"d", "dd"}:
+            found[-1:] = ["dq" if before == "d" else "ddq"]
+        else:
+            found.append(word)
+    return found
+
+
+def _parts(word: str) -> list[str]:
+    """A word that is written together (``qdes``, ``jointtorque``, ``cmdpos``) taken apart; as it is where it is one."""
+    if word in _ALL:
+        return [word]
+    for at in range(len(word) - 1, 0, -1):
+        first, rest = word[:at], word[at:]
+        # Both have to mean something, and together more than two single letters do.
+        if first in _ALL and rest in _ALL and len(word) > 2:
+            return [first, rest]
+    for at in range(len(word) - 2, 2, -1):
+        if word[:at] in _ALL and len(rest := _parts(word[at:])) > 1:
+            return [word[:at], *rest]
+    return ["q", "m"] if word == "qm" else [word]
+
+
+def _is_commanded(words: list[str], quantity: str) -> bool:
+    if set(words) & _MEASURED - {"sensor", "est"} and not set(words) & (_COMMANDED - {"d", "in", "input", "nominal"}):
+        return False
+    return bool(set(words) & _COMMANDED) and quantity != ""
+
+
+def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
+    said = [_OF_WORD[word] for word in words if word in _OF_WORD]
+    # ``current`` before another quantity means what is now, not an electric current.
+    if "i" in said and "current" in words and set(said) & {"q", "v", "a", "tau"}:
+        said = [word for word in said if word != "i"]
+    for quantity in ("skip", "time", "a", "v", "tau", "i", "volt", "q"):
+        if quantity in said and not (quantity == "time" and len(set(said)) > 1):
+            return quantity
+    if unit:
+        return _QUANTITY_OF_UNIT.get(unit, "")
+    # A joint's name alone is its position.
+    return "q" if of_joint and (not words or set(words) <= _NOISE | _MEASURED | _COMMANDED) else ""
