@@ -19,8 +19,9 @@ from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
 from excite.conversion.recording import Recording, merged_names
-from excite.conversion.sources.registry import read_source
+from excite.conversion.sources.registry import RECORDED, read_source, recognised
 from excite.conversion.trials import Cut, cut_trials
+from excite.conversion.wraps import signed
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.columns import read_columns
@@ -129,7 +130,7 @@ def _recordings(sources: Sequence[str | Path]) -> list[Recording]:
     wrong: list[LogError] = []
     for source in sources:
         try:
-            found += [merged_names(recording) for recording in read_source(Path(source))]
+            found += [signed(merged_names(recording)) for recording in _read(Path(source))]
         except LogError as error:
             wrong.append(error)
     if len(wrong) == 1:
@@ -137,6 +138,16 @@ def _recordings(sources: Sequence[str | Path]) -> list[Recording]:
     if wrong:
         raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
     return found
+
+
+def _read(source: Path) -> list[Recording]:
+    """Recordings of a source; a folder that is no recording itself stands for the files in it that are."""
+    if not source.is_dir() or recognised(source) is not None:
+        return list(read_source(source))
+    files = [file for file in sorted(source.iterdir()) if file.is_file() and file.suffix.lower() in RECORDED]
+    if not files:
+        raise LogError("holds no recordings", source=source, remedy="name the files")
+    return [recording for file in files for recording in read_source(file)]
 
 
 def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> Table:

@@ -57,6 +57,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     _other_channels(found, recording, left)
     _ask_for_positions(found, recording, machine)
     _ask_for_torques(found, groups, mapping)
+    _ask_for_base(found, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)
     used = {item.source for item in found.mapped} | set(clocks)
@@ -152,9 +153,12 @@ def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
             continue
         if family.target in chosen:
             other = chosen[family.target]
-            text = f"{family.columns[0]} … could be it too" if len(family.columns) > 1 else family.columns[0]
-            if len(family.placed.columns) == len(other.placed.columns):
-                found.facts.append((family.target, other.columns[0], f"taken of two that its name fits; {text}"))
+            text = f"{family.columns[0]} …"
+            if len(family.placed.columns) == len(other.placed.columns) and family.target in ("q", "tau", "i"):
+                found.ask(
+                    f"{family.target} may be {other.columns[0]} … or {text}",
+                    f'columns: {{{family.target}: "{_pattern(other)}"}}',
+                )
             continue
         chosen[family.target] = family
     if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
@@ -165,6 +169,12 @@ def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
     return chosen
+
+
+def _pattern(family: Family) -> str:
+    """A column's name with its number as a pattern."""
+    name = family.columns[0]
+    return re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1) if len(family.columns) > 1 else name
 
 
 def _add(found: Guesses, chosen: dict[str, Family]) -> None:
@@ -229,6 +239,14 @@ def _ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> 
                 f'columns: {{tau: "{name}"}} and scale: {{tau: FACTOR}}, or log: {{torque: none}}',
             )
             return
+
+
+def _ask_for_base(found: Guesses, machine: Machine, mapping: Map) -> None:
+    if machine.floating and "base" not in mapping.log and not found.of("base"):
+        found.ask(
+            f"the base of {machine.name} is free, and no pose of it was recorded",
+            "log: {base: fixed}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}",
+        )
 
 
 def _ask_for_positions(found: Guesses, recording: Recording, machine: Machine) -> None:

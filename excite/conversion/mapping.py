@@ -15,7 +15,7 @@ CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wren
 Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
 Unit = Literal[
     *("rad", "deg", "rev", "m", "mm", "rad/s", "deg/s", "rpm", "m/s", "mm/s", "rad/s2", "deg/s2", "N·m", "N·mm", "N"),
-    *("A", "mA", "s", "ms", "us", "ns"),
+    *("lb", "kip", "in", "in/s", "A", "mA", "s", "ms", "us", "ns"),
 ]
 
 

@@ -14,7 +14,7 @@ from excite.conversion.recording import Recording
 from excite.conversion.units import TO_SI, position_unit, ratio_unit
 from excite.conversion.words import UNITS, clue
 
-_VELOCITIES = {"rad/s": 1.0, "deg/s": TO_SI["deg/s"], "rpm": TO_SI["rpm"], "rev/s": 2.0 * np.pi, "mrad/s": 1e-3}
+_VELOCITIES = {"rad/s": 1.0, "deg/s": TO_SI["deg/s"], "rpm": TO_SI["rpm"], "rev/s": 2.0 * np.pi, "mrad/s": 1e-3, "in/s": 0.0254}
 # Torques beyond a joint's limit by this are in another unit: gears and servos are not exceeded by an order.
 _BEYOND_LIMIT = 30.0
 
@@ -88,6 +88,14 @@ def _positions(
         )
         if not sure and channel == "q_cmd" and "q" in result:
             unit, why = result["q"][0], "as the measured positions"
+        if not unit and channel in mapping.units or mapping.motors:
+            unit = unit or "rad"
+        if not unit:
+            found.ask(
+                f"the unit of {items[0].source} … cannot be told: {why}",
+                f"units: {{{channel}: deg}}, or motors: [[RATIO, 0 …], …] where they are motors' positions",
+            )
+            unit = "rad"
         result[channel] = (unit, why)
     return result
 

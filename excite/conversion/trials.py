@@ -25,6 +25,8 @@ _STANDS = 0.02
 # Motions repeat each other where they differ by less than this share of their own spread, commands or positions.
 _SAME = 0.05
 _SAME_LENGTH = 0.1
+# Torques of repeats differ by their noise, a fifth of their spread where currents are coarse; a load changes more.
+_SAME_FORCE = 0.25
 # Share of a single recording that is kept for validation.
 _KEPT = 1.0 / 3.0
 _VALIDATION = re.compile(r"(?<![a-z])(val|vali|valid|validation|test|eval|holdout)(?![a-z])", re.IGNORECASE)
@@ -143,9 +145,17 @@ def _with_repeats(pieces: list[Cut], rules: TrialRules) -> list[Cut]:
 
 def _repeats(a: dict[str, Array], b: dict[str, Array]) -> bool:
     """Whether two trials ran the same motion: commands where both have them, else positions, from their beginnings."""
-    prefix = "q_cmd." if any(name.startswith("q_cmd.") for name in a) else "q."
+    # Another gain of the servo shows in the positions, another load in the torques.
+    return all(
+        _alike(a, b, prefix, share)
+        for prefix, share in (("q_cmd.", _SAME), ("q.", _SAME), ("tau.", _SAME_FORCE), ("i.", _SAME_FORCE))
+        if any(name.startswith(prefix) for name in a)
+    )
+
+
+def _alike(a: dict[str, Array], b: dict[str, Array], prefix: str, share: float) -> bool:
     names = [name for name in a if name.startswith(prefix)]
-    if not names or any(name not in b for name in names):
+    if any(name not in b for name in names):
         return False
     lengths = [float(np.ptp(columns["time"])) for columns in (a, b)]
     if abs(lengths[0] - lengths[1]) > _SAME_LENGTH * max(lengths):
@@ -161,7 +171,7 @@ def _repeats(a: dict[str, Array], b: dict[str, Array]) -> bool:
     rest = min(
         float(np.sqrt(((signals[0][8:-8] - signals[1][8 + s : len(grid) - 8 + s]) ** 2).sum())) for s in shifts
     )
-    return rest < _SAME * spread
+    return rest < share * spread
 
 
 def _with_roles(pieces: list[Cut], rules: TrialRules, roles: dict[str, Role]) -> list[Cut]:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 # Words by the quantity that they name, as drivers, middleware and papers write them.
 _QUANTITIES: dict[str, tuple[str, ...]] = {
     "skip": (
-        *("err", "error", "errors", "ext", "external", "extern", "hat", "temp", "temps", "temperature", "status"),
+        *("enable", "enabled", "on", "done", "success", "err", "error", "errors", "ext", "external", "extern", "hat", "temp", "temps", "temperature", "status"),
         *("mode", "tcp", "cartesian", "flange", "eef", "id", "seq", "residual", "deviation", "tracking", "model"),
-        *("tool", "gripper", "contact", "disturbance", "load_est", "crc", "kp", "kd", "ki", "stiffness", "damping"),
+        *("ee", "tip", "wrench", "ft", "imu", "gyro", "tool", "gripper", "contact", "disturbance", "load_est", "crc", "kp", "kd", "ki", "stiffness", "damping"),
     ),
     "time": ("time", "timestamp", "timestamps", "t", "stamp", "tstamp", "clock", "tick", "ticks", "zeit", "times", "ts"),
     "a": (
@@ -32,7 +32,7 @@ _QUANTITIES: dict[str, tuple[str, ...]] = {
     ),
     "q": (
         *("q", "pos", "position", "positions", "angle", "angles", "theta", "qpos", "jointpos", "encoder", "enc", "qs"),
-        *("displacement", "disp", "joint_pos", "th", "ang", "winkel", "phi", "posn", "jpos", "coord", "rotation"),
+        *("displacement", "disp", "p", "th", "ang", "winkel", "phi", "posn", "jpos", "coord", "rotation"),
     ),
 }
 _OF_WORD = {word: quantity for quantity, words in _QUANTITIES.items() for word in words}
@@ -69,10 +69,14 @@ UNITS: dict[str, str] = {
     **dict.fromkeys(("m/s", "mps"), "m/s"),
     **dict.fromkeys(("mm/s",), "mm/s"),
     **dict.fromkeys(("n", "newton"), "N"),
+    **dict.fromkeys(("lb", "lbf"), "lb"),
+    **dict.fromkeys(("kip", "kips"), "kip"),
+    **dict.fromkeys(("in", "inch"), "in"),
+    **dict.fromkeys(("inps", "in/s", "ips"), "in/s"),
     **dict.fromkeys(("v", "volt", "volts"), "V"),
 }
 _QUANTITY_OF_UNIT = {
-    "rad": "q", "deg": "q", "m": "q", "mm": "q",
+    "rad": "q", "deg": "q", "m": "q", "mm": "q", "in": "q", "in/s": "v", "lb": "tau", "kip": "tau",
     "rad/s": "v", "deg/s": "v", "rpm": "v", "m/s": "v", "mm/s": "v",
     "rad/s2": "a", "deg/s2": "a",
     "N·m": "tau", "N·mm": "tau", "N": "tau",
@@ -166,7 +170,10 @@ def _trailing_unit(words: list[str]) -> tuple[list[str], str]:
     for count in (2, 1):
         if len(words) > count:
             unit = UNITS.get("_".join(words[-count:]), "")
-            others = [w for w in words[:-count] if w in _OF_WORD]
+            others = set(words[:-count]) & (frozenset(_OF_WORD) | _COMMANDED | _MEASURED)
+            if unit == "in" and not {_OF_WORD.get(word) for word in words[:-count]} & {"q"}:
+                # Of anything but a length, ``in`` is an input.
+                continue
             if unit and (others or count == 2 or len(words[-1]) > 1):
                 return words[:-count], unit
     return words, ""
@@ -208,7 +215,12 @@ def _is_commanded(words: list[str], quantity: str) -> bool:
 
 
 def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
-    said = [_OF_WORD[word] for word in words if word in _OF_WORD]
+    # Controllers call axes A1, A2 …
+    letters = {"a"} if set(words) & {"axis", "ax", "axes"} else set()
+    said = [_OF_WORD[word] for word in words if word in _OF_WORD and word not in letters]
+    if "time" in said and of_joint:
+        # A number of its own has no clock: t1, t2 … are torques.
+        said = ["tau" if word == "time" else word for word in said]
     # ``current`` before another quantity means what is now, not an electric current.
     if "i" in said and "current" in words and set(said) & {"q", "v", "a", "tau"}:
         said = [word for word in said if word != "i"]

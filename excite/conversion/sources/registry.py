@@ -30,6 +30,10 @@ SOURCES: Registry[Source] = Registry(
     },
 )
 
+# Endings that stand for recordings where a folder of files is given.
+RECORDED = frozenset(
+    ".csv .tsv .txt .dat .log .parquet .npz .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt".split()
+)
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6
 
@@ -42,12 +46,16 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     """
     if not path.exists():
         raise LogError("no such file or folder", source=path, remedy="check the name of the source")
-    for name in SOURCES:
-        source = SOURCES.make(name)
-        if source.recognises(path):
-            return _read(name, path) if not source.own_process else _in_own_process(name, path)
+    name = recognised(path)
+    if name is not None:
+        return _in_own_process(name, path) if SOURCES[name].own_process else _read(name, path)
     known = "; ".join(SOURCES[name].summary for name in SOURCES)
     raise LogError("is of no format that is known", source=path, remedy=f"give one of: {known}")
+
+
+def recognised(path: Path) -> str | None:
+    """Name of the first format that recognises a file or folder; None for none."""
+    return next((name for name in SOURCES if SOURCES.make(name).recognises(path)), None)
 
 
 def _read(name: str, path: Path) -> tuple[Recording, ...]:
