@@ -41,6 +41,7 @@ class Conversion:
     Attributes:
         folder: the log folder.
         log: its content as read again.
+        columns: by channel, the column that it comes from and its factor to SI.
         guesses: what was guessed: channel, source, reason.
         trials: name, role and reason of each trial.
         notes: what was done to the rows, a sentence each.
@@ -50,6 +51,7 @@ class Conversion:
 
     folder: Path
     log: Log
+    columns: dict[str, tuple[str, float]]
     guesses: tuple[tuple[str, str, str], ...]
     trials: tuple[tuple[str, str, str], ...]
     notes: tuple[str, ...]
@@ -62,6 +64,7 @@ class Conversion:
             "schema": SCHEMA,
             "log": str(self.folder),
             "joints": list(self.log.header.joints),
+            "columns": {target: {"column": c, "factor": f} for target, (c, f) in self.columns.items()},
             "guessed": [{"what": w, "source": s, "because": b} for w, s, b in self.guesses],
             "trials": [{"trial": n, "role": r, "because": b} for n, r, b in self.trials],
             "notes": list(self.notes),
@@ -116,6 +119,7 @@ def convert(
     return Conversion(
         folder=out,
         log=read,
+        columns={item.target: (item.source, item.factor) for item in found.mapped},
         guesses=tuple(found.rows()),
         trials=tuple((cut.name, cut.role, cut.because) for cut in cuts),
         notes=tuple(dict.fromkeys(notes)),

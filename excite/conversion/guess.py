@@ -51,7 +51,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     chosen = _chosen(groups, found)
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
-        named |= {column for column, said in left.items() if said.quantity in ("volt", "time")}
+        named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
         chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
     _add(found, chosen)
     _other_channels(found, recording, left)

@@ -13,7 +13,7 @@ _QUANTITIES: dict[str, tuple[str, ...]] = {
         *("mode", "tcp", "cartesian", "flange", "eef", "id", "seq", "residual", "deviation", "tracking", "model"),
         *("ee", "tip", "wrench", "ft", "imu", "gyro", "tool", "gripper", "contact", "disturbance", "load_est", "crc", "kp", "kd", "ki", "stiffness", "damping"),
     ),
-    "time": ("time", "timestamp", "timestamps", "t", "stamp", "tstamp", "clock", "tick", "ticks", "zeit", "times", "ts"),
+    "time": ("time", "timestamp", "timestamps", "t", "stamp", "tstamp", "clock", "tick", "ticks", "zeit", "times", "ts", "sec", "secs", "seconds", "millis", "msec", "usec", "nsec"),
     "a": (
         *("a", "acc", "accel", "acceleration", "accelerations", "ddq", "qdd", "qddot", "qacc", "ddtheta", "dd"),
         *("thetaddot", "ddot", "alpha", "ddpos", "accs"),
@@ -217,9 +217,10 @@ def _is_commanded(words: list[str], quantity: str) -> bool:
 def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
     # Controllers call axes A1, A2 …
     letters = {"a"} if set(words) & {"axis", "ax", "axes"} else set()
-    said = [_OF_WORD[word] for word in words if word in _OF_WORD and word not in letters]
-    if "time" in said and of_joint:
-        # A number of its own has no clock: t1, t2 … are torques.
+    words = [word for word in words if word not in letters]
+    said = [_OF_WORD[word] for word in words if word in _OF_WORD]
+    if of_joint and "t" in words:
+        # No joint has a clock of its own: t1, t2 … are torques.
         said = ["tau" if word == "time" else word for word in said]
     # ``current`` before another quantity means what is now, not an electric current.
     if "i" in said and "current" in words and set(said) & {"q", "v", "a", "tau"}:
