@@ -29,7 +29,11 @@ def whole_rows(table: Table, source: object) -> Table:
         if not holes.any() or holes.all():
             continue
         there = np.flatnonzero(~holes)
-        after = np.clip(np.searchsorted(there, np.flatnonzero(holes)), 1, len(there) - 1) if len(there) > 1 else None
+        after = (
+            np.clip(np.searchsorted(there, np.flatnonzero(holes)), 1, len(there) - 1)
+            if len(there) > 1
+            else None
+        )
         if after is None:
             continue
         near = np.abs(time[there[after]] - time[there[after - 1]]) <= _LONGEST_S
@@ -50,4 +54,6 @@ def whole_rows(table: Table, source: object) -> Table:
         notes.append(f"{filled} single values that were missing stand between their neighbours")
     if not whole.all() or not known.all():
         notes.append(f"{int((~whole).sum() + (~known).sum())} rows with missing values were left out")
-    return replace(table, columns={name: values[whole] for name, values in columns.items()}, notes=tuple(notes))
+    return replace(
+        table, columns={name: values[whole] for name, values in columns.items()}, notes=tuple(notes)
+    )

@@ -7,31 +7,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from pydantic import ValidationError
-
 from excite.conversion.assemble import Table, assemble
+from excite.conversion.capture_sheet import by_sheet, compare, read_capture
 from excite.conversion.clean_rows import whole_rows
 from excite.conversion.guess import guess
 from excite.conversion.guesses import Guesses, UnclearError
+from excite.conversion.header import log_header
 from excite.conversion.machine import Machine, load_machine
 from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.sources.registry import RECORDED, read_source, recognised
-from excite.conversion.trials import Cut, cut_trials
+from excite.conversion.trials import cut_trials
 from excite.conversion.wraps import signed
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.columns import read_columns
 from excite.logs.files import check_replaceable, load_log, save_log
-from excite.logs.header import check_header
-from excite.logs.log import Log, LogHeader, Role
+from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 
 SCHEMA = "excite.convert/1"
-_ROBOT_FILE = "robot.urdf"
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +75,7 @@ def convert(
     robot: str | Path,
     out: str | Path,
     mapping: Map | str | Path | None = None,
+    capture: str | Path | None = None,
 ) -> Conversion:
     """Make a log folder of recordings in any known format.
 
@@ -89,6 +87,8 @@ def convert(
         robot: bundled name, ``robot.yaml``, or URDF.
         out: the log folder, replaced if there is one.
         mapping: what the recording does not tell, or a ``map.yaml`` that says it.
+        capture: sheet of ``excite capture`` that the recordings were made by: roles and repeats are its, and what
+            differs from it is noted.
 
     Raises:
         UnclearError: something cannot be told; it carries all questions with the lines that would settle them.
@@ -103,9 +103,14 @@ def convert(
     if found.questions:
         raise UnclearError(found.questions, recordings[0].source)
     tables = [_table(recording, found, machine, stated) for recording in recordings]
-    said = {name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()}
-    cuts = cut_trials(tables, stated.trials, said)
-    header = _header(cuts, found, machine, stated, recordings)
+    said = {
+        name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
+    }
+    sheet = None if capture is None else read_capture(Path(capture))
+    cuts = (
+        cut_trials(tables, stated.trials, said) if sheet is None else by_sheet(tables, stated.trials, sheet)
+    )
+    header = log_header(cuts, found, machine, stated, recordings)
     trials = tuple(
         read_columns(cut.columns, entry, header, out / entry.file)
         for cut, entry in zip(cuts, header.trials, strict=True)
@@ -116,6 +121,7 @@ def convert(
     read = load_log(out)
     chart, note = _examined(read, machine)
     notes = [n for r in recordings[:1] for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
+    notes += [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
     return Conversion(
         folder=out,
         log=read,
@@ -161,83 +167,9 @@ def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) 
     return whole_rows(table, recording.source)
 
 
-def _header(
-    cuts: Sequence[Cut], found: Guesses, machine: Machine, stated: Map, recordings: Sequence[Recording]
-) -> LogHeader:
-    present = {name for cut in cuts for name in cut.columns}
-    joints = [joint for joint in machine.joints if f"q.{joint}" in present]
-    torque = _torque(present, found)
-    channel = "i" if torque == "current" else "tau"
-    without = [joint for joint in joints if f"{channel}.{joint}" not in present] if torque != "none" else []
-    steps = np.concatenate([np.diff(cut.columns["time"]) for cut in cuts])
-    rate = 1.0 / float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    content: dict[str, Any] = {
-        "schema": "excite.log/1",
-        "robot": _ROBOT_FILE,
-        "base": "fixed",
-        "gravity": list(machine.gravity),
-        "rate_hz": float(f"{rate:.5g}"),
-        "joints": joints,
-        "torque": torque,
-        "no_torque": without,
-        "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"] + (["armature"] if torque != "link_side" else []),
-    }
-    if "base.px" in present:
-        content |= {"base": "suspended", "base_link": machine.base_link}
-        found.facts.append(("base", "suspended", "a base pose was logged, and no contact wrench"))
-    gains = _gains(recordings, joints)
-    if gains:
-        content["controller"] = gains
-    found.facts.append(("modelled", ", ".join(content["modelled"]), "what joints of this kind have at least"))
-    content |= stated.log
-    if torque == "none":
-        content.pop("no_torque", None)
-    content["guessed"] = [
-        {"what": what, "source": source, "because": because} for what, source, because in found.rows()
-    ]
-    content["trials"] = [
-        {"file": f"{cut.name}.parquet", "role": cut.role}
-        | ({"repeats": f"{cut.repeats}.parquet"} if cut.repeats else {})
-        for cut in cuts
-    ]
-    try:
-        header = LogHeader.model_validate(content)
-    except ValidationError as error:
-        faults = [f"{'.'.join(str(p) for p in e['loc'])} ({e['msg'].lower()})" for e in error.errors()]
-        raise LogError("cannot be written: " + "; ".join(faults[:10]), field="log", remedy="correct log: in map.yaml") from error
-    check_header(header, Path("map.yaml"))
-    return header
-
-
-def _torque(present: set[str], found: Guesses) -> str:
-    if any(name.startswith("tau.") for name in present):
-        found.facts.append(
-            ("torque", "motor_side", "torques of unknown side are taken to contain the joint's friction and rotor")
-        )
-        return "motor_side"
-    if any(name.startswith("i.") for name in present):
-        found.facts.append(("torque", "current", "currents, and no torques, were recorded"))
-        return "current"
-    found.facts.append(("torque", "none", "neither torques nor currents were recorded"))
-    return "none"
-
-
-def _gains(recordings: Sequence[Recording], joints: Sequence[str]) -> dict[str, Any]:
-    """Gains that the recording states for every joint."""
-    said = recordings[0].said
-    gains: dict[str, Any] = {}
-    for name in ("kp", "kd"):
-        values = said.get(name)
-        if isinstance(values, list) and len(values) == len(joints):
-            gains[name] = {joint: float(value) for joint, value in zip(joints, values, strict=True)}
-    return {"mode": "position", **gains} if gains else {}
-
-
 def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
     """What the doctor says; a log that it cannot look at is written all the same."""
     try:
         return examine(nominal_robot(log), log), []
     except InputError as error:
         return None, [f"the doctor could not look at it: {error}"]
-
-

@@ -10,17 +10,22 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from excite.arrays import Array
-from excite.conversion.anonymous import Understood, understand
-from excite.conversion.clock import TICKS, clock_column, tick
-from excite.conversion.families import Family, clues_of, families
+from excite.conversion.columns.anonymous import Understood, understand
+from excite.conversion.columns.clock import TICKS, clock_column, tick
+from excite.conversion.columns.families import Family, clues_of, families
+from excite.conversion.columns.quantities import convert_units
+from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
-from excite.conversion.quantities import convert_units
+from excite.conversion.questions import (
+    MOST_NAMED,
+    ask_for_base,
+    ask_for_positions,
+    ask_for_torques,
+    column_names,
+)
 from excite.conversion.recording import Recording, Stream
-from excite.conversion.words import Clue
-
-_MOST_NAMED = 12
 
 
 def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
@@ -40,7 +45,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     if wrong:
         found.ask(f"the robot has no joint {', '.join(wrong)}", f"joints: [{', '.join(machine.joints)}]")
         return found
-    ignored = [c for c in _names(recording) if any(fnmatchcase(c, mark) for mark in mapping.ignore)]
+    ignored = [c for c in column_names(recording) if any(fnmatchcase(c, mark) for mark in mapping.ignore)]
     clues = clues_of(recording, joints, ignored)
     _stated_columns(found, recording, mapping, joints)
     clocks = _clocks(found, recording, clues, mapping)
@@ -55,23 +60,19 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
         chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
     _add(found, chosen)
     _other_channels(found, recording, left)
-    _ask_for_positions(found, recording, machine)
-    _ask_for_torques(found, groups, mapping)
-    _ask_for_base(found, machine, mapping)
+    ask_for_positions(found, recording, machine)
+    ask_for_torques(found, groups, mapping)
+    ask_for_base(found, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)
     used = {item.source for item in found.mapped} | set(clocks)
-    found.unused = [name for name in _names(recording) if name not in used]
+    found.unused = [name for name in column_names(recording) if name not in used]
     return found
-
-
-def _names(recording: Recording) -> list[str]:
-    return [column.name for stream in recording.streams for column in stream.columns]
 
 
 def _stated_columns(found: Guesses, recording: Recording, mapping: Map, joints: Sequence[str]) -> None:
     """What a map's ``columns`` say, patterns expanded; columns that are not there are asked for."""
-    names = _names(recording)
+    names = column_names(recording)
     for target, pattern in mapping.columns.items():
         missing = []
         for goal, column in expand(target, pattern, joints):
@@ -81,7 +82,7 @@ def _stated_columns(found: Guesses, recording: Recording, mapping: Map, joints: 
             else:
                 found.mapped.append(Mapped(goal, source, 1.0, "stated in the map", stated=True))
         if missing:
-            there = ", ".join(names[:_MOST_NAMED]) + (" …" if len(names) > _MOST_NAMED else "")
+            there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
             found.ask(
                 f"no column {', '.join(missing[:4])} in {recording.name}, which has {there}",
                 f'columns: {{{target}: "NAME"}}',
@@ -174,7 +175,11 @@ def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
 def _pattern(family: Family) -> str:
     """A column's name with its number as a pattern."""
     name = family.columns[0]
-    return re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1) if len(family.columns) > 1 else name
+    return (
+        re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1)
+        if len(family.columns) > 1
+        else name
+    )
 
 
 def _add(found: Guesses, chosen: dict[str, Family]) -> None:
@@ -188,7 +193,9 @@ def _add(found: Guesses, chosen: dict[str, Family]) -> None:
             continue
         said = "the format says so" if family.stated else "its name"
         because = f"{said}; joint by {family.placed.because}"
-        found.mapped += [Mapped(f"{target}.{joint}", column, 1.0, because) for joint, column in columns.items()]
+        found.mapped += [
+            Mapped(f"{target}.{joint}", column, 1.0, because) for joint, column in columns.items()
+        ]
 
 
 def _without_names(
@@ -225,36 +232,3 @@ def _other_channels(found: Guesses, recording: Recording, clues: dict[str, Clue]
                 target = f"{column.channel}.{column.label}"
                 if target not in known:
                     found.mapped.append(Mapped(target, column.name, 1.0, "the format says so"))
-
-
-def _ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> None:
-    """Voltages and duty cycles are no torques, and nothing in a recording says how much of one they are."""
-    if found.of("tau") or found.of("i") or "torque" in mapping.log:
-        return
-    for family in groups:
-        if family.quantity == "volt" and family.placed.columns:
-            name = family.columns[0]
-            found.ask(
-                f"{name} is a voltage or duty cycle, whose torque per unit is not known",
-                f'columns: {{tau: "{name}"}} and scale: {{tau: FACTOR}}, or log: {{torque: none}}',
-            )
-            return
-
-
-def _ask_for_base(found: Guesses, machine: Machine, mapping: Map) -> None:
-    if machine.floating and "base" not in mapping.log and not found.of("base"):
-        found.ask(
-            f"the base of {machine.name} is free, and no pose of it was recorded",
-            "log: {base: fixed}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}",
-        )
-
-
-def _ask_for_positions(found: Guesses, recording: Recording, machine: Machine) -> None:
-    if found.of("q"):
-        return
-    names = _names(recording)
-    there = ", ".join(names[:_MOST_NAMED]) + (" …" if len(names) > _MOST_NAMED else "")
-    found.ask(
-        f"no columns of joint positions were found for {machine.n} joints of {machine.name} among {there}",
-        'columns: {q: "NAME{n}"}',
-    )

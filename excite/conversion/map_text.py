@@ -1,4 +1,4 @@
-"""The ``map.yaml`` that repeats a conversion: what was stated and what was guessed, as patterns where columns have one."""
+"""The ``map.yaml`` that repeats a conversion without guessing, as patterns where columns have one."""
 
 from __future__ import annotations
 
@@ -50,7 +50,16 @@ def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map
 
 def _si(found: Guesses) -> dict[str, str]:
     """Units of which ``scale`` is one: the factors are all written there."""
-    units = {"q": "rad", "q_cmd": "rad", "v": "rad/s", "a": "rad/s2", "tau": "N·m", "tau_cmd": "N·m", "i": "A", "time": "s"}
+    units = {
+        "q": "rad",
+        "q_cmd": "rad",
+        "v": "rad/s",
+        "a": "rad/s2",
+        "tau": "N·m",
+        "tau_cmd": "N·m",
+        "i": "A",
+        "time": "s",
+    }
     return {name: unit for name, unit in units.items() if found.of(name)}
 
 
@@ -72,4 +81,6 @@ def _patterns(channel: str, items: list[Mapped], joints: Sequence[str]) -> dict[
 
 
 def _flow(value: object) -> str:
-    return yaml.safe_dump(value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000).strip()
+    return yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000
+    ).strip()

@@ -14,8 +14,31 @@ SCHEMA = "excite.map/1"
 CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wrench")
 Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
 Unit = Literal[
-    *("rad", "deg", "rev", "m", "mm", "rad/s", "deg/s", "rpm", "m/s", "mm/s", "rad/s2", "deg/s2", "N·m", "N·mm", "N"),
-    *("lb", "kip", "in", "in/s", "A", "mA", "s", "ms", "us", "ns"),
+    "rad",
+    "deg",
+    "rev",
+    "m",
+    "mm",
+    "rad/s",
+    "deg/s",
+    "rpm",
+    "m/s",
+    "mm/s",
+    "rad/s2",
+    "deg/s2",
+    "N·m",
+    "N·mm",
+    "N",
+    "lb",
+    "kip",
+    "in",
+    "in/s",
+    "A",
+    "mA",
+    "s",
+    "ms",
+    "us",
+    "ns",
 ]
 
 
@@ -45,12 +68,13 @@ class Map(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
 
-    schema_: Literal["excite.map/1"] = Field(alias="schema", default=SCHEMA)
+    schema_: Literal["excite.map/1"] = Field(alias="schema", default="excite.map/1")
     joints: tuple[str, ...] = Field(
         default=(), description="The robot's joints in the order of the columns; all of the robot's if empty."
     )
     columns: dict[str, str] = Field(
-        default={}, description="By channel (`q`, `tau.elbow`, `wrench.SENSOR.fx` …) the column's name or a pattern of it."
+        default={},
+        description="By channel (`q`, `tau.elbow`, `wrench.SENSOR.fx` …) the column's name or a pattern of it.",
     )
     units: dict[str, Unit] = Field(default={}, description="By channel, the unit of its columns.")
     scale: dict[str, Factor] = Field(
@@ -63,10 +87,13 @@ class Map(BaseModel):
         default=[],
         description="Motor turns per joint turn, one row a motor: positions are motors', torques on the motors' side.",
     )
-    ignore: tuple[str, ...] = Field(default=(), description="Columns that are no signals of the robot; `*` for any letters.")
+    ignore: tuple[str, ...] = Field(
+        default=(), description="Columns that are no signals of the robot; `*` for any letters."
+    )
     trials: TrialRules = TrialRules()
     log: dict[str, Any] = Field(
-        default={}, description="Fields of log.yaml as they shall stand there: torque, controller, rate_hz, modelled …"
+        default={},
+        description="Fields of log.yaml as they shall stand there: torque, controller, rate_hz, modelled …",
     )
 
 

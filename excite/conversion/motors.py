@@ -28,7 +28,9 @@ def joint_sided(table: Table, mapping: Map, joints: Sequence[str], source: objec
     rows = {len(row) for row in mapping.motors} | {len(mapping.motors)}
     if rows != {len(joints)}:
         raise LogError(
-            f"motors: is no matrix of {len(joints)} rows and columns", source=source, remedy="one row a motor, in map.yaml"
+            f"motors: is no matrix of {len(joints)} rows and columns",
+            source=source,
+            remedy="one row a motor, in map.yaml",
         )
     gears = np.array(mapping.motors, dtype=float)
     if abs(np.linalg.det(gears / np.abs(gears).max())) < _SINGULAR ** len(joints):

@@ -86,11 +86,17 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
             continue
         if array.ndim == 2 and array.shape[0] < array.shape[1]:
             array = array.T
-        columns = [(key, array)] if array.ndim == 1 else [(f"{key}[{k}]", array[:, k]) for k in range(array.shape[1])]
+        columns = (
+            [(key, array)]
+            if array.ndim == 1
+            else [(f"{key}[{k}]", array[:, k]) for k in range(array.shape[1])]
+        )
         found = lengths.setdefault(len(array), [])
         found += [Column(label, np.asarray(column, dtype=float)) for label, column in columns]
-    return [Stream(name, tuple(columns), time if time is not None and len(time) == n else None)
-            for n, columns in lengths.items()]
+    return [
+        Stream(name, tuple(columns), time if time is not None and len(time) == n else None)
+        for n, columns in lengths.items()
+    ]
 
 
 def longest(streams: Iterable[Stream]) -> tuple[Stream, ...]:
@@ -115,4 +121,6 @@ def merged_names(recording: Recording) -> Recording:
 
 def nothing_there(path: object) -> LogError:
     """The error for a source that holds no numbers over time."""
-    return LogError("holds no columns of numbers", source=path, remedy="give a recording with one row a sample")
+    return LogError(
+        "holds no columns of numbers", source=path, remedy="give a recording with one row a sample"
+    )

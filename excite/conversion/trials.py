@@ -71,7 +71,9 @@ def cut_trials(tables: Sequence[Table], rules: TrialRules, roles: dict[str, Role
         for k, part in enumerate(parts):
             name = _name(table.name if len(parts) == 1 else f"{table.name}_{k + 1}", pieces)
             columns = {key: values[part] for key, values in table.columns.items()}
-            because = "the whole recording" if len(parts) == 1 else f"part {k + 1} of {len(parts)} between pauses"
+            because = (
+                "the whole recording" if len(parts) == 1 else f"part {k + 1} of {len(parts)} between pauses"
+            )
             pieces.append(Cut(name, columns, "identification", None, table.name, because))
     pieces = _with_repeats(pieces, rules)
     return tuple(_with_roles(pieces, rules, roles))
@@ -137,7 +139,9 @@ def _with_repeats(pieces: list[Cut], rules: TrialRules) -> list[Cut]:
     found: list[Cut] = []
     for piece in pieces:
         stated = rules.repeats.get(piece.name)
-        same = stated or next((o.name for o in found if o.repeats is None and _repeats(piece.columns, o.columns)), None)
+        same = stated or next(
+            (o.name for o in found if o.repeats is None and _repeats(piece.columns, o.columns)), None
+        )
         because = piece.because if same is None else f"{piece.because}; its motion is that of {same}"
         found.append(replace(piece, repeats=same, because=because))
     return found
@@ -162,14 +166,16 @@ def _alike(a: dict[str, Array], b: dict[str, Array], prefix: str, share: float) 
         return False
     grid = np.linspace(0.0, 0.98 * min(lengths), 400)
     signals = [
-        np.column_stack([np.interp(grid, c["time"] - c["time"][0], c[name]) for name in names]) for c in (a, b)
+        np.column_stack([np.interp(grid, c["time"] - c["time"][0], c[name]) for name in names])
+        for c in (a, b)
     ]
     spread = float(np.sqrt(((signals[0] - signals[0].mean(axis=0)) ** 2).sum()))
     if spread <= 0.0:
         return False
     shifts = range(-8, 9)
     rest = min(
-        float(np.sqrt(((signals[0][8:-8] - signals[1][8 + s : len(grid) - 8 + s]) ** 2).sum())) for s in shifts
+        float(np.sqrt(((signals[0][8:-8] - signals[1][8 + s : len(grid) - 8 + s]) ** 2).sum()))
+        for s in shifts
     )
     return rest < share * spread
 
@@ -177,7 +183,8 @@ def _alike(a: dict[str, Array], b: dict[str, Array], prefix: str, share: float) 
 def _with_roles(pieces: list[Cut], rules: TrialRules, roles: dict[str, Role]) -> list[Cut]:
     def given(role: Role, because: str, chosen: set[str]) -> list[Cut]:
         return [
-            replace(p, role=role, because=f"{p.because}; {because}") if p.name in chosen else p for p in pieces
+            replace(p, role=role, because=f"{p.because}; {because}") if p.name in chosen else p
+            for p in pieces
         ]
 
     if rules.validation:
@@ -211,6 +218,10 @@ def _halved(piece: Cut) -> list[Cut]:
     return [
         replace(piece, columns=first, because=f"{piece.because}, its first two thirds"),
         replace(
-            piece, name=f"{piece.name}_validation", columns=last, role="validation", because="its last third validates"
+            piece,
+            name=f"{piece.name}_validation",
+            columns=last,
+            role="validation",
+            because="its last third validates",
         ),
     ]

@@ -24,7 +24,13 @@ def signed(recording: Recording) -> Recording:
         for bits in _BITS:
             whole = 2.0**bits
             high, low = known > 0.75 * whole, known < 0.25 * whole
-            if known.max() < whole and high.any() and low.any() and (high | low).all() and _jumps(known, whole):
+            if (
+                known.max() < whole
+                and high.any()
+                and low.any()
+                and (high | low).all()
+                and _jumps(known, whole)
+            ):
                 turned.append(column.name)
                 return replace(column, values=np.where(values > 0.5 * whole, values - whole, values))
         return column

@@ -32,7 +32,12 @@ def judge(case: Drawn, out: Path, *, examine: bool = True) -> list[str]:
             wrong.append(f"{target} × {factor:g} instead of {right:g}")
     wrong += [f"{target} was made up" for target in found.columns if target not in case.columns]
     if examine:
-        signs = {j for f in (found.chart.findings if found.chart else ()) if f.kind == "torque_sign" for j in f.places}
+        signs = {
+            j
+            for f in (found.chart.findings if found.chart else ())
+            if f.kind == "torque_sign"
+            for j in f.places
+        }
         if signs != ({case.turned} if case.turned else set()):
             wrong.append(f"turned: {sorted(signs)} instead of {case.turned or 'none'}")
     return wrong

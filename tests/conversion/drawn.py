@@ -49,8 +49,29 @@ STYLES = (
     ("observation.state.{j}.pos", "observation.state.{j}.vel", "observation.effort.{j}", "action.{j}.pos"),
     ("winkel_{n}", "geschwindigkeit_{n}", "drehmoment_{n}", "soll_winkel_{n}"),
 )  # fmt: skip
-CLOCKS = ("time", "t", "timestamp", "Time", "stamp", "t_rel", "timestamp_sec0", "clock", "zeit", "ros_time", "secs")
-DISTRACTORS = ("temperature_{n}", "position_error_{n}", "tau_ext_{n}", "tcp_x", "tcp_y", "status", "motor_temp_{n}", "seq")
+CLOCKS = (
+    "time",
+    "t",
+    "timestamp",
+    "Time",
+    "stamp",
+    "t_rel",
+    "timestamp_sec0",
+    "clock",
+    "zeit",
+    "ros_time",
+    "secs",
+)
+DISTRACTORS = (
+    "temperature_{n}",
+    "position_error_{n}",
+    "tau_ext_{n}",
+    "tcp_x",
+    "tcp_y",
+    "status",
+    "motor_temp_{n}",
+    "seq",
+)
 TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -123,7 +144,10 @@ def _motion(robot: excite.Robot, rng: np.random.Generator) -> tuple[np.ndarray, 
     rate = float(rng.choice([100, 125, 200, 250, 500]))
     time = np.arange(0.0, 20.0, 1.0 / rate)
     n = robot.n_joints
-    low, high = np.maximum(robot.limits.position_lower, -np.pi), np.minimum(robot.limits.position_upper, np.pi)
+    low, high = (
+        np.maximum(robot.limits.position_lower, -np.pi),
+        np.minimum(robot.limits.position_upper, np.pi),
+    )
     q, v, a = np.zeros((len(time), n)), np.zeros((len(time), n)), np.zeros((len(time), n))
     for k in range(n):
         for harmonic in range(1, 6):
@@ -140,7 +164,9 @@ def _motion(robot: excite.Robot, rng: np.random.Generator) -> tuple[np.ndarray, 
     model = robot.model.copy()
     for k in range(1, model.njoints):
         model.inertias[k] = pin.Inertia(
-            model.inertias[k].mass * rng.uniform(0.8, 1.25), model.inertias[k].lever, model.inertias[k].inertia
+            model.inertias[k].mass * rng.uniform(0.8, 1.25),
+            model.inertias[k].lever,
+            model.inertias[k].inertia,
         )
     data = model.createData()
     tau = np.array([pin.rnea(model, data, *rows) for rows in zip(q, v, a, strict=True)])
@@ -160,6 +186,11 @@ def _write(file: Path, table: dict[str, np.ndarray], rng: np.random.Generator) -
         writer = csv.writer(stream, delimiter=separator)
         writer.writerow(names)
         for row in zip(*(table[name] for name in names), strict=True):
-            writer.writerow([f"{value:.9g}" if abs(value) < 1e8 else f"{value:.6f}" for value in row]
-                            if decimal == "." else [f"{value:.9g}".replace(".", ",") if abs(value) < 1e8
-                                                    else f"{value:.6f}".replace(".", ",") for value in row])
+            writer.writerow(
+                [f"{value:.9g}" if abs(value) < 1e8 else f"{value:.6f}" for value in row]
+                if decimal == "."
+                else [
+                    f"{value:.9g}".replace(".", ",") if abs(value) < 1e8 else f"{value:.6f}".replace(".", ",")
+                    for value in row
+                ]
+            )

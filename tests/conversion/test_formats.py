@@ -25,7 +25,9 @@ from tests.conversion.written import JOINTS
 WHOLE = {"trials": {"validation": ["none"], "split": "none"}}
 
 
-def text_table(separator: str, decimal: str = ".", *, comment: str = "", units: bool = False) -> Callable[..., Path]:
+def text_table(
+    separator: str, decimal: str = ".", *, comment: str = "", units: bool = False
+) -> Callable[..., Path]:
     def write(folder: Path, data: dict[str, np.ndarray]) -> Path:
         names = ["time", *(f"{word}_{j}" for word in ("pos", "vel", "torque") for j in JOINTS)]
         lines = [comment] if comment else []
@@ -43,7 +45,11 @@ def text_table(separator: str, decimal: str = ".", *, comment: str = "", units: 
 
 def parquet(folder: Path, data: dict[str, np.ndarray]) -> Path:
     columns = {"timestamp": data["time"]} | {f"joint_{k}": pa.array(data[k].tolist()) for k in ()}
-    columns |= {"q": pa.array(data["q"].tolist()), "dq": pa.array(data["v"].tolist()), "tau": pa.array(data["tau"].tolist())}
+    columns |= {
+        "q": pa.array(data["q"].tolist()),
+        "dq": pa.array(data["v"].tolist()),
+        "tau": pa.array(data["tau"].tolist()),
+    }
     pa.parquet.write_table(pa.table(columns), folder / "rows.parquet")
     return folder / "rows.parquet"
 
@@ -63,14 +69,21 @@ def hdf5(folder: Path, data: dict[str, np.ndarray]) -> Path:
 
 
 def mat(folder: Path, data: dict[str, np.ndarray]) -> Path:
-    savemat(folder / "run.mat", {"log": {"t": data["time"], "q": data["q"], "qd": data["v"], "tau": data["tau"]}})
+    savemat(
+        folder / "run.mat", {"log": {"t": data["time"], "q": data["q"], "qd": data["v"], "tau": data["tau"]}}
+    )
     return folder / "run.mat"
 
 
 def mat73(folder: Path, data: dict[str, np.ndarray]) -> Path:
     """Version 7.3 is HDF5 behind 512 bytes of words; matrices are transposed."""
     with h5py.File(folder / "run.mat", "w", userblock_size=512) as file:
-        for name, values in (("t", data["time"][None]), ("q", data["q"].T), ("qd", data["v"].T), ("tau", data["tau"].T)):
+        for name, values in (
+            ("t", data["time"][None]),
+            ("q", data["q"].T),
+            ("qd", data["v"].T),
+            ("tau", data["tau"].T),
+        ):
             file[name] = values
     with (folder / "run.mat").open("r+b") as stream:
         stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
@@ -173,8 +186,12 @@ def test_joint_states_without_effort_have_no_torque(data, arm, tmp_path):
     np.testing.assert_allclose(found.log.trials[0].q, data["q"], atol=1e-9)
 
 
-@pytest.mark.parametrize("content", [b"", b"\0" * 300, b"PK\x03\x04 no archive", b"\x89HDF\r\n\x1a\n", b"hello\nworld\n"])
-@pytest.mark.parametrize("suffix", [".csv", ".npz", ".h5", ".mat", ".json", ".bag", ".mcap", ".pt", ".parquet", ".db3"])
+@pytest.mark.parametrize(
+    "content", [b"", b"\0" * 300, b"PK\x03\x04 no archive", b"\x89HDF\r\n\x1a\n", b"hello\nworld\n"]
+)
+@pytest.mark.parametrize(
+    "suffix", [".csv", ".npz", ".h5", ".mat", ".json", ".bag", ".mcap", ".pt", ".parquet", ".db3"]
+)
 def test_what_is_no_such_file_is_one_line(content, suffix, tmp_path):
     file = tmp_path / f"bad{suffix}"
     file.write_bytes(content)

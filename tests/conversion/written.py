@@ -27,7 +27,8 @@ def arm_urdf(path: Path) -> Path:
         axis = "0 1 0" if k % 2 == 0 else "0 0 1"
         text.append(
             f'<joint name="{joint}" type="revolute"><parent link="{links[k]}"/><child link="{links[k + 1]}"/>'
-            f'<origin xyz="0.3 0 0"/><axis xyz="{axis}"/><limit lower="-2.5" upper="2.5" effort="60" velocity="4"/></joint>'
+            f'<origin xyz="0.3 0 0"/><axis xyz="{axis}"/>'
+            f'<limit lower="-2.5" upper="2.5" effort="60" velocity="4"/></joint>'
         )
     path.write_text("\n".join([*text, "</robot>"]))
     return path
@@ -49,7 +50,7 @@ def motion(n: int = 600, seed: int = 0) -> dict[str, np.ndarray]:
 
 
 def ros2_store():
-    """A typestore with what rosbags lacks: the controller's state, and Unitree's messages as their repositories have them."""
+    """A typestore with what rosbags lacks: the controller's state and Unitree's messages."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -87,12 +88,15 @@ def joint_states(store, data: dict[str, np.ndarray], rng: np.random.Generator, *
     """Times [s] and JointState messages, names in another order in each."""
     for i, time in enumerate(data["time"]):
         order = rng.permutation(3)
-        yield 100.0 + time, store.types["sensor_msgs/msg/JointState"](
-            header=stamp(store, 100.0 + time),
-            name=[JOINTS[k] for k in order],
-            position=data["q"][i, order],
-            velocity=data["v"][i, order],
-            effort=data["tau"][i, order] if effort else np.zeros(0),
+        yield (
+            100.0 + time,
+            store.types["sensor_msgs/msg/JointState"](
+                header=stamp(store, 100.0 + time),
+                name=[JOINTS[k] for k in order],
+                position=data["q"][i, order],
+                velocity=data["v"][i, order],
+                effort=data["tau"][i, order] if effort else np.zeros(0),
+            ),
         )
 
 
@@ -124,7 +128,9 @@ def ros1_bag(path: Path, data: dict[str, np.ndarray]) -> Path:
         topic = bag.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
         for i, time in enumerate(data["time"]):
             order = rng.permutation(3)
-            now = store.types["builtin_interfaces/msg/Time"](sec=100 + int(time), nanosec=round((time % 1.0) * 1e9))
+            now = store.types["builtin_interfaces/msg/Time"](
+                sec=100 + int(time), nanosec=round((time % 1.0) * 1e9)
+            )
             message = store.types["sensor_msgs/msg/JointState"](
                 header=store.types["std_msgs/msg/Header"](seq=i, stamp=now, frame_id=""),
                 name=[JOINTS[k] for k in order],
@@ -132,7 +138,11 @@ def ros1_bag(path: Path, data: dict[str, np.ndarray]) -> Path:
                 velocity=data["v"][i, order],
                 effort=data["tau"][i, order],
             )
-            bag.write(topic, round((100.0 + time) * 1e9), store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
+            bag.write(
+                topic,
+                round((100.0 + time) * 1e9),
+                store.serialize_ros1(message, "sensor_msgs/msg/JointState"),
+            )
     return path
 
 

@@ -42,7 +42,14 @@ class BagSource(Source):
                     message = bag.deserialize(raw, connection.msgtype)
                     topics.add(connection.topic, connection.msgtype, message, 1e-9 * logged)
         except (
-            AnyReaderError, SerdeError, TypesysError, OSError, ValueError, KeyError, IndexError, AttributeError
+            AnyReaderError,
+            SerdeError,
+            TypesysError,
+            OSError,
+            ValueError,
+            KeyError,
+            IndexError,
+            AttributeError,
         ) as error:
             raise damaged(path, error, "a bag") from error
         return (topics.recording(path, there),)

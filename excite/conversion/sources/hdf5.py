@@ -68,11 +68,17 @@ def hdf5_arrays(path: Path) -> dict[str, Any]:
             file.visit(names.append)
             for name in names:
                 item = file[name]
-                if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "fiub" or name.startswith("#refs#"):
+                if (
+                    not isinstance(item, h5py.Dataset)
+                    or item.dtype.kind not in "fiub"
+                    or name.startswith("#refs#")
+                ):
                     continue
                 total += item.size
                 if total > MAX_NUMBERS:
-                    raise LogError("holds more numbers than can be read", source=path, remedy="split the recording")
+                    raise LogError(
+                        "holds more numbers than can be read", source=path, remedy="split the recording"
+                    )
                 found[name] = np.asarray(item[()])
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as error:
         raise damaged(path, error, "HDF5") from error

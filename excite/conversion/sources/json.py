@@ -20,7 +20,7 @@ _DEEPEST = 6
 
 
 class JsonSource(Source):
-    """An object of lists, a list of objects, or an object that holds such a list; one object a line too (``.jsonl``)."""
+    """An object of lists, a list of objects, or an object that holds such a list; or one object a line."""
 
     name: ClassVar[str] = "json"
     summary: ClassVar[str] = "JSON (.json, .jsonl)"
@@ -68,7 +68,9 @@ def _collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, obje
             cells = [entry.get(key) if isinstance(entry, dict) else None for entry in value]
             inner = f"{name}/{key}" if name and depth > 1 else str(key)
             if isinstance(value[0][key], dict):
-                _collect(inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1)
+                _collect(
+                    inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
+                )
             else:
                 _numbers(inner, cells, arrays)
     elif isinstance(value, list):

@@ -16,7 +16,12 @@ from excite.errors import LogError
 from excite.reading.json_document import read_json
 
 # What each feature holds for a follower arm.
-_CHANNELS = {"observation.state": "q", "action": "q_cmd", "observation.velocity": "v", "observation.effort": "tau"}
+_CHANNELS = {
+    "observation.state": "q",
+    "action": "q_cmd",
+    "observation.velocity": "v",
+    "observation.effort": "tau",
+}
 _LEROBOT_WORDS = (".pos", ".vel", ".effort", ".current")
 
 
@@ -36,7 +41,9 @@ class LeRobotSource(Source):
         info = read_json(path / "meta" / "info.json", error=LogError)
         files = sorted((path / "data").glob("**/*.parquet"))
         if not files:
-            raise LogError("has no Parquet files", source=path / "data", remedy="download the data set's data folder")
+            raise LogError(
+                "has no Parquet files", source=path / "data", remedy="download the data set's data folder"
+            )
         features = info.get("features", {})
         found: list[Recording] = []
         for file in files:
@@ -50,12 +57,18 @@ class LeRobotSource(Source):
         return tuple(found)
 
 
-def _episodes(arrays: dict[str, Any], features: dict[str, Any], info: dict[str, Any], path: Path) -> list[Recording]:
+def _episodes(
+    arrays: dict[str, Any], features: dict[str, Any], info: dict[str, Any], path: Path
+) -> list[Recording]:
     n = max((len(values) for values in arrays.values()), default=0)
     index = arrays.get("episode_index", np.zeros(n)).astype(int)
     found = []
     fps = float(info.get("fps", 0.0))
-    note = f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not" if fps else ""
+    note = (
+        f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not"
+        if fps
+        else ""
+    )
     for episode in np.unique(index):
         rows = index == episode
         frames = arrays.get("frame_index", np.arange(n))[rows]
@@ -64,7 +77,13 @@ def _episodes(arrays: dict[str, Any], features: dict[str, Any], info: dict[str, 
         if columns:
             stream = Stream(f"episode_{episode:06d}", columns, time)
             found.append(
-                Recording(str(path), f"episode_{episode:06d}", (stream,), {"fps": fps or None}, (note,) if note else ())
+                Recording(
+                    str(path),
+                    f"episode_{episode:06d}",
+                    (stream,),
+                    {"fps": fps or None},
+                    (note,) if note else (),
+                )
             )
     return found
 
@@ -72,7 +91,15 @@ def _episodes(arrays: dict[str, Any], features: dict[str, Any], info: dict[str, 
 def _columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> list[Column]:
     found = []
     for name, values in arrays.items():
-        if name in {"timestamp", "frame_index", "episode_index", "index", "task_index", "next.done", "next.reward"}:
+        if name in {
+            "timestamp",
+            "frame_index",
+            "episode_index",
+            "index",
+            "task_index",
+            "next.done",
+            "next.reward",
+        }:
             continue
         labels = _names(features.get(name, {}))
         values = values.reshape(len(values), -1)

@@ -40,7 +40,14 @@ class MatSource(Source):
         try:
             content = loadmat(path, simplify_cells=True)
         except (
-            OSError, ValueError, TypeError, MatReadError, NotImplementedError, KeyError, IndexError, MemoryError
+            OSError,
+            ValueError,
+            TypeError,
+            MatReadError,
+            NotImplementedError,
+            KeyError,
+            IndexError,
+            MemoryError,
         ) as error:
             raise damaged(path, error, "a .mat file") from error
         found: dict[str, Any] = {}

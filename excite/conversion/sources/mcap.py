@@ -31,7 +31,9 @@ class McapSource(Source):
             from mcap_ros2.decoder import DecoderFactory
         except ImportError as error:
             raise LogError(
-                "is MCAP, which needs mcap and mcap-ros2-support", source=path, remedy="pip install 'excite[mcap]'"
+                "is MCAP, which needs mcap and mcap-ros2-support",
+                source=path,
+                remedy="pip install 'excite[mcap]'",
             ) from error
         topics, there = Topics(), dict[str, str]()
         notes: tuple[str, ...] = ()

@@ -13,7 +13,9 @@ from excite.conversion.sources.gathered import Field
 
 Row = tuple[list[Field], list[float]]
 # Order of the motors of Unitree's quadrupeds, by their SDK; their models begin with the left leg.
-_LEGS = tuple(f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf"))
+_LEGS = tuple(
+    f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")
+)
 _QUADRUPED = 12
 
 
@@ -56,7 +58,11 @@ def _joints(names: Iterable[str], parts: Iterable[tuple[str, str, Any]]) -> Row:
 
 
 def _joint_state(message: Any, topic: str) -> Row:
-    parts = (("position", "q", message.position), ("velocity", "v", message.velocity), ("effort", "tau", message.effort))
+    parts = (
+        ("position", "q", message.position),
+        ("velocity", "v", message.velocity),
+        ("effort", "tau", message.effort),
+    )
     return _joints(message.name, parts)
 
 
@@ -86,7 +92,9 @@ def _wrench(message: Any, topic: str) -> Row:
     sensor = _sensor(topic, getattr(message.header, "frame_id", ""))
     values = (force.x, force.y, force.z, torque.x, torque.y, torque.z)
     axes = ("fx", "fy", "fz", "tx", "ty", "tz")
-    return [Field(f"{sensor}.{axis}", "wrench", f"{sensor}.{axis}") for axis in axes], [float(v) for v in values]
+    return [Field(f"{sensor}.{axis}", "wrench", f"{sensor}.{axis}") for axis in axes], [
+        float(v) for v in values
+    ]
 
 
 def _sensor(topic: str, frame: str) -> str:
@@ -96,7 +104,15 @@ def _sensor(topic: str, frame: str) -> str:
 
 def _odometry(message: Any, topic: str) -> Row:
     place, turn = message.pose.pose.position, message.pose.pose.orientation
-    values = {"px": place.x, "py": place.y, "pz": place.z, "qx": turn.x, "qy": turn.y, "qz": turn.z, "qw": turn.w}
+    values = {
+        "px": place.x,
+        "py": place.y,
+        "pz": place.z,
+        "qx": turn.x,
+        "qy": turn.y,
+        "qz": turn.z,
+        "qw": turn.w,
+    }
     return [Field(f"pose.{axis}", "base", axis) for axis in values], [float(v) for v in values.values()]
 
 
@@ -113,7 +129,9 @@ def _unitree(channels: dict[str, str], attribute: str) -> Callable[[Any, str], R
         legs = len(motors) == 20 and not any(m.q or m.dq or getattr(m, "kp", 0) for m in motors[_QUADRUPED:])
         count = _QUADRUPED if legs else len(motors)
         names = _LEGS if legs else tuple(f"motor_{k}" for k in range(count))
-        fields = [Field(f"{word}.{name}", channel, name) for word, channel in channels.items() for name in names]
+        fields = [
+            Field(f"{word}.{name}", channel, name) for word, channel in channels.items() for name in names
+        ]
         return fields, [float(getattr(m, word)) for word in channels for m in motors[:count]]
 
     return decoder

@@ -51,8 +51,17 @@ class PaceSource(Source):
         try:
             content = _load(path)
         except (
-            OSError, ValueError, KeyError, IndexError, TypeError, EOFError, AttributeError, RecursionError,
-            MemoryError, zipfile.BadZipFile, pickle.UnpicklingError,
+            OSError,
+            ValueError,
+            KeyError,
+            IndexError,
+            TypeError,
+            EOFError,
+            AttributeError,
+            RecursionError,
+            MemoryError,
+            zipfile.BadZipFile,
+            pickle.UnpicklingError,
         ) as error:
             raise damaged(path, error, "tensors of torch") from error
         arrays: dict[str, Any] = {}

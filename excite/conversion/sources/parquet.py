@@ -24,7 +24,9 @@ class ParquetSource(Source):
 
     def recognises(self, path: Path) -> bool:
         """See :class:`Source`."""
-        return path.is_file() and (path.suffix.lower() in {".parquet", ".pq"} or first_bytes(path, 4) == b"PAR1")
+        return path.is_file() and (
+            path.suffix.lower() in {".parquet", ".pq"} or first_bytes(path, 4) == b"PAR1"
+        )
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
@@ -54,7 +56,9 @@ def table_arrays(table: pa.Table) -> dict[str, Any]:
             if len(column) and len(flat) % len(column) == 0 and _is_number(flat.type):
                 found[name] = flat.to_numpy(zero_copy_only=False).reshape(len(column), -1)
         elif pa.types.is_timestamp(kind):
-            found[name] = column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy(zero_copy_only=False) * 1e-9
+            found[name] = (
+                column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy(zero_copy_only=False) * 1e-9
+            )
         elif _is_number(kind) or pa.types.is_boolean(kind):
             found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
     return found

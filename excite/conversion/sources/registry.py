@@ -63,8 +63,17 @@ def _read(name: str, path: Path) -> tuple[Recording, ...]:
 
 
 def _in_own_process(name: str, path: Path) -> tuple[Recording, ...]:
-    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) if path.is_dir() else path.stat().st_size
+    size = (
+        sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        if path.is_dir()
+        else path.stat().st_size
+    )
     found: tuple[Recording, ...] = in_child(
-        f"{__name__}:_read", name, path, source=path, error=LogError, seconds=_STARTING_S + size / _BYTES_PER_S
+        f"{__name__}:_read",
+        name,
+        path,
+        source=path,
+        error=LogError,
+        seconds=_STARTING_S + size / _BYTES_PER_S,
     )
     return found

@@ -45,7 +45,9 @@ class Source(ABC):
 def damaged(path: Path, error: BaseException, what: str) -> LogError:
     """The error for a file that its library cannot read."""
     text = " ".join(str(error).split()) or type(error).__name__
-    return LogError(f"cannot be read as {what} ({text[:160]})", source=path, remedy="check that the file is complete")
+    return LogError(
+        f"cannot be read as {what} ({text[:160]})", source=path, remedy="check that the file is complete"
+    )
 
 
 def first_bytes(path: Path, count: int = 512) -> bytes:

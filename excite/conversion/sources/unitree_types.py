@@ -5,20 +5,138 @@ from __future__ import annotations
 from typing import Any
 
 _HG = {
-    "unitree_hg/msg/IMUState": "float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\nfloat32[3] rpy\nint16 temperature",
-    "unitree_hg/msg/MotorState": "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nint16[2] temperature\nfloat32 vol\nuint32[2] sensor\nuint32 motorstate\nuint32[4] reserve",
-    "unitree_hg/msg/MotorCmd": "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32 reserve",
-    "unitree_hg/msg/LowState": "uint32[2] version\nuint8 mode_pr\nuint8 mode_machine\nuint32 tick\nunitree_hg/IMUState imu_state\nunitree_hg/MotorState[35] motor_state\nuint8[40] wireless_remote\nuint32[4] reserve\nuint32 crc",
-    "unitree_hg/msg/LowCmd": "uint8 mode_pr\nuint8 mode_machine\nunitree_hg/MotorCmd[35] motor_cmd\nuint32[4] reserve\nuint32 crc",
+    "unitree_hg/msg/IMUState": """
+float32[4] quaternion
+float32[3] gyroscope
+float32[3] accelerometer
+float32[3] rpy
+int16 temperature
+""",
+    "unitree_hg/msg/MotorState": """
+uint8 mode
+float32 q
+float32 dq
+float32 ddq
+float32 tau_est
+int16[2] temperature
+float32 vol
+uint32[2] sensor
+uint32 motorstate
+uint32[4] reserve
+""",
+    "unitree_hg/msg/MotorCmd": """
+uint8 mode
+float32 q
+float32 dq
+float32 tau
+float32 kp
+float32 kd
+uint32 reserve
+""",
+    "unitree_hg/msg/LowState": """
+uint32[2] version
+uint8 mode_pr
+uint8 mode_machine
+uint32 tick
+unitree_hg/IMUState imu_state
+unitree_hg/MotorState[35] motor_state
+uint8[40] wireless_remote
+uint32[4] reserve
+uint32 crc
+""",
+    "unitree_hg/msg/LowCmd": """
+uint8 mode_pr
+uint8 mode_machine
+unitree_hg/MotorCmd[35] motor_cmd
+uint32[4] reserve
+uint32 crc
+""",
 }
 _GO = {
-    "unitree_go/msg/IMUState": "float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\nfloat32[3] rpy\nint8 temperature",
-    "unitree_go/msg/MotorState": "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nfloat32 q_raw\nfloat32 dq_raw\nfloat32 ddq_raw\nint8 temperature\nuint32 lost\nuint32[2] reserve",
-    "unitree_go/msg/MotorCmd": "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32[3] reserve",
-    "unitree_go/msg/BmsState": "uint8 version_high\nuint8 version_low\nuint8 status\nuint8 soc\nint32 current\nuint16 cycle\nint8[2] bq_ntc\nint8[2] mcu_ntc\nuint16[15] cell_vol",
-    "unitree_go/msg/BmsCmd": "uint8 off\nuint8[3] reserve",
-    "unitree_go/msg/LowState": "uint8[2] head\nuint8 level_flag\nuint8 frame_reserve\nuint32[2] sn\nuint32[2] version\nuint16 bandwidth\nunitree_go/IMUState imu_state\nunitree_go/MotorState[20] motor_state\nunitree_go/BmsState bms_state\nint16[4] foot_force\nint16[4] foot_force_est\nuint32 tick\nuint8[40] wireless_remote\nuint8 bit_flag\nfloat32 adc_reel\nint8 temperature_ntc1\nint8 temperature_ntc2\nfloat32 power_v\nfloat32 power_a\nuint16[4] fan_frequency\nuint32 reserve\nuint32 crc",
-    "unitree_go/msg/LowCmd": "uint8[2] head\nuint8 level_flag\nuint8 frame_reserve\nuint32[2] sn\nuint32[2] version\nuint16 bandwidth\nunitree_go/MotorCmd[20] motor_cmd\nunitree_go/BmsCmd bms_cmd\nuint8[40] wireless_remote\nuint8[12] led\nuint8[2] fan\nuint8 gpio\nuint32 reserve\nuint32 crc",
+    "unitree_go/msg/IMUState": """
+float32[4] quaternion
+float32[3] gyroscope
+float32[3] accelerometer
+float32[3] rpy
+int8 temperature
+""",
+    "unitree_go/msg/MotorState": """
+uint8 mode
+float32 q
+float32 dq
+float32 ddq
+float32 tau_est
+float32 q_raw
+float32 dq_raw
+float32 ddq_raw
+int8 temperature
+uint32 lost
+uint32[2] reserve
+""",
+    "unitree_go/msg/MotorCmd": """
+uint8 mode
+float32 q
+float32 dq
+float32 tau
+float32 kp
+float32 kd
+uint32[3] reserve
+""",
+    "unitree_go/msg/BmsState": """
+uint8 version_high
+uint8 version_low
+uint8 status
+uint8 soc
+int32 current
+uint16 cycle
+int8[2] bq_ntc
+int8[2] mcu_ntc
+uint16[15] cell_vol
+""",
+    "unitree_go/msg/BmsCmd": """
+uint8 off
+uint8[3] reserve
+""",
+    "unitree_go/msg/LowState": """
+uint8[2] head
+uint8 level_flag
+uint8 frame_reserve
+uint32[2] sn
+uint32[2] version
+uint16 bandwidth
+unitree_go/IMUState imu_state
+unitree_go/MotorState[20] motor_state
+unitree_go/BmsState bms_state
+int16[4] foot_force
+int16[4] foot_force_est
+uint32 tick
+uint8[40] wireless_remote
+uint8 bit_flag
+float32 adc_reel
+int8 temperature_ntc1
+int8 temperature_ntc2
+float32 power_v
+float32 power_a
+uint16[4] fan_frequency
+uint32 reserve
+uint32 crc
+""",
+    "unitree_go/msg/LowCmd": """
+uint8[2] head
+uint8 level_flag
+uint8 frame_reserve
+uint32[2] sn
+uint32[2] version
+uint16 bandwidth
+unitree_go/MotorCmd[20] motor_cmd
+unitree_go/BmsCmd bms_cmd
+uint8[40] wireless_remote
+uint8[12] led
+uint8[2] fan
+uint8 gpio
+uint32 reserve
+uint32 crc
+""",
 }
 DEFINITIONS = {**_HG, **_GO}
 

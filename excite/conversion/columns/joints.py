@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from excite.conversion.words import Clue
+from excite.conversion.columns.words import Clue
 
 # How alike two names have to be, as difflib counts, and by how much more than to any other joint's.
 _ALIKE, _CLEARLY = 0.45, 0.02
@@ -55,7 +55,9 @@ def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str],
 
 def first_number(clues: Sequence[Clue]) -> int:
     """Whether joints are counted from 0 or from 1 in this recording."""
-    numbers = [clue.number for clue in clues if clue.number is not None and clue.quantity not in ("time", "skip", "")]
+    numbers = [
+        clue.number for clue in clues if clue.number is not None and clue.quantity not in ("time", "skip", "")
+    ]
     return 0 if numbers and min(numbers) == 0 else 1
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from excite.conversion.joints import Placed, first_number, place
+from excite.conversion.columns.joints import Placed, first_number, place
+from excite.conversion.columns.vocabulary import UNITS
+from excite.conversion.columns.words import Clue, clue
 from excite.conversion.recording import Column, Recording
-from excite.conversion.words import UNITS, Clue, clue
 
 # What a log folder has a channel for, by quantity and whether it was commanded.
 TARGETS = {
@@ -83,7 +84,9 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
                 stem=stem,
             )
         )
-    return sorted(found, key=lambda family: (-len(family.placed.columns), not family.stated, len(family.stem)))
+    return sorted(
+        found, key=lambda family: (-len(family.placed.columns), not family.stated, len(family.stem))
+    )
 
 
 def _stem(said: Clue) -> str:

@@ -7,14 +7,22 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.units import TO_SI, position_unit, ratio_unit
+from excite.conversion.columns.vocabulary import UNITS
+from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
-from excite.conversion.recording import Recording
-from excite.conversion.units import TO_SI, position_unit, ratio_unit
-from excite.conversion.words import UNITS, clue
+from excite.conversion.recording import Column, Recording
 
-_VELOCITIES = {"rad/s": 1.0, "deg/s": TO_SI["deg/s"], "rpm": TO_SI["rpm"], "rev/s": 2.0 * np.pi, "mrad/s": 1e-3, "in/s": 0.0254}
+_VELOCITIES = {
+    "rad/s": 1.0,
+    "deg/s": TO_SI["deg/s"],
+    "rpm": TO_SI["rpm"],
+    "rev/s": 2.0 * np.pi,
+    "mrad/s": 1e-3,
+    "in/s": 0.0254,
+}
 # Torques beyond a joint's limit by this are in another unit: gears and servos are not exceeded by an order.
 _BEYOND_LIMIT = 30.0
 
@@ -39,7 +47,10 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
         elif channel in ("tau", "tau_cmd"):
             unit, because = _torques(items, columns, machine, named)
         else:
-            unit, because = named or {"i": "A"}.get(channel, "SI"), "unit as named" if named else "no unit stated"
+            unit, because = (
+                named or {"i": "A"}.get(channel, "SI"),
+                "unit as named" if named else "no unit stated",
+            )
         factor = _VELOCITIES.get(unit, TO_SI.get(unit, 1.0))
         done += [_scaled(item, mapping, factor, f"{item.because}; {because}") for item in items]
     return done
@@ -55,25 +66,28 @@ def _scaled(item: Mapped, mapping: Map, factor: float, because: str) -> Mapped:
     return replace(item, factor=factor * scale, because=because, offset=offset)
 
 
-def _named_unit(items: list[Mapped], columns: dict[str, object]) -> str:
+def _named_unit(items: list[Mapped], columns: dict[str, Column]) -> str:
     units = set()
     for item in items:
         column = columns[item.source]
-        unit = UNITS.get(column.unit.strip().lower(), "") or clue(item.source, [item.target.partition(".")[2]]).unit  # type: ignore[attr-defined]
+        unit = (
+            UNITS.get(column.unit.strip().lower(), "")
+            or clue(item.source, [item.target.partition(".")[2]]).unit
+        )
         units.add(unit)
     return units.pop() if len(units) == 1 else ""
 
 
-def _values(items: list[Mapped], columns: dict[str, object]) -> Array:
-    rows = min(len(columns[item.source].values) for item in items)  # type: ignore[attr-defined]
-    return np.column_stack([columns[item.source].values[:rows] for item in items])  # type: ignore[attr-defined]
+def _values(items: list[Mapped], columns: dict[str, Column]) -> Array:
+    rows = min(len(columns[item.source].values) for item in items)
+    return np.column_stack([columns[item.source].values[:rows] for item in items])
 
 
 def _positions(
-    found: Guesses, columns: dict[str, object], machine: Machine, mapping: Map
+    found: Guesses, columns: dict[str, Column], machine: Machine, mapping: Map
 ) -> dict[str, tuple[str, str]]:
     """Unit and reason for measured and commanded positions."""
-    result = {}
+    result: dict[str, tuple[str, str]] = {}
     for channel in ("q", "q_cmd"):
         items = found.of(channel)
         if not items:
@@ -88,7 +102,7 @@ def _positions(
         )
         if not sure and channel == "q_cmd" and "q" in result:
             unit, why = result["q"][0], "as the measured positions"
-        if not unit and channel in mapping.units or mapping.motors:
+        if (not unit and channel in mapping.units) or mapping.motors:
             unit = unit or "rad"
         if not unit:
             found.ask(
@@ -103,7 +117,7 @@ def _positions(
 def _rates(
     found: Guesses,
     items: list[Mapped],
-    columns: dict[str, object],
+    columns: dict[str, Column],
     recording: Recording,
     angle: str,
     named: str,
@@ -111,16 +125,26 @@ def _rates(
 ) -> tuple[str, str]:
     """Unit of velocities or accelerations: what makes them the positions' derivative."""
     if channel == "a":
-        return (named, "unit as named") if named else ({"deg": "deg/s2"}.get(angle, "rad/s2"), "as the positions")
+        return (
+            (named, "unit as named")
+            if named
+            else ({"deg": "deg/s2"}.get(angle, "rad/s2"), "as the positions")
+        )
     expected = named or {"deg": "deg/s", "m": "m/s", "mm": "mm/s"}.get(angle, "rad/s")
     ratio = _ratio(found, items, columns, recording, angle)
     if ratio is None:
-        return expected, "unit as named" if named else "as the positions, with which they do not share a clock"
+        return (
+            expected,
+            "unit as named" if named else "as the positions, with which they do not share a clock",
+        )
     unit, value, agreement = ratio
     if unit is None and not np.isfinite(value):
         return expected, "they are not the positions' derivative, to which nothing agrees"
     if unit is None:
-        return expected, f"they differ from the positions' derivative by a factor of {value / TO_SI.get(expected, 1.0):.3g}"
+        return (
+            expected,
+            f"they differ from the positions' derivative by a factor of {value / TO_SI.get(expected, 1.0):.3g}",
+        )
     if named and abs(np.log(_VELOCITIES[unit] / TO_SI.get(named, 1.0))) < 0.1:
         return named, f"as named; they are the positions' derivative (correlation {agreement:.2f})"
     said = f", though its name says {named}" if named else ""
@@ -128,11 +152,13 @@ def _rates(
 
 
 def _ratio(
-    found: Guesses, items: list[Mapped], columns: dict[str, object], recording: Recording, angle: str
+    found: Guesses, items: list[Mapped], columns: dict[str, Column], recording: Recording, angle: str
 ) -> tuple[str | None, float, float] | None:
     positions = {item.target[2:]: item for item in found.of("q")}
     pairs = [(positions[i.target[2:]], i) for i in items if i.target[2:] in positions]
-    stream = next((s for s in recording.streams if pairs and pairs[0][0].source in {c.name for c in s.columns}), None)
+    stream = next(
+        (s for s in recording.streams if pairs and pairs[0][0].source in {c.name for c in s.columns}), None
+    )
     if stream is None or any(item.source not in {c.name for c in stream.columns} for _, item in pairs):
         return None
     clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
@@ -149,7 +175,9 @@ def _ratio(
     return ratio_unit(q[whole], v[whole], dt, _VELOCITIES)
 
 
-def _torques(items: list[Mapped], columns: dict[str, object], machine: Machine, named: str) -> tuple[str, str]:
+def _torques(
+    items: list[Mapped], columns: dict[str, Column], machine: Machine, named: str
+) -> tuple[str, str]:
     """Unit of torques: as named, or N·mm where they exceed every limit by orders."""
     places = [machine.joints.index(item.target.partition(".")[2]) for item in items]
     largest = np.nanmax(np.abs(_values(items, columns)), axis=0)
@@ -158,5 +186,8 @@ def _torques(items: list[Mapped], columns: dict[str, object], machine: Machine, 
         return named, "unit as named"
     known = np.isfinite(limits)
     if known.any() and float(np.median(largest[known] / limits[known])) > _BEYOND_LIMIT:
-        return "N·mm", f"N·mm: as N·m they would exceed the joints' limits by {np.median(largest[known] / limits[known]):.0f}"
+        return (
+            "N·mm",
+            f"N·mm: as N·m they would exceed the joints' limits by {np.median(largest[known] / limits[known]):.0f}",
+        )
     return ("N" if machine.slides[places].all() else "N·m"), "no unit stated, within what the joints can do"

@@ -6,83 +6,15 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-# Words by the quantity that they name, as drivers, middleware and papers write them.
-_QUANTITIES: dict[str, tuple[str, ...]] = {
-    "skip": (
-        *("enable", "enabled", "on", "done", "success", "err", "error", "errors", "ext", "external", "extern", "hat", "temp", "temps", "temperature", "status"),
-        *("mode", "tcp", "cartesian", "flange", "eef", "id", "seq", "residual", "deviation", "tracking", "model"),
-        *("ee", "tip", "wrench", "ft", "imu", "gyro", "tool", "gripper", "contact", "disturbance", "load_est", "crc", "kp", "kd", "ki", "stiffness", "damping"),
-    ),
-    "time": ("time", "timestamp", "timestamps", "t", "stamp", "tstamp", "clock", "tick", "ticks", "zeit", "times", "ts", "sec", "secs", "seconds", "millis", "msec", "usec", "nsec"),
-    "a": (
-        *("a", "acc", "accel", "acceleration", "accelerations", "ddq", "qdd", "qddot", "qacc", "ddtheta", "dd"),
-        *("thetaddot", "ddot", "alpha", "ddpos", "accs"),
-    ),
-    "v": (
-        *("v", "vel", "vels", "velocity", "velocities", "speed", "speeds", "dq", "qd", "qdot", "qvel", "dtheta", "omega"),
-        *("thetadot", "dot", "dpos", "velo", "rate", "qp", "geschwindigkeit", "thetad", "dof_vel", "w", "rpm", "qv"),
-    ),
-    "tau": (
-        *("tau", "taus", "torque", "torques", "trq", "tq", "effort", "efforts", "eff", "moment", "drehmoment"),
-        *("actuatorfrc", "trqs", "qfrc", "tor", "frc", "force", "forces", "torq", "tauj", "nm", "mot_torque", "couple"),
-    ),
-    "i": ("current", "currents", "cur", "curr", "amp", "amps", "ampere", "iq", "i", "strom", "motcur"),
-    "volt": (
-        *("volt", "volts", "voltage", "voltages", "vir", "pwm", "duty", "u", "load", "pwms", "uq"),
-    ),
-    "q": (
-        *("q", "pos", "position", "positions", "angle", "angles", "theta", "qpos", "jointpos", "encoder", "enc", "qs"),
-        *("displacement", "disp", "p", "th", "ang", "winkel", "phi", "posn", "jpos", "coord", "rotation"),
-    ),
-}
-_OF_WORD = {word: quantity for quantity, words in _QUANTITIES.items() for word in words}
-_COMMANDED = frozenset(
-    "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
-    "soll d want demand nominal requested input in".split()
+from excite.conversion.columns.vocabulary import (
+    COMMANDED,
+    KNOWN,
+    MEASURED,
+    NOISE,
+    OF_WORD,
+    QUANTITY_OF_UNIT,
+    UNITS,
 )
-_MEASURED = frozenset(
-    "act actual meas measured state obs observation feedback fb real ist present current_state raw fbk sensor est mes".split()
-)
-_NOISE = frozenset(
-    "joint joints jnt j motor mot m axis ax dof link robot arm data value msg states position0 deg rad".split()
-)
-_ALL = frozenset(_OF_WORD) | _COMMANDED | _MEASURED | _NOISE
-# Units by how they are written, lower case; the word after the name or in brackets.
-UNITS: dict[str, str] = {
-    **dict.fromkeys(("rad", "radian", "radians", "rads"), "rad"),
-    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), "deg"),
-    **dict.fromkeys(("rad/s", "radps", "rad_s", "rads-1", "radpersec", "rad_per_s", "rad/sec"), "rad/s"),
-    **dict.fromkeys(("deg/s", "degps", "deg_s", "dps", "°/s", "deg/sec", "deg_per_s"), "deg/s"),
-    **dict.fromkeys(("rpm", "rev/min", "1/min"), "rpm"),
-    **dict.fromkeys(("rad/s2", "rad/s^2", "radps2", "rad/s²", "rads2"), "rad/s2"),
-    **dict.fromkeys(("deg/s2", "deg/s^2", "degps2", "deg/s²"), "deg/s2"),
-    **dict.fromkeys(("nm", "n.m", "n·m", "n*m", "newtonmeter", "n-m", "n_m"), "N·m"),
-    **dict.fromkeys(("mnm", "nmm", "n.mm", "n·mm", "n*mm", "mn.m"), "N·mm"),
-    **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"),
-    **dict.fromkeys(("ma", "milliamp"), "mA"),
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "µs", "usec", "usecs", "micros", "microseconds"), "us"),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds"), "ns"),
-    **dict.fromkeys(("m", "meter", "metre", "meters"), "m"),
-    **dict.fromkeys(("mm", "millimeter"), "mm"),
-    **dict.fromkeys(("m/s", "mps"), "m/s"),
-    **dict.fromkeys(("mm/s",), "mm/s"),
-    **dict.fromkeys(("n", "newton"), "N"),
-    **dict.fromkeys(("lb", "lbf"), "lb"),
-    **dict.fromkeys(("kip", "kips"), "kip"),
-    **dict.fromkeys(("in", "inch"), "in"),
-    **dict.fromkeys(("inps", "in/s", "ips"), "in/s"),
-    **dict.fromkeys(("v", "volt", "volts"), "V"),
-}
-_QUANTITY_OF_UNIT = {
-    "rad": "q", "deg": "q", "m": "q", "mm": "q", "in": "q", "in/s": "v", "lb": "tau", "kip": "tau",
-    "rad/s": "v", "deg/s": "v", "rpm": "v", "m/s": "v", "mm/s": "v",
-    "rad/s2": "a", "deg/s2": "a",
-    "N·m": "tau", "N·mm": "tau", "N": "tau",
-    "A": "i", "mA": "i", "V": "volt",
-    "s": "time", "ms": "time", "us": "time", "ns": "time",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -116,11 +48,12 @@ def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
     numbers = [int(token) for token in tokens if token.isdigit()]
     words = [token for token in tokens if not token.isdigit()]
     found = UNITS.get(unit.strip().lower()) or bracketed
-    if not found and len(words) > 1:
+    # The letter before a number belongs to it: A1 is an axis, no ampere.
+    if not found and len(words) > 1 and (not tokens[-1].isdigit() or len(words[-1]) > 1):
         words, found = _trailing_unit(words)
     words = _joined(words)
     quantity = _quantity(words, found, bool(exact or numbers))
-    left = [w for w in words if w not in _OF_WORD and w not in _COMMANDED | _MEASURED | _NOISE]
+    left = [w for w in words if w not in OF_WORD and w not in COMMANDED | MEASURED | NOISE]
     return Clue(
         quantity=quantity,
         commanded=_is_commanded(words, quantity),
@@ -170,8 +103,8 @@ def _trailing_unit(words: list[str]) -> tuple[list[str], str]:
     for count in (2, 1):
         if len(words) > count:
             unit = UNITS.get("_".join(words[-count:]), "")
-            others = set(words[:-count]) & (frozenset(_OF_WORD) | _COMMANDED | _MEASURED)
-            if unit == "in" and not {_OF_WORD.get(word) for word in words[:-count]} & {"q"}:
+            others = set(words[:-count]) & (frozenset(OF_WORD) | COMMANDED | MEASURED)
+            if unit == "in" and not {OF_WORD.get(word) for word in words[:-count]} & {"q"}:
                 # Of anything but a length, ``in`` is an input.
                 continue
             if unit and (others or count == 2 or len(words[-1]) > 1):
@@ -182,7 +115,7 @@ def _trailing_unit(words: list[str]) -> tuple[list[str], str]:
 def _joined(words: list[str]) -> list[str]:
     """Words that mean something only together: ``q dot`` is a velocity, ``d q`` too."""
     found: list[str] = []
-    for word in [part for word in words for part in _parts(word)]:
+    for word in [part for whole in words for part in _parts(whole)]:
         before = found[-1] if found else ""
         if before in {"q", "theta", "pos", "joint"} and word in {"dot", "ddot"}:
             found[-1:] = ["qdot" if word == "dot" else "qddot"]
@@ -195,30 +128,32 @@ def _joined(words: list[str]) -> list[str]:
 
 def _parts(word: str) -> list[str]:
     """A word that is written together (``qdes``, ``jointtorque``, ``cmdpos``) taken apart; as it is where it is one."""
-    if word in _ALL:
+    if word in KNOWN:
         return [word]
     for at in range(len(word) - 1, 0, -1):
         first, rest = word[:at], word[at:]
         # Both have to mean something, and together more than two single letters do.
-        if first in _ALL and rest in _ALL and len(word) > 2:
+        if first in KNOWN and rest in KNOWN and len(word) > 2:
             return [first, rest]
     for at in range(len(word) - 2, 2, -1):
-        if word[:at] in _ALL and len(rest := _parts(word[at:])) > 1:
-            return [word[:at], *rest]
+        if word[:at] in KNOWN and len(others := _parts(word[at:])) > 1:
+            return [word[:at], *others]
     return ["q", "m"] if word == "qm" else [word]
 
 
 def _is_commanded(words: list[str], quantity: str) -> bool:
-    if set(words) & _MEASURED - {"sensor", "est"} and not set(words) & (_COMMANDED - {"d", "in", "input", "nominal"}):
+    if set(words) & MEASURED - {"sensor", "est"} and not set(words) & (
+        COMMANDED - {"d", "in", "input", "nominal"}
+    ):
         return False
-    return bool(set(words) & _COMMANDED) and quantity != ""
+    return bool(set(words) & COMMANDED) and quantity != ""
 
 
 def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
     # Controllers call axes A1, A2 …
     letters = {"a"} if set(words) & {"axis", "ax", "axes"} else set()
     words = [word for word in words if word not in letters]
-    said = [_OF_WORD[word] for word in words if word in _OF_WORD]
+    said = [OF_WORD[word] for word in words if word in OF_WORD]
     if of_joint and "t" in words:
         # No joint has a clock of its own: t1, t2 … are torques.
         said = ["tau" if word == "time" else word for word in said]
@@ -229,6 +164,6 @@ def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
         if quantity in said and not (quantity == "time" and len(set(said)) > 1):
             return quantity
     if unit:
-        return _QUANTITY_OF_UNIT.get(unit, "")
+        return QUANTITY_OF_UNIT.get(unit, "")
     # A joint's name alone is its position.
-    return "q" if of_joint and (not words or set(words) <= _NOISE | _MEASURED | _COMMANDED) else ""
+    return "q" if of_joint and (not words or set(words) <= NOISE | MEASURED | COMMANDED) else ""

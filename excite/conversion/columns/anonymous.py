@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from excite.arrays import Array
-from excite.conversion.families import Family
-from excite.conversion.joints import Placed
+from excite.conversion.columns.families import Family
+from excite.conversion.columns.joints import Placed
 from excite.conversion.machine import Machine
 
 # Samples that the comparison uses.
@@ -68,11 +68,13 @@ def understand(values: Array, time: Array, machine: Machine, joints: tuple[str, 
     smooth, rate = _smoothed(part, dt)
     twins = _twins(smooth, moving)
     heads = [group[0] for group in twins]
-    slopes, match = _derivatives(smooth, rate, heads)
+    match = _derivatives(smooth, rate, heads)
     positions = _positions(heads, match, smooth, dt, n)
     if positions is None:
         return None
-    rows, partners = linear_sum_assignment(-match[np.ix_([heads.index(p) for p in positions], range(len(heads)))])
+    rows, partners = linear_sum_assignment(
+        -match[np.ix_([heads.index(p) for p in positions], range(len(heads)))]
+    )
     velocity = {positions[r]: heads[c] for r, c in zip(rows, partners, strict=True)}
     derived = all(match[heads.index(p), heads.index(velocity[p])] > _DERIVATIVE for p in positions)
     channels = {"q": positions}
@@ -86,7 +88,9 @@ def understand(values: Array, time: Array, machine: Machine, joints: tuple[str, 
     if all(commands):
         channels["q"], channels["q_cmd"] = _measured_first(positions, [c[0] for c in commands], part, dt)
         reasons["q_cmd"] = "twins of the positions, which follow them"
-    used |= {k for p in positions for k in groups[p]} | {k for v in channels.get("v", []) for k in groups.get(v, [])}
+    used |= {k for p in positions for k in groups[p]} | {
+        k for v in channels.get("v", []) for k in groups.get(v, [])
+    }
     rest = [k for k in range(values.shape[1]) if k not in used]
     if len(rest) == n:
         channels["tau"], reasons["tau"] = rest, "the columns that are left"
@@ -126,13 +130,11 @@ def _twins(smooth: Array, moving: list[int]) -> list[list[int]]:
     return groups
 
 
-def _derivatives(smooth: Array, rate: Array, heads: list[int]) -> tuple[Array, Array]:
-    """Slope and correlation of each column's derivative over each column, ``(m, m)``; zero where it falls."""
+def _derivatives(smooth: Array, rate: Array, heads: list[int]) -> Array:
+    """Correlation of each column's derivative with each column, ``(m, m)``; zero where one falls as the other rises."""
     match = _correlations(rate[:, heads], smooth[:, heads])
-    power = np.maximum((smooth[:, heads] ** 2).sum(axis=0), 1e-300)
-    slopes = rate[:, heads].T @ smooth[:, heads] / power
     np.fill_diagonal(match, 0.0)
-    return slopes, np.where(match > 0.0, match, 0.0)
+    return np.where(match > 0.0, match, 0.0)
 
 
 def _positions(heads: list[int], match: Array, smooth: Array, dt: float, n: int) -> list[int] | None:

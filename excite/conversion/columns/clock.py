@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.words import Clue
 from excite.conversion.recording import Stream
-from excite.conversion.words import Clue
 
 TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Rates that robots are recorded at [Hz]. Three powers of ten lie between units, so that at most two of them fit.
@@ -38,7 +38,9 @@ def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | No
         return best.name, "its name, and it goes forward evenly"
     for column in stream.columns:
         said = clues[column.name]
-        if said.quantity in ("", "skip") or (said.quantity in ("q", "i", "a", "v") and not said.exact and said.number is None):
+        if said.quantity in ("", "skip") or (
+            said.quantity in ("q", "i", "a", "v") and not said.exact and said.number is None
+        ):
             if is_clock(column.values) and _steady(column.values):
                 return column.name, "it goes forward evenly from row to row, as no joint does"
     return None

@@ -21,7 +21,9 @@ NAME = "convert"
 def command(
     sources: Annotated[
         list[Path],
-        typer.Argument(metavar="SOURCE…", help="Recordings: text tables, Parquet, npz, HDF5, JSON, .mat, bags, MCAP …"),
+        typer.Argument(
+            metavar="SOURCE…", help="Recordings: text tables, Parquet, npz, HDF5, JSON, .mat, bags, MCAP …"
+        ),
     ],
     robot: Annotated[
         str, typer.Option("--robot", metavar="ROBOT", help="Bundled robot, or path to a robot.yaml or URDF.")
@@ -31,12 +33,18 @@ def command(
         Path | None,
         typer.Option("--map", metavar="FILE", help="map.yaml that says what the recording does not tell."),
     ] = None,
+    capture: Annotated[
+        Path | None,
+        typer.Option(
+            "--capture", metavar="SHEET", help="Sheet of `excite capture` that the log is checked against."
+        ),
+    ] = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = None,
 ) -> None:
     """Make a log folder of any recording: columns, units and trials are found, and what was guessed is said."""
-    found = excite.convert(sources, robot, out, mapping)
+    found = excite.convert(sources, robot, out, mapping, capture)
     if not as_json:
         _show_guesses(found)
     emit(_summary(found), found.to_json(), as_json=as_json)
@@ -62,5 +70,7 @@ def _summary(found: Conversion) -> str:
         lines.append(f"note: nothing was made of {shown}")
     if found.chart is not None:
         lines += ["", found.chart.summary(), ""]
-    lines.append(f"wrote {found.folder}; map.yaml in it repeats this without guessing: correct it and use --map")
+    lines.append(
+        f"wrote {found.folder}; map.yaml in it repeats this without guessing: correct it and use --map"
+    )
     return "\n".join(lines)

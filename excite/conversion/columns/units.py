@@ -23,7 +23,9 @@ _WIDE = 6.0 * math.pi
 _NEAR = 1.15
 
 
-def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stated: str) -> tuple[str, str, bool]:
+def position_unit(
+    values: Array, lower: Array, upper: Array, slides: Array, stated: str
+) -> tuple[str, str, bool]:
     """Unit of positions (empty where names and ranges contradict each other), why, and whether it is sure.
 
     Args:
@@ -33,7 +35,7 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
         stated: what names say; empty for nothing.
     """
     small, large = ("m", "mm") if slides.all() else ("rad", "deg")
-    turning = ~slides if not slides.all() else slides
+    turning = np.logical_not(slides) if not slides.all() else slides
     low, high = (np.nanmin(values[:, turning], axis=0), np.nanmax(values[:, turning], axis=0))
     factor = TO_SI[large]
     outside = _outside(low, high, lower[turning], upper[turning])
@@ -43,14 +45,22 @@ def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stat
         said_outside = outside if stated == small else outside_large
         other = outside_large if stated == small else outside
         if said_outside > 20.0 * max(other, _BEYOND):
-            return "", f"as {stated}, which their names say, joints leave their ranges by {said_outside:.3g}", True
+            return (
+                "",
+                f"as {stated}, which their names say, joints leave their ranges by {said_outside:.3g}",
+                True,
+            )
         return stated, f"{stated} by its name", True
     if stated in TO_SI:
         return stated, f"{stated} by its name", True
     if outside > _BEYOND and outside_large <= _BEYOND:
         return large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
     if min(outside, outside_large) > 4.0 * math.pi and np.isfinite(lower[turning]).any():
-        return "", f"joints leave their ranges by {outside:.3g} in {small} and by {outside_large:.3g} in {large}", True
+        return (
+            "",
+            f"joints leave their ranges by {outside:.3g} in {small} and by {outside_large:.3g} in {large}",
+            True,
+        )
     if outside <= _BEYOND and (outside_large > _BEYOND or span * factor < 0.02):
         return small, f"{small}: within the joints' ranges", True
     if span > (_WIDE if small == "rad" else 10.0):
