@@ -18,6 +18,7 @@ from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
 from excite.conversion.recording import Recording, merged_names
+from excite.conversion.scales import scale_notes
 from excite.conversion.sources.registry import RECORDED, read_source, recognised
 from excite.conversion.trials import cut_trials
 from excite.conversion.wraps import signed
@@ -170,6 +171,7 @@ def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) 
 def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
     """What the doctor says; a log that it cannot look at is written all the same."""
     try:
-        return examine(nominal_robot(log), log), []
+        robot = nominal_robot(log)
+        return examine(robot, log), scale_notes(robot, log)
     except InputError as error:
         return None, [f"the doctor could not look at it: {error}"]

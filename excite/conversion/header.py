@@ -49,6 +49,7 @@ def log_header(
     gains = _gains(recordings, joints)
     if gains:
         content["controller"] = gains
+        found.facts.append(("controller", ", ".join(name for name in gains if name != "mode"), "the recording states them"))
     found.facts.append(("modelled", ", ".join(content["modelled"]), "what joints of this kind have at least"))
     content |= stated.log
     if torque == "none":

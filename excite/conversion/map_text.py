@@ -28,7 +28,13 @@ def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map
         elif len(factors) > 1:
             scale |= {item.target: item.factor for item in items}
         offset |= {item.target: item.offset for item in items if item.offset}
-    validation = [cut.name for cut in cuts if cut.role == "validation"]
+    names = {cut.name for cut in cuts}
+    # The last part of a single recording is cut off again by itself.
+    validation = [
+        cut.name
+        for cut in cuts
+        if cut.role == "validation" and cut.name.removesuffix("_validation") not in names - {cut.name}
+    ]
     lines = [
         f"schema: {SCHEMA}",
         f"joints: {_flow(list(joints))}",

@@ -25,6 +25,8 @@ _STANDS = 0.02
 # Motions repeat each other where they differ by less than this share of their own spread, commands or positions.
 _SAME = 0.05
 _SAME_LENGTH = 0.1
+# Somebody who starts a recording by hand does so within a second of the motion [s].
+_LATEST_S = 1.0
 # Torques of repeats differ by their noise, a fifth of their spread where currents are coarse; a load changes more.
 _SAME_FORCE = 0.25
 # Share of a single recording that is kept for validation.
@@ -172,10 +174,10 @@ def _alike(a: dict[str, Array], b: dict[str, Array], prefix: str, share: float) 
     spread = float(np.sqrt(((signals[0] - signals[0].mean(axis=0)) ** 2).sum()))
     if spread <= 0.0:
         return False
-    shifts = range(-8, 9)
+    most = min(len(grid) // 4, round(_LATEST_S / (grid[1] - grid[0])))
     rest = min(
-        float(np.sqrt(((signals[0][8:-8] - signals[1][8 + s : len(grid) - 8 + s]) ** 2).sum()))
-        for s in shifts
+        float(np.sqrt(((signals[0][most : len(grid) - most] - signals[1][most + s : len(grid) - most + s]) ** 2).sum()))
+        for s in range(-most, most + 1)
     )
     return rest < share * spread
 

@@ -102,8 +102,11 @@ def _positions(
         )
         if not sure and channel == "q_cmd" and "q" in result:
             unit, why = result["q"][0], "as the measured positions"
-        if (not unit and channel in mapping.units) or mapping.motors:
-            unit = unit or "rad"
+        if mapping.motors:
+            # Motors turn beyond what joints do.
+            unit, why = _named_unit(items, columns) or "rad", "motors' positions"
+        elif channel in mapping.units:
+            unit = mapping.units[channel]
         if not unit:
             found.ask(
                 f"the unit of {items[0].source} … cannot be told: {why}",

@@ -13,6 +13,7 @@ TO_SI = {
     "rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3,
     "rad/s2": 1.0, "deg/s2": math.pi / 180.0,
     "N·m": 1.0, "N·mm": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3,
+    "lb": 4.4482216, "kip": 4448.2216, "in": 0.0254, "in/s": 0.0254,
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 # A joint's stated range may be a little off, and people drive beyond it by calibration's errors [rad or m].

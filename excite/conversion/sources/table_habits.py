@@ -90,7 +90,7 @@ def _names_and_units(
     names: list[str] = []
     units: list[str] = []
     for k in range(first - 1, -1, -1):
-        text = lines[k].lstrip().lstrip("".join({"#", "%", "/", "!"})).strip()
+        text = re.sub(r"^\s*(#+|%+|//+|!+)", "", lines[k]).strip()
         cells = split_line(text, separator)
         if len(cells) != width and separator == " ":
             cells = split_line(text, "\t") if "\t" in text else split_line(text, ",")
