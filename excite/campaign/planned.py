@@ -115,6 +115,9 @@ class Plan:
             f"chosen:   {self.conditioning.summary()}",
             f"unchosen: {self.unchosen.summary()}",
         ]
+        if self.validation:
+            names = ", ".join(f"{self.pool.names[i]}.parquet" for i in self.validation)
+            lines.append(f"written too, to validate on and not to identify from: motions/{names}")
         if self.outlook is not None:
             lines.append(self.outlook.summary())
         if self.selection.unserved:

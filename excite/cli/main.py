@@ -32,8 +32,10 @@ from excite.cli import (  # noqa: E402
     rank,
     report,
     robots,
+    schema,
     simulate,
 )
+from excite.cli.records import capture, convert, init_log  # noqa: E402
 from excite.cli.session.failure import (  # noqa: E402
     EXIT_BAD_INPUT,
     EXIT_USAGE,
@@ -70,7 +72,10 @@ for _module in (
     check,
     rank,
     export,
+    capture,
     simulate,
+    init_log,
+    convert,
     identify,
     identify_load,
     doctor,
@@ -79,6 +84,7 @@ for _module in (
     human,
     campaign,
     report,
+    schema,
     demo,
 ):
     app.command(name=_module.NAME, cls=_CLASSES.get(_module))(_module.command)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 from excite.errors import InputError, LogError
 from excite.logs.header_blocks import TrialHeader
@@ -16,6 +17,8 @@ from excite.reading.yaml_document import read_yaml
 
 # Gains that the servos of large robots have stay below [N·m/rad, N·m·s/rad, Hz].
 _LARGEST_GAIN = 1e9
+_MANUAL = "see docs/formats.md, or let `excite init-log` write one to fill in"
+_REQUIRED = ("schema", "robot", "base", "rate_hz", "joints", "trials")
 _GAINS = ("kp", "kd", "ki")
 _CONTROLLER_NUMBERS = ("rate_hz", "delay_s")
 
@@ -32,10 +35,22 @@ def read_header(path: Path) -> LogHeader:
     Raises:
         LogError: the file is missing, is no YAML, or something in it is unknown, doubled or contradictory.
     """
-    content = read_yaml(path, error=LogError, remedy="write it as in the manual's log folder")
-    header = checked(LogHeader, content, path, remedy="see the manual's log folder", error=LogError)
+    content = read_yaml(path, error=LogError, remedy=_MANUAL)
+    _check_complete(content, path)
+    header = checked(LogHeader, content, path, remedy=_MANUAL, error=LogError)
     check_header(header, path)
     return header
+
+
+def _check_complete(content: dict[str, Any], path: Path) -> None:
+    """Name all fields that are missing, those too that only some logs need; one alone is told by what checks it."""
+    base = content.get("base")
+    needed = [*_REQUIRED]
+    needed += ["base_link"] if base in ("floating", "suspended") else ["torque"]
+    needed += ["sensors", "wrench"] if base == "floating" and not content.get("feet") else []
+    missing = [name for name in needed if content.get(name) is None]
+    if len(missing) > 1:
+        raise LogError("are missing", source=path, field=", ".join(missing), remedy=_MANUAL)
 
 
 def check_header(header: LogHeader, path: Path) -> None:

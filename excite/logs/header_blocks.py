@@ -57,3 +57,11 @@ class TrialHeader(HeaderBlock):
     session: Name | None = None
     start_s: Stamp | None = None
     repeats: FileName | None = None
+
+
+class Guess(HeaderBlock):
+    """Something that a conversion took for granted, with its reason."""
+
+    what: str
+    source: str
+    because: str

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from excite.arrays import Array
-from excite.logs.header_blocks import FootHeader, HeaderBlock, ImuHeader, SensorHeader, TrialHeader
+from excite.logs.header_blocks import FootHeader, Guess, HeaderBlock, ImuHeader, SensorHeader, TrialHeader
 from excite.logs.header_values import (
     MAX_NAMES,
     MAX_TRIALS,
@@ -35,7 +35,7 @@ class LogHeader(HeaderBlock):
     joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
     then the motors', reflected through their own gears. ``feet`` are those that carry a floating base whose contact
     wrenches nobody measures; their flags are the columns ``contact.NAME``. The columns of an ``imu`` make the base's
-    pose unnecessary there.
+    pose unnecessary there. ``guessed`` is what a conversion of somebody's recording took for granted.
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
@@ -56,6 +56,7 @@ class LogHeader(HeaderBlock):
     feet: tuple[FootHeader, ...] = Field(default=(), max_length=MAX_NAMES)
     imu: ImuHeader | None = None
     modelled: tuple[Name, ...] = Field(default=("rigid_body",), max_length=MAX_NAMES)
+    guessed: tuple[Guess, ...] = Field(default=(), max_length=MAX_TRIALS)
     trials: tuple[TrialHeader, ...] = Field(min_length=1, max_length=MAX_TRIALS)
 
     @property

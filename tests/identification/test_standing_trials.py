@@ -10,7 +10,8 @@ import pytest
 from excite.diagnosis.diagnose import diagnose
 from excite.identification.identify import identify
 from excite.identification.problem import build_problem
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
