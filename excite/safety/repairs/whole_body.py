@@ -69,15 +69,19 @@ class WholeBody(Repair):
             joints = q[:, self.robot.n_base_q :]
             outside = (joints < low + _LIMIT) | (joints > high - _LIMIT)
             if outside.any():
+                row, joint = np.argwhere(outside)[0]
+                value = float(joints[row, joint])
+                limit = low[joint] if value < low[joint] + _LIMIT else high[joint]
                 return draft.rejected(
-                    "joint_position", self.robot.joint_names[int(np.argwhere(outside)[0, 1])]
+                    "joint_position", self.robot.joint_names[joint], value=value, limit=float(limit)
                 )
         foot = self._grounded(candidate, s, q)
         if foot is not None:
             return draft.rejected("foot_ground", foot)
         collision = self.probe.first(q)
         if collision is not None:
-            return draft.rejected("self_collision", self.probe.culprit(q[collision]))
+            pair, distance, required = self.probe.closest(q[collision])
+            return draft.rejected("self_collision", pair, value=distance, limit=required)
         return replace(draft, path=MotionPath(self.robot, s, coordinates_of(self.robot, q)))
 
     def _corners(self, phase: SupportPhase) -> Array:
