@@ -60,7 +60,7 @@ def _by_nearness(
             tau[i] -= local @ jacobian
 
 
-def load_shares(point: Array, centres: Array, carried: Array) -> Array:
+def load_shares(point: Array, centres: Array, carried: NDArray[np.bool_]) -> Array:
     """Share of the load on each of two feet, ``(n, 2)``, from where it acts between their centres."""
     line = centres[1, :2] - centres[0, :2]
     second = np.clip((point - centres[0, :2]) @ line / (line @ line), 0.0, 1.0)
