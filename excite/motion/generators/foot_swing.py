@@ -126,10 +126,8 @@ def _swings(robot: Robot, swing: Foot, shift: Array, n: int, rng: np.random.Gene
     ground, turned = np.array(data.oMi[swing.joint].act(swing.placement.translation)), data.oMi[swing.joint]
     sole_turn = np.array(turned.rotation)
     hip = robot.model.getJointId(robot.joint_names[leg[0]])
-    length = sum(
-        float(np.linalg.norm(robot.model.jointPlacements[j].translation)) for j in _beyond(robot, hip, swing)
-    )
-    length += float(np.linalg.norm(swing.placement.translation))
+    offsets = [robot.model.jointPlacements[joint].translation for joint in _beyond(robot, hip, swing)]
+    length = float(sum(np.linalg.norm(offset) for offset in (*offsets, swing.placement.translation)))
     q = robot.rest.copy()
     q[:3] += shift
     points = np.zeros((n, 6))
