@@ -14,7 +14,9 @@ from excite.campaign.schemas import schema_names
 from excite.errors import UnknownNameError
 
 PAGE = (Path(__file__).parents[1] / "docs" / "formats.md").read_text()
-EXAMPLES = {name: yaml.safe_load(text) for name, text in re.findall(r"```yaml (\w+)\n(.*?)```", PAGE, re.DOTALL)}
+EXAMPLES = {
+    name: yaml.safe_load(text) for name, text in re.findall(r"```yaml (\w+)\n(.*?)```", PAGE, re.DOTALL)
+}
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -26,7 +26,7 @@ def log_header(
 ) -> LogHeader:
     present = {name for cut in cuts for name in cut.columns}
     joints = [joint for joint in machine.joints if f"q.{joint}" in present]
-    torque = _torque(present, found)
+    torque = str(stated.log.get("torque") or _torque(present, found))
     channel = "i" if torque == "current" else "tau"
     without = [joint for joint in joints if f"{channel}.{joint}" not in present] if torque != "none" else []
     steps = np.concatenate([np.diff(cut.columns["time"]) for cut in cuts])
@@ -49,7 +49,9 @@ def log_header(
     gains = _gains(recordings, joints)
     if gains:
         content["controller"] = gains
-        found.facts.append(("controller", ", ".join(name for name in gains if name != "mode"), "the recording states them"))
+        found.facts.append(
+            ("controller", ", ".join(name for name in gains if name != "mode"), "the recording states them")
+        )
     found.facts.append(("modelled", ", ".join(content["modelled"]), "what joints of this kind have at least"))
     content |= stated.log
     if torque == "none":

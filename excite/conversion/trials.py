@@ -176,7 +176,13 @@ def _alike(a: dict[str, Array], b: dict[str, Array], prefix: str, share: float) 
         return False
     most = min(len(grid) // 4, round(_LATEST_S / (grid[1] - grid[0])))
     rest = min(
-        float(np.sqrt(((signals[0][most : len(grid) - most] - signals[1][most + s : len(grid) - most + s]) ** 2).sum()))
+        float(
+            np.sqrt(
+                (
+                    (signals[0][most : len(grid) - most] - signals[1][most + s : len(grid) - most + s]) ** 2
+                ).sum()
+            )
+        )
         for s in range(-most, most + 1)
     )
     return rest < share * spread

@@ -29,7 +29,9 @@ def table(file: Path, columns: dict[str, np.ndarray]) -> Path:
 
 def named(data: dict[str, np.ndarray], **patterns: str) -> dict[str, np.ndarray]:
     return {
-        pattern.format(n=k + 1): data[kind][:, k] for kind, pattern in patterns.items() for k in range(len(JOINTS))
+        pattern.format(n=k + 1): data[kind][:, k]
+        for kind, pattern in patterns.items()
+        for k in range(len(JOINTS))
     }
 
 
@@ -37,7 +39,9 @@ def test_degrees_and_milliseconds_are_seen_and_said(arm, tmp_path):
     data = written.motion()
     data["q"] = np.degrees(data["q"])
     data["v"] = np.degrees(data["v"])
-    file = table(tmp_path / "a.csv", {"stamp": 1000.0 * data["time"]} | named(data, q="p{n}", v="w{n}", tau="t{n}"))
+    file = table(
+        tmp_path / "a.csv", {"stamp": 1000.0 * data["time"]} | named(data, q="p{n}", v="w{n}", tau="t{n}")
+    )
     found = excite.convert([file], arm, tmp_path / "log")
     assert found.columns["time"] == ("stamp", 1e-3)
     assert found.columns["q.elbow"] == ("p2", pytest.approx(np.pi / 180.0))
@@ -77,7 +81,9 @@ def test_a_map_settles_what_was_asked(arm, tmp_path):
     data = written.motion()
     gears = np.array([[50.0, 0.0, 0.0], [0.0, -30.0, 0.0], [0.0, 20.0, 40.0]])
     turned = {"q": data["q"] @ gears.T, "tau": data["tau"] @ np.linalg.inv(gears)}
-    file = table(tmp_path / "a.csv", {"t": data["time"]} | named(turned, q="motor_pos_{n}", tau="motor_tau_{n}"))
+    file = table(
+        tmp_path / "a.csv", {"t": data["time"]} | named(turned, q="motor_pos_{n}", tau="motor_tau_{n}")
+    )
     mapping = tmp_path / "map.yaml"
     mapping.write_text(f"motors: {gears.tolist()}\ntrials: {{validation: [none]}}\n")
     trial = excite.convert([file], arm, tmp_path / "log", mapping).log.trials[0]
@@ -157,8 +163,12 @@ def test_missing_sources_are_said_together(arm, tmp_path):
 def test_signed_counters_without_their_sign(arm, tmp_path):
     data = written.motion()
     load = np.round(100.0 * data["v"][:, :1])
-    columns = {"t": data["time"]} | named(data, q="q{n}") | {"tau1": np.where(load < 0, load + 65536, load)[:, 0]}
-    found = excite.convert([table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", Map(trials={"split": "none"}))
+    columns = (
+        {"t": data["time"]} | named(data, q="q{n}") | {"tau1": np.where(load < 0, load + 65536, load)[:, 0]}
+    )
+    found = excite.convert(
+        [table(tmp_path / "a.csv", columns)], arm, tmp_path / "log", Map(trials={"split": "none"})
+    )
     assert any("signed" in note for note in found.notes)
     assert np.concatenate([trial.tau[:, 0] for trial in found.log.trials]).min() < 0.0
 

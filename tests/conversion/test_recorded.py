@@ -78,11 +78,16 @@ def test_a_recording_becomes_a_log(name, tmp_path):
     assert len(header.joints) == case.joints
     assert len(found.log.trials) == case.trials
     assert {trial.role for trial in found.log.trials} == {"identification", "validation"}
-    present = {c for c in ("v", "tau", "current", "q_cmd", "tau_cmd") if getattr(found.log.trials[0], c) is not None}
+    present = {
+        c for c in ("v", "tau", "current", "q_cmd", "tau_cmd") if getattr(found.log.trials[0], c) is not None
+    }
     assert set(case.channels) <= present
     assert found.chart is not None, found.notes
     again = excite.convert(
-        sorted((DATA / name).glob(case.files)), found.folder / "robot.urdf", tmp_path / "again", found.folder / "map.yaml"
+        sorted((DATA / name).glob(case.files)),
+        found.folder / "robot.urdf",
+        tmp_path / "again",
+        found.folder / "map.yaml",
     )
     for one, other in zip(found.log.trials, again.log.trials, strict=True):
         assert (one.name, one.role) == (other.name, other.role)
