@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -51,7 +52,18 @@ class McapSource(Source):
                     decoder = decoders[channel.id]
                     if decoder is not None:
                         topics.add(channel.topic, kind, decoder(message.data), 1e-9 * message.log_time)
-        except (McapError, OSError, ValueError, KeyError, IndexError, AttributeError, EOFError) as error:
+        except (
+            McapError,
+            OSError,
+            ValueError,
+            KeyError,
+            IndexError,
+            AttributeError,
+            EOFError,
+            TypeError,
+            RuntimeError,
+            struct.error,
+        ) as error:
             if not topics.any:
                 raise damaged(path, error, "MCAP") from error
             notes = ("its end is missing: it is read as far as it goes",)
