@@ -12,6 +12,19 @@ from excite.conversion.sources.source import Source, damaged, first_bytes
 from excite.conversion.sources.topics import Topics
 from excite.errors import LogError
 
+# What decoders raise for messages that are cut short or of types that they do not know.
+_DAMAGED = (
+    OSError,
+    ValueError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    EOFError,
+    TypeError,
+    RuntimeError,
+    struct.error,
+)
+
 
 class McapSource(Source):
     """Topics of joints, wrenches and base poses; a file whose recorder was killed is read as far as it goes."""
