@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from excite.conversion.assemble import Table, assemble
 from excite.conversion.capture_sheet import by_sheet, compare, read_capture
 from excite.conversion.clean_rows import whole_rows
@@ -17,6 +19,7 @@ from excite.conversion.machine import Machine, load_machine
 from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
+from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.scales import scale_notes
 from excite.conversion.sources.registry import RECORDED, read_source, recognised
@@ -141,14 +144,14 @@ def _recordings(sources: Sequence[str | Path]) -> list[Recording]:
     wrong: list[LogError] = []
     for source in sources:
         try:
-            found += [signed(merged_names(recording)) for recording in _read(Path(source))]
+            found += _read(Path(source))
         except LogError as error:
             wrong.append(error)
     if len(wrong) == 1:
         raise wrong[0]
     if wrong:
         raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
-    return found
+    return [signed(merged_names(recording)) for recording in joined_parts(found)]
 
 
 def _read(source: Path) -> list[Recording]:
@@ -175,3 +178,7 @@ def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
         return examine(robot, log), scale_notes(robot, log)
     except InputError as error:
         return None, [f"the doctor could not look at it: {error}"]
+    except ValidationError:
+        return None, [
+            "the doctor could not look at it: a base that moves needs contact wrenches (sensors in map.yaml)"
+        ]

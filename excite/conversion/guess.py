@@ -12,7 +12,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.clock import TICKS, clock_column, tick
-from excite.conversion.columns.families import Family, clues_of, families
+from excite.conversion.columns.families import Family, clues_of, families, is_measured
 from excite.conversion.columns.quantities import convert_units
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
@@ -141,7 +141,8 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
 def _without_clock(found: Guesses, recording: Recording, stream: Stream, mapping: Map) -> None:
     rate = mapping.log.get("rate_hz") or recording.said.get("fps")
     if rate:
-        found.facts.append(("time", f"rows at {float(rate):g} Hz", "no column holds a time"))
+        fact = ("time", f"rows at {float(rate):g} Hz", "no column holds a time")
+        found.facts += [] if fact in found.facts else [fact]
     else:
         found.ask(f"{stream.name} has no column of times", "log: {rate_hz: 100}   # rows a second")
 
@@ -155,7 +156,8 @@ def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
         if family.target in chosen:
             other = chosen[family.target]
             text = f"{family.columns[0]} …"
-            if len(family.placed.columns) == len(other.placed.columns) and family.target in ("q", "tau", "i"):
+            alike = len(family.placed.columns) == len(other.placed.columns)
+            if alike and is_measured(family) == is_measured(other) and family.target in ("q", "tau", "i"):
                 found.ask(
                     f"{family.target} may be {other.columns[0]} … or {text}",
                     f'columns: {{{family.target}: "{_pattern(other)}"}}',
@@ -166,7 +168,7 @@ def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
         # A motion that was planned and has no measured twin.
         chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
         found.facts.append(("q", chosen["q"].columns[0], "planned positions: no measured ones are there"))
-    if "tau" not in chosen and "tau_cmd" in chosen:
+    if "tau" not in chosen and "i" not in chosen and "tau_cmd" in chosen:
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
     return chosen

@@ -26,7 +26,7 @@ def log_header(
 ) -> LogHeader:
     present = {name for cut in cuts for name in cut.columns}
     joints = [joint for joint in machine.joints if f"q.{joint}" in present]
-    torque = _torque(present, found)
+    torque = str(stated.log.get("torque") or _torque(present, found))
     channel = "i" if torque == "current" else "tau"
     without = [joint for joint in joints if f"{channel}.{joint}" not in present] if torque != "none" else []
     steps = np.concatenate([np.diff(cut.columns["time"]) for cut in cuts])

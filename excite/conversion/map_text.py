@@ -47,6 +47,8 @@ def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map
         lines.append(f"offset: {_flow(offset)}")
     if stated.motors:
         lines.append(f"motors: {_flow([list(row) for row in stated.motors])}")
+    if stated.ignore:
+        lines.append(f"ignore: {_flow(list(stated.ignore))}")
     if validation:
         lines.append(f"trials: {_flow({'validation': validation})}")
     kept = {"torque": header.torque, "modelled": list(header.modelled)} | stated.log

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from excite.doctor.reading import Reading
@@ -27,6 +29,11 @@ def scale_notes(robot: Robot, log: Log) -> list[str]:
     """
     if log.header.torque in ("none", None) or log.header.base != "fixed":
         return []
+    asked = log.header.torque == "current" and not log.header.torque_constants
+    if asked:
+        # As if each ampere were a newton metre: gains are then amperes per newton metre.
+        constants = dict.fromkeys(log.header.torque_joints, 1.0)
+        log = replace(log, header=log.header.model_copy(update={"torque_constants": constants}))
     try:
         samples = torque_samples(robot, log)
     except InputError:
@@ -36,7 +43,7 @@ def scale_notes(robot: Robot, log: Log) -> list[str]:
     gains, shares = samples.gains(Reading.as_stated(log))
     joints = log.header.torque_joints
     known = [k for k in range(len(joints)) if shares[k] > _TELLING and gains[k] != 0.0]
-    if log.header.torque == "current" and not log.header.torque_constants:
+    if asked:
         said = [f"{joints[k]}: {1.0 / gains[k]:.3g}" for k in known]
         if not said:
             return ["no current follows gravity and inertia closely enough to tell torques per ampere"]

@@ -10,6 +10,7 @@ import pytest
 
 import excite
 from excite.conversion.convert import Conversion
+from excite.robot.catalogue import example_robot_data
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 MAPS = Path(__file__).parent / "maps"
@@ -25,6 +26,23 @@ def rig(folder: Path, kind: str) -> Path:
         f'<joint name="axis" type="{kind}"><parent link="base"/><child link="body"/><axis xyz="1 0 0"/>'
         '<limit lower="-5" upper="5" effort="1e5" velocity="1000"/></joint></robot>'
     )
+    return path
+
+
+def chain(folder: Path, names: tuple[str, ...], slides: str = "") -> Path:
+    """A machine of joints in a row, one of which may slide."""
+    path = folder / "chain.urdf"
+    text = ['<robot name="chain"><link name="link0"/>']
+    for k, name in enumerate(names):
+        kind = "prismatic" if name == slides else "revolute"
+        text.append(
+            f'<link name="link{k + 1}"><inertial><origin xyz="0.05 0 0"/><mass value="0.5"/>'
+            '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="{name}" type="{kind}"><parent link="link{k}"/><child link="link{k + 1}"/>'
+            f'<origin xyz="0.1 0 0"/><axis xyz="{"0 1 0" if k % 2 else "0 0 1"}"/>'
+            '<limit lower="-6.28" upper="6.28" effort="50" velocity="20"/></joint>'
+        )
+    path.write_text("".join([*text, "</robot>"]))
     return path
 
 
@@ -52,6 +70,21 @@ RECORDED = {
     "airbot_play_multi_traj": Recorded("vali_opt*.csv", "play.urdf", 6, ("tau", "v", "q_cmd"), 2),
     "bam_xl330_pendulum": Recorded("sin_*.json", "continuous", 1, ("v", "q_cmd"), 6),
     "brfd_friction_backlash": Recorded("1Hz*.csv", "prismatic", 1, ("v", "tau"), 2),
+    "am_d02_friction": Recorded(
+        "*_collect_joint_1.npz", "AM-D02-AemLURDF0413.urdf", 7, ("v", "tau", "q_cmd"), 2
+    ),
+    "dvrk_psm_payload": Recorded("traj_one_no_weight.csv", "psm", 7, ("v", "tau"), 2),
+    "feetech_sts3250_pendulum": Recorded("2024*.json", "continuous", 1, ("v", "q_cmd"), 3),
+    "franka_joint2_friction_nnfm": Recorded("case3_*.csv", "continuous", 1, ("v", "a", "tau"), 3),
+    "franka_panda_gaz2019": Recorded("panda_exciting*.csv", "panda", 7, ("v", "tau"), 2),
+    "kuka_lwr4_flobaroid": Recorded("*.npz", "kuka_lwr4.urdf", 7, ("v", "a", "tau", "q_cmd"), 2),
+    "so101_sage": Recorded("[cm]*s*e*.parquet", "so101", 6, ("v", "q_cmd"), 2),
+    "solo12_khorshidi": Recorded("*.dat", "solo_description/robots/solo12.urdf", 12, ("tau",), 2),
+    "tiago_arm_figaroh": Recorded("*.csv", "tiago_description/robots/tiago.urdf", 8, ("v", "current"), 2),
+    "uart_servo_backlash": Recorded("*_single.csv", "chain", 3, ("q_cmd",), 2),
+    "ur10e_dynamic_calibration": Recorded(
+        "identification/*14harm*.csv", "ur10e.urdf", 6, ("v", "current", "tau_cmd"), 2
+    ),
     "emps_ballscrew_axis": Recorded("*.csv", "prismatic", 1, ("q_cmd", "tau"), 2),
     "hsm150_two_motor": Recorded("idf_pos_0.06_*.csv", "continuous", 1, ("v", "tau", "q_cmd", "tau_cmd"), 2),
     "quadruped_chirp_pace": Recorded("go2_traj_[01].npz", "go2_fixed_base_sysid.xml", 12, ("v", "q_cmd"), 2),
@@ -62,7 +95,7 @@ RECORDED = {
 def converted(name: str, case: Recorded, folder: Path) -> Conversion:
     if not (DATA / name).is_dir():
         pytest.skip(f"{name} is not here")
-    robot = rig(folder, case.robot) if case.robot in ("continuous", "prismatic") else DATA / name / case.robot
+    robot = _robot(DATA / name, case.robot, folder)
     if robot.suffix == ".xml":
         robot = excite.write_scaffold(robot, folder / "model", seed=0).urdf
     mapping = MAPS / f"{name}.yaml"
@@ -70,6 +103,22 @@ def converted(name: str, case: Recorded, folder: Path) -> Conversion:
     return excite.convert(files, robot, folder / "log", mapping if mapping.exists() else None)
 
 
+def _robot(data: Path, name: str, folder: Path) -> Path:
+    made = {
+        "psm": (tuple(f"joint{k + 1}" for k in range(7)), "joint3"),
+        "so101": (("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw"), ""),
+        "chain": (tuple(f"joint{k + 1}" for k in range(4)), ""),
+    }
+    if name in ("continuous", "prismatic"):
+        return rig(folder, name)
+    if name in made:
+        return chain(folder, *made[name])
+    if "_description" in name:
+        return example_robot_data() / name
+    return data / name if "." in name else Path(name)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_recording_becomes_a_log(name, tmp_path):
     case = RECORDED[name]
@@ -79,10 +128,12 @@ def test_a_recording_becomes_a_log(name, tmp_path):
     assert len(found.log.trials) == case.trials
     assert {trial.role for trial in found.log.trials} == {"identification", "validation"}
     present = {
-        c for c in ("v", "tau", "current", "q_cmd", "tau_cmd") if getattr(found.log.trials[0], c) is not None
+        c
+        for c in ("v", "a", "tau", "current", "q_cmd", "tau_cmd")
+        if getattr(found.log.trials[0], c) is not None
     }
     assert set(case.channels) <= present
-    assert found.chart is not None, found.notes
+    assert found.chart is not None or header.base != "fixed", found.notes
     again = excite.convert(
         sorted((DATA / name).glob(case.files)),
         found.folder / "robot.urdf",

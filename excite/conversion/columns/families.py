@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from excite.conversion.columns.joints import Placed, first_number, place
-from excite.conversion.columns.vocabulary import UNITS
+from excite.conversion.columns.vocabulary import SURELY_MEASURED, UNITS
 from excite.conversion.columns.words import Clue, clue
 from excite.conversion.recording import Column, Recording
 
@@ -50,7 +50,7 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
     """What the name of every column says, or its format."""
     left_out = set(ignored)
     return {
-        column.name: _clue(column, joints)
+        column.name: _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
         for stream in recording.streams
         for column in stream.columns
         if column.name not in left_out
@@ -85,8 +85,19 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             )
         )
     return sorted(
-        found, key=lambda family: (-len(family.placed.columns), not family.stated, len(family.stem))
+        found,
+        key=lambda family: (
+            -len(family.placed.columns),
+            not family.stated,
+            not is_measured(family),
+            len(family.stem),
+        ),
     )
+
+
+def is_measured(family: Family) -> bool:
+    """Whether its names say that it was measured."""
+    return bool(set(family.stem.split("_")) & SURELY_MEASURED)
 
 
 def _stem(said: Clue) -> str:

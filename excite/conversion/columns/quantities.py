@@ -25,6 +25,8 @@ _VELOCITIES = {
 }
 # Torques beyond a joint's limit by this are in another unit: gears and servos are not exceeded by an order.
 _BEYOND_LIMIT = 30.0
+# Gravity may keep the torques of one or two joints on one side; not those of three.
+_JOINTS_OF_ONE_SIGN = 3
 
 
 def convert_units(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> list[Mapped]:
@@ -45,8 +47,10 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
         elif channel in ("v", "a"):
             unit, because = _rates(found, items, columns, recording, angles["q"][0], named, channel)
         elif channel in ("tau", "tau_cmd"):
+            _ask_for_sign(found, channel, items, columns, mapping)
             unit, because = _torques(items, columns, machine, named)
         else:
+            _ask_for_sign(found, channel, items, columns, mapping)
             unit, because = (
                 named or {"i": "A"}.get(channel, "SI"),
                 "unit as named" if named else "no unit stated",
@@ -54,6 +58,20 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
         factor = _VELOCITIES.get(unit, TO_SI.get(unit, 1.0))
         done += [_scaled(item, mapping, factor, f"{item.because}; {because}") for item in items]
     return done
+
+
+def _ask_for_sign(
+    found: Guesses, channel: str, items: list[Mapped], columns: dict[str, Column], mapping: Map
+) -> None:
+    """Torques or currents of several joints that are never negative are magnitudes, which no equation holds for."""
+    if len(items) < _JOINTS_OF_ONE_SIGN or channel in mapping.columns:
+        return
+    values = _values(items, columns)
+    if np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all():
+        found.ask(
+            f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
+            f'ignore: ["{items[0].source.rpartition(".")[0] or items[0].source}*"] and log: {{torque: none}}',
+        )
 
 
 def _map_unit(mapping: Map, channel: str) -> str:
@@ -107,10 +125,13 @@ def _positions(
             unit, why = _named_unit(items, columns) or "rad", "motors' positions"
         elif channel in mapping.units:
             unit = mapping.units[channel]
+        elif not unit and channel in mapping.scale:
+            unit, why = "rad", "scaled by the map"
         if not unit:
             found.ask(
                 f"the unit of {items[0].source} … cannot be told: {why}",
-                f"units: {{{channel}: deg}}, or motors: [[RATIO, 0 …], …] where they are motors' positions",
+                f"units: {{{channel}: deg}}, or motors: [[RATIO, 0 …], …] where they are motors' positions, "
+                f"or scale: {{{channel}: FACTOR}}",
             )
             unit = "rad"
         result[channel] = (unit, why)

@@ -177,11 +177,13 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
 OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in words}
 COMMANDED = frozenset(
     "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
-    "soll d want demand nominal requested input in".split()
+    "soll ff feedforward d want demand nominal requested input in".split()
 )
 MEASURED = frozenset(
     "act actual meas measured state obs observation feedback fb real ist present raw fbk sensor est mes".split()
 )
+# Words that leave no doubt; a ``feedback`` torque may be the controller's part.
+SURELY_MEASURED = frozenset(("actual", "act", "measured", "meas", "real", "ist", "mes"))
 NOISE = frozenset(
     "joint joints jnt j motor mot m axis ax dof link robot arm data value msg states position0 deg rad".split()
 )

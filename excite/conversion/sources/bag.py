@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import ClassVar
 
@@ -50,6 +51,9 @@ class BagSource(Source):
             KeyError,
             IndexError,
             AttributeError,
+            TypeError,
+            RuntimeError,
+            struct.error,
         ) as error:
             raise damaged(path, error, "a bag") from error
         return (topics.recording(path, there),)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,6 +11,19 @@ from excite.conversion.sources.messages import is_trajectory, is_wanted
 from excite.conversion.sources.source import Source, damaged, first_bytes
 from excite.conversion.sources.topics import Topics
 from excite.errors import LogError
+
+# What decoders raise for messages that are cut short or of types that they do not know.
+_DAMAGED = (
+    OSError,
+    ValueError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    EOFError,
+    TypeError,
+    RuntimeError,
+    struct.error,
+)
 
 
 class McapSource(Source):
@@ -51,7 +65,18 @@ class McapSource(Source):
                     decoder = decoders[channel.id]
                     if decoder is not None:
                         topics.add(channel.topic, kind, decoder(message.data), 1e-9 * message.log_time)
-        except (McapError, OSError, ValueError, KeyError, IndexError, AttributeError, EOFError) as error:
+        except (
+            McapError,
+            OSError,
+            ValueError,
+            KeyError,
+            IndexError,
+            AttributeError,
+            EOFError,
+            TypeError,
+            RuntimeError,
+            struct.error,
+        ) as error:
             if not topics.any:
                 raise damaged(path, error, "MCAP") from error
             notes = ("its end is missing: it is read as far as it goes",)

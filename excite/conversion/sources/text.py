@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from excite.arrow_columns import numpy_columns
+from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged, first_bytes
 from excite.conversion.sources.table_habits import COMMENTS, Habits, split_line, table_habits
@@ -20,7 +21,8 @@ from excite.reading.file import check_file
 
 # Lines that are looked at to find the table's habits; headers of data loggers have some dozen lines.
 _LOOKED_AT = 200
-_BLOCK = 1 << 20
+# A table lies on its side where it has more columns than this many times its rows: few trials have less samples.
+_LYING = 20
 _MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan", "inf", "-inf", "Inf"]
 
 
@@ -58,12 +60,23 @@ class TextSource(Source):
             for name, unit, values in zip(habits.names, units, columns, strict=True)
             if values is not None
         ]
+        if not habits.named:
+            numbers = _upright(numbers)
         if not numbers:
             raise nothing_there(path)
-        notes = [] if habits.named else ["the file names no columns: they are called column1, column2 … here"]
+        notes = [] if habits.named else [NAMELESS]
         if habits.decimal == ",":
             notes.append("decimal commas")
         return (Recording(str(path), path.stem, (Stream(path.stem, tuple(numbers)),), notes=tuple(notes)),)
+
+
+def _upright(columns: list[Column]) -> list[Column]:
+    """Columns of a table without names, turned where it has a row a channel and a column a sample."""
+    rows = len(columns[0].values) if columns else 0
+    if not 0 < _LYING * rows < len(columns):
+        return columns
+    table = np.array([column.values for column in columns])
+    return [Column(f"column{k + 1}", table[:, k]) for k in range(rows)]
 
 
 def _encoding(start: bytes) -> str:

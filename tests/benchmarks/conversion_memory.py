@@ -1,0 +1,75 @@
+"""A bag of two gigabytes: how much memory its conversion takes."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from excite.conversion.convert import convert
+from excite.conversion.mapping import Map
+from tests.conversion import written
+from tests.conversion.written import JOINTS
+
+GIGABYTES, MOST_GB = 2.0, 1.0
+_IMAGE = 1_000_000
+
+
+def write_bag(path: Path, gigabytes: float, share: float = 0.2) -> int:
+    """An MCAP with joint states, ``share`` of its bytes, beside images; the number of joint states."""
+    store = written.ros2_store()
+    kind = "sensor_msgs/msg/JointState"
+    text, _ = store.generate_msgdef(kind, ros_version=2)
+    data = written.motion(1000)
+    rng = np.random.default_rng(0)
+    states = [bytes(store.serialize_cdr(m, kind)) for _, m in written.joint_states(store, data, rng)]
+    count = int(share * gigabytes * 1e9 / len(states[0]))
+    every = max(1, int(count / ((1.0 - share) * gigabytes * 1e9 / _IMAGE)))
+    with path.open("wb") as stream:
+        bag = Writer(stream, compression=CompressionType.NONE)
+        bag.start("ros2", "drawn")
+        schema = bag.register_schema(kind, "ros2msg", text.encode())
+        image = bag.register_schema("sensor_msgs/msg/Image", "ros2msg", b"uint8[] data")
+        topic = bag.register_channel("/joint_states", "cdr", schema)
+        camera = bag.register_channel("/camera", "cdr", image)
+        picture = rng.bytes(_IMAGE)
+        for k in range(count):
+            # The header's stamp, seconds and nanoseconds, stands behind four bytes of encapsulation.
+            now = 100_000_000_000 + 2_000_000 * k
+            body = states[k % 1000]
+            stamp = (now // 10**9).to_bytes(4, "little") + (now % 10**9).to_bytes(4, "little")
+            bag.add_message(topic, now, body[:4] + stamp + body[12:], now)
+            if k % every == 0:
+                bag.add_message(camera, now, picture, now)
+        bag.finish()
+    return count
+
+
+def main() -> int:
+    """Print size, time and memory; exit code 1 above the bar."""
+    size = float(sys.argv[1]) if len(sys.argv) > 1 else GIGABYTES
+    assert len(JOINTS) == 3
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "day.mcap"
+        count = write_bag(bag, size)
+        robot = written.arm_urdf(Path(folder) / "arm.urdf")
+        start = time.perf_counter()
+        found = convert([bag], robot, Path(folder) / "log", Map.model_validate({"trials": {"split": "none"}}))
+        seconds = time.perf_counter() - start
+        rows = sum(trial.n_samples for trial in found.log.trials)
+    most = (
+        max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+        / 1e6
+    )
+    print(f"{size:g} GB, {count} joint states to {rows} rows in {seconds:.0f} s")
+    print(f"memory: {most:.2f} GB (bar {MOST_GB})")
+    return int(most > MOST_GB)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,119 @@
+"""From a plan's sheet to a log that was made by it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.conversion.capture_sheet import read_capture
+from excite.errors import InputError, LogError
+from excite.motion.roles import planned_roles
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A plan of two motions to identify from and one to validate on, of the library's."""
+    folder = tmp_path_factory.mktemp("plan")
+    robot = excite.load_robot("ur10")
+    rng = np.random.default_rng(0)
+    names = ("swing", "reach", "turn")
+    time = np.arange(0.0, 8.0, 0.02)
+    for name in names:
+        w = rng.uniform(0.5, 2.0, robot.n_joints)
+        q = robot.rest + 0.3 * np.sin(np.outer(time, w) + 1.0)
+        table = {"time": time} | {f"q.{joint}": q[:, k] for k, joint in enumerate(robot.joint_names)}
+        (folder / "motions").mkdir(exist_ok=True)
+        rows = np.column_stack(list(table.values()))
+        np.savetxt(
+            folder / "motions" / f"{name}.csv", rows, delimiter=",", header=",".join(table), comments=""
+        )
+    document = {
+        "schema": "excite.plan/1",
+        "robot": "ur10",
+        "candidates": {"generated": 3, "accepted": 3, "rejected": {}},
+        "selected": [{"motion": f"motions/{n}.csv", "segments": [], "duration_s": 8.0} for n in names[:2]],
+        "validation": [f"motions/{names[2]}.csv"],
+        "conditioning": {"full": 10.0, "log_det": 1.0, "n_base_parameters": 36, "segments": []},
+        "stages": [],
+    }
+    (folder / "plan.json").write_text(json.dumps(document))
+    return folder
+
+
+def recorded(plan: Path, folder: Path, run: str, motion: str, shift: float = 0.0, stop: float = 1.0) -> Path:
+    """A recording of a motion, with torques that follow it, as a run of the sheet."""
+    table = np.loadtxt(plan / "motions" / f"{motion}.csv", delimiter=",", skiprows=1)
+    table = table[: int(stop * len(table))]
+    time = np.arange(0.0, table[-1, 0], 0.001)
+    q = np.column_stack([np.interp(time, table[:, 0], column) for column in table[:, 1:].T]) + shift
+    names = ["t"] + [f"q{k + 1}" for k in range(6)] + [f"tau{k + 1}" for k in range(6)]
+    file = folder / f"{run}.csv"
+    np.savetxt(
+        file, np.column_stack([time, q, 5.0 * np.cos(q)]), delimiter=",", header=",".join(names), comments=""
+    )
+    return file
+
+
+def test_a_sheet_names_runs_repeats_and_what_to_record(plan, tmp_path):
+    sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
+    text = sheet.path.read_text()
+    read = read_capture(sheet.path)
+    assert read == sheet.capture
+    assert {run.kind for run in read.runs} == {"warm_up", "zero_torque", "motion", "static"}
+    assert read.roles()["turn"] == "validation" and read.roles()["swing"] == "identification"
+    assert read.repeats() == {"swing_again": "swing", "reach_again": "reach"}
+    assert "Warm up" in text and "/joint_states" in text and "excite doctor" in text
+
+
+def test_a_page_holds_the_same_sheet(plan, tmp_path):
+    robot = excite.load_robot("ur10")
+    page = excite.capture(robot, plan, tmp_path / "sheet.html")
+    assert read_capture(page.path) == page.capture
+
+
+def test_logs_come_back_with_the_plans_roles(plan, tmp_path):
+    sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
+    files = [
+        recorded(plan, tmp_path, run.name, Path(run.motion).stem)
+        for run in sheet.capture.logged
+        if run.motion
+    ]
+    found = excite.convert(files, "ur10", tmp_path / "log", None, sheet.path)
+    roles = {Path(trial.file).stem: (trial.role, trial.repeats) for trial in found.log.header.trials}
+    assert roles == {
+        "swing": ("identification", None),
+        "reach": ("identification", None),
+        "turn": ("validation", None),
+        "swing_again": ("identification", "swing.parquet"),
+        "reach_again": ("identification", "reach.parquet"),
+    }
+    assert "as the capture sheet asks" in found.notes
+
+
+def test_what_differs_from_the_sheet_is_said(plan, tmp_path):
+    sheet = excite.capture(excite.load_robot("ur10"), plan, tmp_path / "sheet.md")
+    files = [
+        recorded(plan, tmp_path, "swing", "swing", shift=0.5),
+        recorded(plan, tmp_path, "turn", "turn", stop=0.5),
+    ]
+    notes = " ".join(excite.convert(files, "ur10", tmp_path / "log", None, sheet.path).notes)
+    assert "not recorded: reach" in notes
+    assert "swing begins" in notes and "turn lasts 4.0 s" in notes
+
+
+def test_planned_roles_are_found_beside_motions(plan):
+    roles = planned_roles([plan / "motions"])
+    assert roles == {"swing": "identification", "reach": "identification", "turn": "validation"}
+    assert planned_roles([plan / "motions" / "turn.csv"]) == roles
+
+
+def test_a_plan_of_another_robot_and_no_sheet_are_one_line(plan, tmp_path):
+    with pytest.raises(InputError, match="not of 'panda'"):
+        excite.capture(excite.load_robot("panda"), plan)
+    (tmp_path / "notes.md").write_text("nothing")
+    with pytest.raises(LogError, match="holds no capture sheet"):
+        read_capture(tmp_path / "notes.md")
