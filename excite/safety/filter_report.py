@@ -90,7 +90,8 @@ def counted(robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool) -> 
     kept: list[Any] = []
     made, accepted, reasons = Counter[str](), Counter[str](), Counter[str]()
     seconds: dict[str, float] = {}
-    tally, first = RefusalTally(robot), []
+    tally = RefusalTally(robot)
+    first: list[int] = []
     for index, outcome in enumerate(outcomes):
         made[outcome.generator] += 1
         accepted[outcome.generator] += outcome.accepted
