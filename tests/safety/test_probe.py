@@ -286,6 +286,10 @@ class Never:
         self.seen.append(q[0].copy())
         return 0
 
+    def closest(self, q: np.ndarray) -> tuple[str, float, float]:
+        assert any(np.array_equal(q, point) for point in self.seen), "a posture that was looked at"
+        return "hand - base", 0.001, 0.02
+
 
 class Corner(Draws):
     """Draws the box's upper corner, always."""
@@ -305,7 +309,8 @@ def test_points_are_pulled_to_rest_ever_harder_and_given_up_in_the_end(panda: Ro
     probe = Never()
     outcome = Waypoints(panda, probe).repair(Draft(candidate))
     assert isinstance(outcome, Rejection)
-    assert (outcome.reason, outcome.where) == ("self_collision", "control points")
+    assert (outcome.reason, outcome.where) == ("self_collision", "hand - base")
+    assert (outcome.value, outcome.limit) == (0.001, 0.02)
     drawn = [float((point - rest)[0] / away) for point in probe.seen]
     assert len(drawn) == 501, "the first point and 500 draws"
     expected = [0.0, *[1.0] * 11, *(0.88**k for k in range(1, 15))]
