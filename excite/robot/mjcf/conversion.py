@@ -15,6 +15,7 @@ from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
+from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.urdf import Mimic, UrdfWriter
 
@@ -36,6 +37,8 @@ class MjcfConversion:
         urdf: the URDF's text; mesh paths are relative to its file.
         meshes: STL files by relative path.
         notes: what the URDF leaves out or says differently.
+        posture: joints of the keyframe in which the robot rests [rad or m], None without one.
+        excluded: pairs of links that the model lets touch.
     """
 
     name: str
@@ -43,6 +46,8 @@ class MjcfConversion:
     urdf: str
     meshes: Mapping[str, bytes]
     notes: tuple[str, ...]
+    posture: Mapping[str, float] | None = None
+    excluded: tuple[tuple[str, str], ...] = ()
 
     def write(self, path: Path) -> Path:
         """Write the URDF to ``path`` and the meshes beside it."""
@@ -108,13 +113,26 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     _refuse(model, path)
     root = _root(model, path)
     bodies = _subtree(model, root) if root else tuple(range(1, model.nbody))
+    coupled = sorted(tendon_driven(model))
+    for joint in coupled:
+        # No range: a first description holds it still.
+        model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
+    if coupled:
+        names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in coupled[:6])
+        notes.append(f"joints that one motor drives together through a tendon are held still ({names})")
     writer = UrdfWriter(model, bodies, _mimics(model, path), _torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
     if model.dof_armature[6 if root else 0 :].any():
         notes.append("rotor inertia (armature) is not in the URDF; put it under drives in robot.yaml")
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
     return MjcfConversion(
-        spec.modelname or path.stem, root != 0, text, writer.meshes, (*notes, *writer.notes)
+        spec.modelname or path.stem,
+        root != 0,
+        text,
+        writer.meshes,
+        (*notes, *writer.notes),
+        rest_keyframe(model, writer.joint_name),
+        excluded_pairs(model, bodies, writer.link_name),
     )
 
 
@@ -156,13 +174,15 @@ def _refuse(model: mujoco.MjModel, path: Path) -> None:
                 field=f"joint {model.joint(joint).name!r}",
                 remedy="make it three hinges",
             )
-    if model.ntendon:
-        raise RobotError(
-            "is a tendon, which a URDF does not have",
-            source=path,
-            field=f"tendon {model.tendon(0).name!r}",
-            remedy="remove it, or hold still what it drives",
-        )
+    for tendon in range(model.ntendon):
+        first = int(model.tendon_adr[tendon])
+        if model.wrap_type[first] != mujoco.mjtWrap.mjWRAP_JOINT:
+            raise RobotError(
+                "is a tendon along a path in space, no linear map of joints",
+                source=path,
+                field=f"tendon {model.tendon(tendon).name!r}",
+                remedy="remove it and what it drives, or make it a fixed tendon",
+            )
     if model.nflex:
         raise RobotError("is deformable", source=path, field="flex", remedy="remove it")
 
