@@ -104,12 +104,16 @@ class NoSolutionError(ExciteError):
     Attributes:
         best: the best found, None if there is none.
         shown: whether the command line has printed the best, and with it this error, already.
+        refusals: what refused every candidate, the commonest first, as JSON.
     """
 
     exit_code = 3
 
-    def __init__(self, what: str, *, best: object = None, remedy: str | None = None):
+    def __init__(
+        self, what: str, *, best: object = None, remedy: str | None = None, refusals: Sequence[Any] = ()
+    ):
         self.what, self.best, self.remedy, self.shown = what, best, remedy, False
+        self.refusals = tuple(refusals)
         super().__init__(f"{what}; {remedy}" if remedy else what)
 
 

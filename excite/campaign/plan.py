@@ -95,9 +95,10 @@ def plan(
     if not report.kept:
         refused = ", ".join(f"{count} {reason}" for reason, count in sorted(report.rejected.items()))
         raise NoSolutionError(
-            f"none of {n_candidates} candidates is safe for {robot.name} ({refused})",
+            f"none of {n_candidates} candidates is safe for {robot.name} ({refused}): {report.refusals.summary()}",
             best=report,
-            remedy="see which limit refuses them, or ask for more candidates",
+            remedy=f"most likely to help: {report.refusals.advice()}",
+            refusals=report.refusals.to_json(),
         )
     base = structural_base_parameters(robot)
     pool = Pool(report.kept, folder, ranked_segments(robot))

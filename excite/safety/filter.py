@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sized
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -20,6 +20,7 @@ from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
+from excite.safety.refusals import Refusals
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.registry import make_repairs
 from excite.safety.verdict import Verdict
@@ -68,6 +69,7 @@ class FilterReport:
         rejected: number of rejected candidates by reason, the commonest first.
         acceptance: share of accepted candidates by generator.
         stage_seconds: processor time by stage, over all candidates and processes [s].
+        refusals: what refused the others, and by how much.
     """
 
     generated: int
@@ -76,6 +78,7 @@ class FilterReport:
     rejected: dict[str, int]
     acceptance: dict[str, float]
     stage_seconds: dict[str, float]
+    refusals: Refusals = field(default_factory=Refusals)
 
     @property
     def motions(self) -> tuple[Motion, ...]:
@@ -97,11 +100,13 @@ def _report(outcomes: Iterable[FilterOutcome], *, whole: bool) -> FilterReport:
     kept: list[Any] = []
     made, accepted, reasons = Counter[str](), Counter[str](), Counter[str]()
     seconds: dict[str, float] = {}
+    refusals = Refusals()
     for outcome in outcomes:
         made[outcome.generator] += 1
         accepted[outcome.generator] += outcome.accepted
         if outcome.rejection is not None:
             reasons[outcome.rejection.reason] += 1
+            refusals.add(outcome.rejection, outcome.verdict)
         elif outcome.kept is not None:
             kept.append(outcome.kept)
         for stage, spent in outcome.seconds.items():
@@ -115,6 +120,7 @@ def _report(outcomes: Iterable[FilterOutcome], *, whole: bool) -> FilterReport:
         rejected=dict(sorted(reasons.items(), key=lambda item: (-item[1], item[0]))),
         acceptance={name: accepted[name] / count for name, count in sorted(made.items())},
         stage_seconds=seconds,
+        refusals=refusals,
     )
 
 

@@ -38,6 +38,7 @@ class Failure:
         remedy: what to do.
         line: all of it in one line.
         findings: of a log that cannot be used, worst first.
+        refusals: of a plan without a safe motion, what refused how many candidates.
     """
 
     code: int
@@ -47,6 +48,7 @@ class Failure:
     remedy: str | None = None
     line: str = ""
     findings: tuple[Finding, ...] = ()
+    refusals: tuple[Any, ...] = ()
 
     def show(self, *, as_json: bool) -> None:
         """One line on stderr; with ``--json`` a document on stdout too."""
@@ -56,7 +58,10 @@ class Failure:
 
     def to_json(self) -> dict[str, Any]:
         """The fields of ``{"error": …}``."""
-        found = {"findings": [item.to_json() for item in self.findings]} if self.findings else {}
+        found: dict[str, Any] = (
+            {"findings": [item.to_json() for item in self.findings]} if self.findings else {}
+        )
+        found |= {"refusals": list(self.refusals)} if self.refusals else {}
         return found | {
             "code": self.code,
             "message": self.message,
@@ -78,6 +83,7 @@ def of_error(error: ExciteError) -> Failure:
         remedy=None if remedy is None else one_line(str(remedy)),
         line=one_line(str(error)),
         findings=getattr(error, "findings", ()),
+        refusals=getattr(error, "refusals", ()),
     )
 
 

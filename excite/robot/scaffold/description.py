@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,7 @@ class Said:
     """
 
     floating: bool | None = None
-    posture: dict[str, float] | None = None
+    posture: Mapping[str, float] | None = None
     ignored: tuple[tuple[str, str], ...] = ()
 
 
@@ -79,8 +80,8 @@ def scaffold_description(
         "# A first description, derived from the model. What no file said stands under assumed, with what follows\n"
         "# from it; each block says its source. Correct what you know better.\n"
     )
-    return head + yaml.safe_dump(
-        content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
+    return head + str(
+        yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     )
 
 
@@ -252,7 +253,7 @@ def _positions(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:
     return {**({"joints": unlimited} if unlimited else {}), "margin": margin, "source": said}
 
 
-def _wanted(robot: Robot, posture: dict[str, float] | None) -> Array:
+def _wanted(robot: Robot, posture: Mapping[str, float] | None) -> Array:
     """The posture that the model states, else the one nearest to zero that keeps a tenth of the range free."""
     limits = robot.limits
     room = 0.1 * (limits.position_upper - limits.position_lower)

@@ -35,7 +35,7 @@ def links_below(figure: Figure, rest: Array, ground: float) -> list[str]:
     """Links at or below the ground at rest, which are excepted from keeping away from it."""
     figure.lowest(rest)
     margin = figure.robot.description.collision.margin
-    found = {}
+    found: dict[str, None] = {}
     for shape in figure.shapes:
         # What hangs on the base's own joint is never compared with the ground.
         if shape.joint == 0 or figure.model.parents[shape.joint] == 0:

@@ -108,6 +108,6 @@ def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Elem
             below[link] = own.get(link, 0.0) + sum(mass_of(child) for child in children.get(link, []))
         return below[link]
 
-    for link in order:
-        mass_of(link)
+    for child in order:
+        mass_of(child)
     return {name: below[child] for name, child in ends.items()}

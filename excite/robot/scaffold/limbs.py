@@ -190,7 +190,7 @@ def bottom(shape: Shape, joint: pin.SE3) -> Array:
         return np.asarray(shape.vertices @ pose.rotation.T + pose.translation)
     down = np.array([0.0, 0.0, -1.0])
     if shape.kind == "sphere":
-        return (pose.translation + shape.size[0] * down)[None]
+        return np.asarray(pose.translation + shape.size[0] * down)[None]
     if shape.kind == "box":
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return np.asarray(0.5 * signs * np.array(shape.size) @ pose.rotation.T + pose.translation)

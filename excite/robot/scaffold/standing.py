@@ -73,13 +73,16 @@ class Postures:
     def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass above their middle, and nothing touching."""
         best: Standing | None = None
+        fewest = len(self.search.pairs) + 1
         for start in self._starts(legs):
             found = self._stand(start, legs)
             if found is None:
                 continue
-            best = best or found
-            if not self.touching(found.q, ignored):
+            touching = len(self.touching(found.q, ignored))
+            if touching == 0:
                 return found
+            if touching < fewest:
+                best, fewest = found, touching
         return best if best is None else self._spread(best, legs, ignored)
 
     def _spread(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing:
