@@ -7,13 +7,13 @@ the words) seconds and safe motions, or the line that it ended with.
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-from excite.json_document import read_json
 from excite.robot.catalogue import example_robot_data
 
 SECONDS = 180
@@ -41,7 +41,7 @@ def attempt(path: Path, candidates: int) -> str:
         seconds = time.perf_counter() - start
         plan = Path(folder) / "plan.json"
         if done.returncode == 0 and plan.exists():
-            return f"{seconds:5.0f} s  {len(read_json(plan)['selected'])} motions"
+            return f"{seconds:5.0f} s  {len(json.loads(plan.read_text())['selected'])} motions"
         lines = done.stderr.strip().splitlines()
         return f"{seconds:5.0f} s  {lines[-1] if lines else 'no word'}"
 
