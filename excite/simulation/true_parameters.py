@@ -125,6 +125,27 @@ def hrp2_like_changes(
     return truth
 
 
+def has_hands(robot: Robot) -> bool:
+    """Whether some limb of a robot ends in no foot."""
+    model, feet = robot.model, {foot.joint for foot in robot.feet}
+    leaves = set(range(1, model.njoints)) - {int(parent) for parent in model.parents}
+    return any(feet.isdisjoint(model.supports[leaf]) for leaf in leaves)
+
+
+def carried_load(robot: Robot, rng: np.random.Generator, *, share: float = 0.12) -> TrueParameters:
+    """A robot without hands that carries a load on its heaviest segment, a few centimetres off its middle.
+
+    Args:
+        robot: the robot, otherwise as its model says.
+        rng: places the load.
+        share: of the robot's mass, by default what 2 kg are of a quadruped of 16 kg.
+    """
+    masses = robot.nominal_parameters[::10]
+    return with_part(
+        nominal_truth(robot), _placed(robot, rng, "load", int(np.argmax(masses)), share * robot.mass)
+    )
+
+
 def scattered_parameters(robot: Robot, rng: np.random.Generator, *, scatter: float = 0.05) -> TrueParameters:
     """Parameters scattered as by manufacture: each segment's matter is rescaled, stretched and shifted.
 
@@ -195,13 +216,16 @@ def _path(parents: list[int], index: int) -> list[int]:
 
 
 def _placed(robot: Robot, rng: np.random.Generator, what: str, segment: int, mass: float) -> AddedPart:
-    """A part behind the trunk's centre of mass, or at the end of a hand or head (at rest, x ahead, z up)."""
+    """A part behind the trunk's centre of mass, on a back, or at the end of a hand or head (at rest, x ahead, z up)."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.rest)
     joint = robot.segments[segment].joint
     com = robot.model.inertias[joint].lever
     if what == "computer":
         offset, spread, size = np.array([-0.07, 0.0, 0.05]), np.array([0.01, 0.02, 0.03]), (0.08, 0.20, 0.20)
+        away = data.oMi[joint].rotation.T @ (offset + spread * rng.uniform(-1.0, 1.0, 3))
+    elif what == "load":
+        offset, spread, size = np.array([0.0, 0.0, 0.08]), np.array([0.05, 0.02, 0.01]), (0.15, 0.10, 0.05)
         away = data.oMi[joint].rotation.T @ (offset + spread * rng.uniform(-1.0, 1.0, 3))
     else:
         length, size = max(float(np.linalg.norm(com)), 1e-6), (0.06, 0.06, 0.06)

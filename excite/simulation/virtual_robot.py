@@ -14,6 +14,8 @@ from excite.simulation.plant import Change, Law
 from excite.simulation.recording import Recording
 from excite.simulation.true_parameters import (
     TrueParameters,
+    carried_load,
+    has_hands,
     hrp2_like_changes,
     nominal_truth,
     scattered_parameters,
@@ -72,10 +74,12 @@ def nominal_robot(robot: Robot) -> VirtualRobot:
 def changed_robot(robot: Robot, rng: np.random.Generator) -> VirtualRobot:
     """A virtual robot that differs from its model as a used robot does.
 
-    A standing robot got parts added (:func:`~excite.simulation.true_parameters.hrp2_like_changes`); an arm
-    has inertial parameters and friction scattered about the declared ones.
+    A standing robot got parts added (:func:`~excite.simulation.true_parameters.hrp2_like_changes`), one without hands
+    a load; any other has inertial parameters and friction scattered about the declared ones.
     """
-    if robot.floating:
+    if robot.floating and robot.feet:
+        if not has_hands(robot):
+            return VirtualRobot(robot, carried_load(robot, rng), nominal_drives(robot))
         return VirtualRobot(robot, hrp2_like_changes(robot, rng), nominal_drives(robot))
     truth = scattered_parameters(robot, rng)
     return VirtualRobot(robot, truth, scattered_drives(robot, rng))

@@ -24,7 +24,7 @@ from excite.simulation.recording import Recording
 from excite.simulation.sensing import imu_readings, log_header
 from excite.simulation.simulate import simulate
 from excite.simulation.true_parameters import AddedPart, with_part
-from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
+from excite.simulation.virtual_robot import VirtualRobot, changed_robot, nominal_robot
 from tests.quadruped import quadruped
 
 _LOAD = 1.5
@@ -86,6 +86,12 @@ def test_its_log_comes_back_as_it_was_saved(toy: Robot, log: Log, tmp_path: Path
     least = [min(flags.mean() for flags in trial.contacts.values()) for trial in log.trials]
     assert min(least[:3]) > 0.8 > max(least[3:])
     assert np.array_equal(build_problem(toy, again).Y, build_problem(toy, log).Y)
+
+
+def test_a_used_robot_without_hands_carries_a_load(toy: Robot) -> None:
+    virtual = changed_robot(toy, np.random.default_rng(0))
+    assert [part.link for part in virtual.truth.parts] == ["trunk"]
+    assert virtual.truth.added_mass == pytest.approx(0.12 * toy.mass)
 
 
 def test_a_foot_without_its_flag_is_named(toy: Robot, log: Log) -> None:
