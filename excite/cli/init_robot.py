@@ -10,7 +10,7 @@ import typer
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import emit
-from excite.robot.scaffold.files import Source
+from excite.robot.scaffold.source import Source
 
 NAME = "init-robot"
 

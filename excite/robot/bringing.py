@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from excite.robot.catalogue import find_robot
 from excite.robot.loading import load_robot as load_described
 from excite.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from excite.temporary_folder import TemporaryFolder
+from excite.temporary_folder import TemporaryFolder
 
 _MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 
@@ -34,7 +31,7 @@ def load_robot(name_or_path: str | Path, *, keep: str | Path | None = None) -> R
     path = Path(name_or_path) if Path(name_or_path).suffix in _MODELS else find_robot(name_or_path)
     if path.suffix not in _MODELS:
         return load_described(path)
-    from excite.robot.scaffold.files import write_scaffold
+    from excite.robot.scaffold.files import write_scaffold  # lazy: scipy
 
     folder = (
         Path(keep) if keep is not None else _temporary().path / path.resolve().as_posix().replace("/", "_")
@@ -44,6 +41,4 @@ def load_robot(name_or_path: str | Path, *, keep: str | Path | None = None) -> R
 
 @cache
 def _temporary() -> TemporaryFolder:
-    from excite.temporary_folder import TemporaryFolder
-
     return TemporaryFolder()

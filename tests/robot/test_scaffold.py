@@ -12,7 +12,8 @@ from excite.errors import RobotError
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.scaffold.description import scaffold_description
-from excite.robot.scaffold.files import Source, write_scaffold
+from excite.robot.scaffold.files import write_scaffold
+from excite.robot.scaffold.source import Source
 from tests.robot.small import ARM
 
 INERTIAL = (

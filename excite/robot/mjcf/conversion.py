@@ -17,6 +17,7 @@ from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven
 from excite.robot.mjcf.scan import scan_mjcf
+from excite.robot.mjcf.torques import torque_limits
 from excite.robot.mjcf.urdf import Mimic, UrdfWriter
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     if coupled:
         names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in coupled[:6])
         notes.append(f"joints that one motor drives together through a tendon are held still ({names})")
-    writer = UrdfWriter(model, bodies, _mimics(model, path), _torque_limits(model))
+    writer = UrdfWriter(model, bodies, _mimics(model, path), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
     if model.dof_armature[6 if root else 0 :].any():
         notes.append("rotor inertia (armature) is not in the URDF; put it under drives in robot.yaml")
@@ -235,26 +236,3 @@ def _mimics(model: mujoco.MjModel, path: Path) -> dict[int, Mimic]:
         # MuJoCo couples differences from the reference positions, which are zero in the URDF.
         mimics[follower] = Mimic(master, float(data[1]), float(data[0]))
     return mimics
-
-
-def _torque_limits(model: mujoco.MjModel) -> dict[int, float]:
-    """Largest torque of each joint: its own force range, else its motor's."""
-    import mujoco
-
-    limits: dict[int, float] = {}
-    for joint in range(model.njnt):
-        if model.jnt_actfrclimited[joint]:
-            limits[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
-    for actuator in range(model.nu):
-        joint = int(model.actuator_trnid[actuator, 0])
-        on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
-        if not on_joint or joint in limits:
-            continue
-        gear = abs(float(model.actuator_gear[actuator, 0]))
-        plain = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-        if model.actuator_forcelimited[actuator]:
-            limits[joint] = gear * float(np.abs(model.actuator_forcerange[actuator]).max())
-        elif plain and model.actuator_ctrllimited[actuator]:
-            gain = abs(float(model.actuator_gainprm[actuator, 0]))
-            limits[joint] = gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max())
-    return limits

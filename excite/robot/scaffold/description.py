@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,39 +12,23 @@ import yaml
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.robot.scaffold import numbers
 from excite.robot.scaffold.ground import ground_height, links_below
-from excite.robot.scaffold.guesses import JointGuess, guess_joints, guess_pairs, joint_inertias
-from excite.robot.scaffold.held import Held, held_joints
+from excite.robot.scaffold.guesses import JointGuess, guess_joints, guess_pairs
+from excite.robot.scaffold.held import held_joints
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest, find_rest
+from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.solids import box_shapes
 from excite.robot.scaffold.stand_in import StandIn
+from excite.robot.scaffold.structure import assumed_structure
+from excite.robot.scaffold.values import Values
 from excite.robot.shapes.collision import TABLE
 from excite.robot.urdf.inertia import inertial_faults
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MAX_NAME, check_tree
 from excite.robot.weights import check_weights
-
-FRICTION = 0.5
-"""Friction of soles that nobody stated: rubber on a dusty floor has 0.5 … 0.8."""
-
-
-@dataclass(frozen=True)
-class Said:
-    """What another format said that a URDF cannot.
-
-    Attributes:
-        floating: whether the base is free, None where the file does not say.
-        posture: joint values of a keyframe at which the robot rests [rad or m].
-        ignored: pairs of links that may touch.
-    """
-
-    floating: bool | None = None
-    posture: Mapping[str, float] | None = None
-    ignored: tuple[tuple[str, str], ...] = ()
 
 
 def scaffold_description(
@@ -114,8 +97,8 @@ def draft(path: Path, folder: str | Path | None, rng: np.random.Generator, said:
     rest = find_rest(figure, _wanted(robot, said.posture), said, rng)
     ground = None if rest.base == "floating" else ground_height(figure, rest.q)
     faults = loose if rest.base == "floating" else still
-    made = _Draft(path, robot, free, rest, figure, rng)
-    assumed = [*_assumed_structure(held, faults, built.fault, rest, ground, figure), *rest.assumed]
+    made = Values(path, robot, free, rest, figure, rng)
+    assumed = [*assumed_structure(held, faults, built.fault, rest, ground, figure), *rest.assumed]
     limits, more = made.limits(slides)
     sensors, noise = numbers.sensors(
         made.torque, _base_link(root, joints) if rest.base == "floating" else None
@@ -164,83 +147,6 @@ def _faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> di
     return {name: error.what for name, error in inertial_faults(root, joints, floating, path).items()}
 
 
-@dataclass(frozen=True, eq=False)
-class _Draft:
-    """What the numbers of a description follow from."""
-
-    path: Path
-    robot: Robot
-    free: tuple[JointGuess, ...]
-    rest: Rest
-    figure: Figure
-    rng: np.random.Generator
-
-    def __post_init__(self) -> None:
-        inertia = joint_inertias(self.robot, self.rng)
-        mass = float(self.figure.beyond[0])
-        legs = list(self.rest.legs)
-        loads = numbers.weight_loads(self.robot, self.rng, legs, 9.81 * mass if legs else 0.0)
-        torques, said = numbers.torque_limits(self.robot, self.free, loads, inertia)
-        object.__setattr__(self, "inertia", inertia)
-        object.__setattr__(self, "mass", mass)
-        object.__setattr__(self, "missing", (torques, said))
-        object.__setattr__(self, "torque", {g.name: torques.get(g.name, g.torque or 1.0) for g in self.free})
-
-    inertia: Array = None  # type: ignore[assignment]
-    mass: float = 0.0
-    missing: tuple[dict[str, float], list[Assumed]] = ({}, [])
-    torque: dict[str, float] = None  # type: ignore[assignment]
-
-    def limits(self, slides: set[str]) -> tuple[dict[str, Any], list[Assumed]]:
-        torques, said = self.missing
-        velocities, more = numbers.velocity_limits(self.free, slides)
-        accelerations = numbers.accelerations(self.free, self.inertia)
-        block: dict[str, Any] = {}
-        for name, values in (("velocity", velocities), ("torque", torques)):
-            if values:
-                block[name] = {
-                    "joints": values,
-                    "source": "assumed for joints whose limit the model does not state",
-                }
-        block["acceleration"] = {
-            "joints": accelerations,
-            "source": "30 % of the torque limit on the largest inertia at the joint, at most 30 rad/s²",
-        }
-        block["jerk"] = {
-            "joints": {name: 20.0 * value for name, value in accelerations.items()},
-            "source": "so that full acceleration takes 0.05 s to build up",
-        }
-        low, high = min(accelerations.values()), max(accelerations.values())
-        rule = Assumed(
-            what="acceleration limits",
-            value=f"{low:g} … {high:g} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
-            consequence="motions may be slower than the robot allows, or faster than its maker does",
-        )
-        return block, [*said, *more, rule]
-
-    def feet(self) -> list[dict[str, Any]]:
-        feet = []
-        for foot in self.rest.feet:
-            sole = [[round(float(x), 5) + 0.0 for x in corner] for corner in foot.sole]
-            kind = {1: "point", 2: "edge"}.get(len(sole), "polygon")
-            feet.append(
-                {
-                    "name": foot.link,
-                    "link": foot.link,
-                    "sole": sole,
-                    **({"radius": foot.radius} if foot.radius else {}),
-                    "friction": FRICTION,
-                    "source": f"{kind} where the link's geometry is lowest in the posture above; friction assumed",
-                }
-            )
-        return feet
-
-    def controller(self) -> dict[str, Any]:
-        found = numbers.gains(self.robot, self.inertia, list(self.rest.legs), self.mass)
-        said = "a servo of 8 Hz on the joint's own inertia, 4 Hz on what a leg carries, damping 0.7"
-        return {name: {"joints": values, "source": said} for name, values in found.items()}
-
-
 def _margin(free: tuple[JointGuess, ...]) -> float:
     """Margin to the position limits, small against the shortest range [rad or m]."""
     shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
@@ -272,58 +178,3 @@ def _base_link(root: Any, joints: dict[str, Any]) -> str:
 def _ignored(rest: Rest, figure: Figure, ground: float | None) -> list[tuple[str, str]]:
     below = [] if ground is None else links_below(figure, rest.q, ground)
     return [*rest.ignored, *((link, TABLE) for link in below)]
-
-
-def _assumed_structure(
-    held: dict[str, Held],
-    faults: dict[str, str],
-    geometry: str | None,
-    rest: Rest,
-    ground: float | None,
-    figure: Figure,
-) -> list[Assumed]:
-    found = []
-    for why in sorted({one.why for one in held.values()}):
-        names = [name for name, one in held.items() if one.why == why]
-        found.append(
-            Assumed(
-                what=f"{len(names)} joints held still ({why})",
-                value=", ".join(names[:6]) + (", …" if len(names) > 6 else ""),
-                consequence="their links count as part of what carries them; hold them so at the robot",
-            )
-        )
-    if faults:
-        found.append(
-            Assumed(
-                what="inertia as the model has it",
-                value=", ".join(list(faults)[:6]) + (", …" if len(faults) > 6 else ""),
-                consequence="missing or impossible there: torques predicted for them are a guess",
-            )
-        )
-    if geometry is not None:
-        found.append(
-            Assumed(
-                what="geometry",
-                value="boxes of the links' own inertia",
-                consequence=f"collisions are checked roughly: the model's geometry cannot be used ({geometry[:150]})",
-            )
-        )
-    if ground is not None:
-        below = links_below(figure, rest.q, ground)
-        more = f"; excepted: {', '.join(below)}" if below else ""
-        found.append(
-            Assumed(
-                what="ground",
-                value=f"a plane at {ground:.3f} m of the base's frame",
-                consequence=f"motions stay above it: state collision.table_height if it is elsewhere{more}",
-            )
-        )
-    else:
-        found.append(
-            Assumed(
-                what="friction of soles",
-                value=f"{FRICTION}",
-                consequence="feet may slip on a floor that is smoother",
-            )
-        )
-    return found

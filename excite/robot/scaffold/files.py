@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
@@ -14,24 +13,11 @@ from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
 from excite.robot.description import Assumed
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
-from excite.robot.scaffold.description import Said, scaffold_description
+from excite.robot.scaffold.description import scaffold_description
+from excite.robot.scaffold.said import Said
+from excite.robot.scaffold.source import Source
 from excite.robot.srdf import read_srdf
 from excite.robot.xacro_file import expanded, is_xacro
-
-
-@dataclass(frozen=True)
-class Source:
-    """How a model file is to be read.
-
-    Attributes:
-        srdf: a file of allowed collisions beside it, or None.
-        package_path: folders in which packages lie, beside those above the model and ``$ROS_PACKAGE_PATH``.
-        arguments: of a xacro file, by name.
-    """
-
-    srdf: Path | None = None
-    package_path: tuple[Path, ...] = ()
-    arguments: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

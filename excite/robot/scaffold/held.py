@@ -93,7 +93,7 @@ def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Elem
     own: dict[str, float] = {}
     for link in root.findall("link"):
         mass = link.find("inertial/mass")
-        own[link.get("name", "")] = 0.0 if mass is None else float(mass.get("value", "0"))
+        own[link.get("name", "")] = _number(mass)
     children: dict[str, list[str]] = {}
     ends: dict[str, str] = {}
     for name, joint in joints.items():
@@ -111,3 +111,11 @@ def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Elem
     for child in order:
         mass_of(child)
     return {name: below[child] for name, child in ends.items()}
+
+
+def _number(mass: ElementTree.Element | None) -> float:
+    """A link's mass [kg]; zero of what is none, which is refused where inertials are checked."""
+    try:
+        return 0.0 if mass is None else float(mass.get("value", "0"))
+    except ValueError:
+        return 0.0

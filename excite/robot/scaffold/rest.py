@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +10,9 @@ from excite.arrays import Array
 from excite.robot.description import Assumed, Base
 from excite.robot.scaffold.ground import ground_height
 from excite.robot.scaffold.limbs import Figure, FootGuess
+from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.standing import Postures
 from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
-
-if TYPE_CHECKING:
-    from excite.robot.scaffold.description import Said
 
 
 @dataclass(frozen=True, eq=False)
