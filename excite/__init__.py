@@ -22,7 +22,7 @@ _PUBLIC = {
     "NoSolutionError": "excite.errors",
     "UnsafeMotionError": "excite.errors",
     "Robot": "excite.robot.robot",
-    "load_robot": "excite.robot.loading",
+    "load_robot": "excite.robot.bringing",
     "bundled_robots": "excite.robot.catalogue",
     "robot_summaries": "excite.robot.summary",
     "scaffold_description": "excite.robot.scaffold.description",

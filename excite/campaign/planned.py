@@ -107,6 +107,7 @@ class Plan:
             "base_parameters": []
             if self.outlook is None
             else [parameter.to_json() for parameter in self.outlook.parameters],
+            "assumed": [one.model_dump() for one in self.robot.description.assumed],
             "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
         }
 
@@ -128,6 +129,7 @@ class Plan:
             lines.append(self.outlook.summary())
         if self.selection.unserved:
             lines.append("excited by no single motion: " + ", ".join(self.selection.unserved))
+        lines += [f"assumed: {one}" for one in self.robot.description.assumed]
         return "\n".join(lines)
 
     def report_data(self) -> ReportData:

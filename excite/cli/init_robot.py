@@ -10,14 +10,37 @@ import typer
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import emit
+from excite.robot.scaffold.source import Source
 
 NAME = "init-robot"
 
 
+def _arguments(context: typer.Context, given: list[str] | None) -> list[str] | None:
+    for one in given or []:
+        if ":=" not in one:
+            raise typer.BadParameter(f"{one!r} is not name:=value", param_hint="'--xacro-arg'")
+    return given
+
+
 def command(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="URDF of the robot, or its MuJoCo model (MJCF).")
+        Path, typer.Argument(metavar="FILE", help="URDF or xacro of the robot, or its MuJoCo model (MJCF).")
     ],
+    srdf: Annotated[
+        Path | None, typer.Option("--srdf", help="Pairs of links that may touch, from MoveIt's file.")
+    ] = None,
+    package_path: Annotated[
+        list[Path] | None, typer.Option("--package-path", help="Folder of ROS packages (may be repeated).")
+    ] = None,
+    xacro_arg: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--xacro-arg",
+            metavar="NAME:=VALUE",
+            help="Argument of the xacro file (may be repeated).",
+            callback=_arguments,
+        ),
+    ] = None,
     out: OutOption = None,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite a robot.yaml that is there already.")
@@ -26,15 +49,18 @@ def command(
     seed: SeedOption = 0,
     jobs: JobsOption = None,
 ) -> None:
-    """Write a commented robot.yaml: what could be derived, and what a person must fill in.
+    """Write a complete robot.yaml: what the model says, and what had to be assumed, with its consequence.
 
-    Of a MuJoCo model the URDF and its meshes are written too.
+    Of a MuJoCo model or xacro file the URDF is written too.
     """
-    written = excite.write_scaffold(file, out or file.parent, seed=seed, overwrite=force)
+    arguments = dict(one.split(":=", 1) for one in xacro_arg or [])
+    source = Source(srdf, tuple(package_path or ()), arguments)
+    written = excite.write_scaffold(file, out or file.parent, seed=seed, overwrite=force, source=source)
     document = {
         "schema": "excite.init-robot/1",
         "file": "robot.yaml" if out else str(written.description),
-        "fill_in": list(written.fill_in),
+        "fill_in": [],
+        "assumed": [one.model_dump() for one in written.assumed],
         "urdf": str(written.urdf) if not out else written.urdf.name,
         "notes": list(written.notes),
     }
@@ -42,6 +68,6 @@ def command(
     if written.urdf != file:
         lines.append(f"wrote {written.urdf}")
     lines += [f"  note: {note}" for note in written.notes]
-    lines += [f"  fill in: {mark}" for mark in written.fill_in]
+    lines += [f"  assumed: {one}" for one in written.assumed]
     lines.append(f"then: excite plan {written.description}")
     emit("\n".join(lines), document, as_json=as_json)

@@ -76,7 +76,7 @@ def command(
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
     with claimed(out or Path("plan")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
         plan = excite.plan(
-            excite.load_robot(robot),
+            excite.load_robot(robot, keep=folder / "robot"),
             n_candidates=candidates,
             targets=tuple(target or ()),
             generator=generator,

@@ -138,6 +138,17 @@ class PostureBlock(Block):
     source: Source
 
 
+class Assumed(Block):
+    """Something that no file said and that was assumed: what, which value, and what follows from it."""
+
+    what: str
+    value: str
+    consequence: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.value} ({self.consequence})"
+
+
 class RobotDescription(Block):
     """The whole of ``robot.yaml``.
 
@@ -160,6 +171,7 @@ class RobotDescription(Block):
     segments: SegmentsBlock = SegmentsBlock()
     collision: CollisionBlock
     gravity: Gravity = (0.0, 0.0, -9.81)
+    assumed: tuple[Assumed, ...] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

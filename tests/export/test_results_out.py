@@ -23,7 +23,6 @@ from excite.robot.scaffold.files import write_scaffold
 from excite.simulation.true_parameters import scattered_parameters
 from tests.export.identified import identification_of
 from tests.identification.practice_log import arm_log
-from tests.robot.test_scaffold import fill_in
 
 # A user's own model: defaults, geometry, comments and names that no converter would write.
 MINE = """<mujoco model="mine">
@@ -141,7 +140,6 @@ def test_identify_writes_back_into_a_users_mjcf(tmp_path: Path, monkeypatch, cap
     mine = tmp_path / "mine.xml"
     mine.write_text(MINE, encoding="utf-8")
     description = write_scaffold(mine, tmp_path / "robot").description
-    description.write_text(fill_in(description.read_text(), 1.0), encoding="utf-8")
     robot = load_robot(str(description))
     log = replace(arm_log(robot, 1, torque="link_side", trials=2), robot_text="<robot/>")
     arguments = ["identify", description, save_log(log, tmp_path / "log"), "--method", "cls3"]

@@ -14,7 +14,6 @@ from excite.robot.loading import load_robot
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.scaffold.files import write_scaffold
 from excite.robot.shapes.mesh_files import mesh_points
-from tests.robot.test_scaffold import fill_in
 
 ODD = """
 <mujoco model="odd">
@@ -119,8 +118,6 @@ def test_a_file_of_a_collection_becomes_a_robot(data_dir: Path, tmp_path: Path) 
     inverse_dynamics_agree(saved("\n".join(bare), tmp_path), conversion.urdf)
     written = write_scaffold(source, tmp_path / "mine")
     assert written.urdf.name == "iiwa14_menagerie.urdf" and "13 mesh files" in written.notes[0]
-    text = written.description.read_text(encoding="utf-8")
-    written.description.write_text(fill_in(text, 1.0), encoding="utf-8")
     robot = load_robot(written.description)
     assert robot.n_joints == 7 and robot.mass == pytest.approx(25.61)
     np.testing.assert_allclose(robot.limits.torque, [320, 320, 176, 176, 110, 40, 40])
@@ -138,7 +135,7 @@ FAULTS = {
         "yaw.*is a ball joint",
     ),
     "loop": ("</mujoco>", "equality.*welds two bodies"),
-    "tendon": ("</mujoco>", "tendon 'rope'.*is a tendon"),
+    "tendon": ("</mujoco>", "tendon 'rope'.*path in space"),
     "two robots": ("</worldbody>", "2 bodies that move on their own: 'base', 'ball'"),
     "mesh": (
         'vertex="0 0 0  .1 0 0  0 .2 0  0 0 .3  .1 .2 0"',
@@ -149,7 +146,8 @@ FAULTS = {
 FAULTY = {
     "ball joint": '<joint name="yaw" type="ball"/>',
     "loop": '<equality><weld body1="slider" body2="base"/></equality></mujoco>',
-    "tendon": '<tendon><fixed name="rope"><joint joint="pitch" coef="1"/></fixed></tendon></mujoco>',
+    "tendon": '<worldbody><site name="a"/><site name="b" pos="1 0 0"/></worldbody>'
+    '<tendon><spatial name="rope"><site site="a"/><site site="b"/></spatial></tendon></mujoco>',
     "two robots": '<body name="ball"><freejoint/><geom size=".1"/></body></worldbody>',
     "mesh": 'file="gone.stl"',
     "nonsense": "<worldbody><bodies/>",

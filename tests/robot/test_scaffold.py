@@ -1,9 +1,7 @@
-"""A first description: what it derives is right, what it leaves open is named, and filled in it loads."""
+"""A first description is complete: it loads as it is written, and says what it assumed."""
 
 from __future__ import annotations
 
-import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -11,155 +9,151 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import RobotError
-from excite.robot.catalogue import example_robot_data
 from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
 from excite.robot.scaffold.description import scaffold_description
-from excite.robot.shapes.collision import collision_model
+from excite.robot.scaffold.files import write_scaffold
+from excite.robot.scaffold.source import Source
 from tests.robot.small import ARM
 
-ANSWERS = {
-    "source": "by hand",
-    "rate_hz": 100.0,
-    "noise_position": 1e-4,
-    "joint_torque": "link_side",
-    "default": 0.1,
-    "friction": 0.6,
-    "noise_force": 1.0,
-    "noise_moment": 0.1,
-    "noise_base_position": 1e-3,
-    "noise_base_orientation": 1e-3,
-}
-"""What a person says, by field; anything else gets ``otherwise``."""
+INERTIAL = (
+    '<inertial><mass value="{m}"/><inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
 
 
-def fill_in(text: str, otherwise: object = None) -> str:
-    """Replace each ``null`` of a scaffold by an answer."""
-
-    def answer(match: re.Match[str]) -> str:
-        value = ANSWERS.get(match["key"], otherwise)
-        return match["head"] + json.dumps(value)
-
-    return re.sub(r"^(?P<head>\s*(?P<key>[\w.]+): )null", answer, text, flags=re.MULTILINE)
+def link(name: str, mass: float, solid: str = "", at: str = "0 0 0") -> str:
+    inertial = INERTIAL.format(m=mass, i=0.01 * mass)
+    shape = f'<collision><origin xyz="{at}"/><geometry>{solid}</geometry></collision>' if solid else ""
+    return f'<link name="{name}">{inertial}{shape}</link>'
 
 
-def wheel(name: str, folder: Path) -> Path:
-    """A robot of the data wheel as somebody's own file, meshes found by absolute path."""
-    urdf = example_robot_data() / name
-    text = urdf.read_text(encoding="utf-8")
-    text = re.sub("package:///?example-robot-data", str(example_robot_data().parent), text)
-    path = folder / "mine.urdf"
+def hinge(
+    name: str, parent: str, child: str, xyz: str, axis: str, more: str = "", kind: str = "revolute"
+) -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><origin xyz="{xyz}"/>'
+        f'<axis xyz="{axis}"/><limit lower="-1.5" upper="1.5" velocity="5" effort="60"/>{more}</joint>'
+    )
+
+
+def quadruped() -> str:
+    parts = [link("trunk", 6.0, '<box size="0.4 0.2 0.1"/>')]
+    for x, side in (("0.18", "front"), ("-0.18", "hind")):
+        for y, hand in (("0.12", "left"), ("-0.12", "right")):
+            leg = f"{side}_{hand}"
+            parts += [
+                link(f"{leg}_hip", 0.3),
+                hinge(f"{leg}_roll", "trunk", f"{leg}_hip", f"{x} {y} 0", "1 0 0"),
+                link(f"{leg}_thigh", 0.5),
+                hinge(f"{leg}_pitch", f"{leg}_hip", f"{leg}_thigh", "0 0 0", "0 1 0"),
+                link(f"{leg}_shank", 0.2, '<sphere radius="0.02"/>', "0 0 -0.2"),
+                hinge(f"{leg}_knee", f"{leg}_thigh", f"{leg}_shank", "0 0 -0.2", "0 1 0"),
+            ]
+    return f'<robot name="four">{"".join(parts)}</robot>'
+
+
+def biped() -> str:
+    parts = [link("pelvis", 10.0, '<box size="0.2 0.2 0.2"/>')]
+    for leg, y in (("left", "0.12"), ("right", "-0.12")):
+        last = "pelvis"
+        chain = (("hip_yaw", "0 0 1"), ("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"))
+        for name, axis in (*chain, ("ankle_pitch", "0 1 0"), ("ankle_roll", "1 0 0")):
+            place = {"hip_yaw": f"0 {y} -0.15", "knee": "0 0 -0.3", "ankle_pitch": "0 0 -0.3"}.get(
+                name, "0 0 0"
+            )
+            foot = name == "ankle_roll"
+            parts.append(
+                link(f"{leg}_{name}", 1.0, '<box size="0.2 0.1 0.04"/>' if foot else "", "0.03 0 -0.05")
+            )
+            parts.append(hinge(f"{leg}_{name}_joint", last, f"{leg}_{name}", place, axis))
+            last = f"{leg}_{name}"
+    return f'<robot name="two">{"".join(parts)}</robot>'
+
+
+def cart() -> str:
+    wheel = '<cylinder radius="0.1" length="0.05"/>'
+    parts = [link("base", 20.0, '<box size="0.5 0.4 0.2"/>', "0 0 0.2")]
+    for number in range(2):
+        parts += [
+            link(f"wheel_{number}", 1.0, wheel, "0 0 0"),
+            hinge(
+                f"drive_{number}", "base", f"wheel_{number}", f"{number} 0 0.1", "0 1 0", kind="continuous"
+            ),
+        ]
+    parts += [
+        link("shoulder", 2.0),
+        hinge("pan", "base", "shoulder", "0 0 0.4", "0 0 1"),
+        link("elbow", 1.0, '<box size="0.05 0.05 0.3"/>', "0 0 0.15"),
+        hinge("lift", "shoulder", "elbow", "0 0 0.1", "0 1 0"),
+        link("finger_a", 0.05),
+        hinge("grip_a", "elbow", "finger_a", "0 0.02 0.3", "1 0 0"),
+        link("finger_b", 0.05),
+        hinge(
+            "grip_b", "elbow", "finger_b", "0 -0.02 0.3", "1 0 0", '<mimic joint="grip_a" multiplier="-1"/>'
+        ),
+    ]
+    return f'<robot name="cart">{"".join(parts)}</robot>'
+
+
+def written(text: str, folder: Path, name: str = "mine.urdf", source: Source | None = None) -> Robot:
+    path = folder / name
     path.write_text(text, encoding="utf-8")
-    return path
+    return load_robot(write_scaffold(path, folder, source=source).description)
 
 
-def scaffold(path: Path, otherwise: object = None) -> Path:
-    target = path.with_name("robot.yaml")
-    target.write_text(fill_in(scaffold_description(path), otherwise), encoding="utf-8")
-    return target
+def test_a_quadruped_stands_level_on_four_balls(tmp_path: Path) -> None:
+    robot = written(quadruped(), tmp_path)
+    assert robot.description.base == "floating"
+    assert sorted(foot.link for foot in robot.feet) == [
+        "front_left_shank", "front_right_shank", "hind_left_shank", "hind_right_shank",
+    ]  # fmt: skip
+    assert all(len(foot.sole) == 1 and foot.radius == 0.02 for foot in robot.feet)
+    data = robot.model.createData()
+    centre = pin.centerOfMass(robot.model, data, robot.rest)
+    touching = np.array([data.oMi[foot.joint].act(foot.sole[0]) for foot in robot.feet])
+    np.testing.assert_allclose(touching[:, 2], 0.0, atol=2e-3)
+    assert np.linalg.norm(centre[:2] - touching[:, :2].mean(axis=0)) < 0.02
 
 
-def test_open_fields_are_named_one_after_the_other(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(ARM)
-    text = scaffold_description(path)
-    target = tmp_path / "robot.yaml"
-    named = []
-    for _ in range(20):
-        target.write_text(text)
-        try:
-            load_robot(target)
-        except RobotError as error:
-            field = str(error.field or error.what)
-            named.append(next(key for key in ANSWERS if key in field.split(".")[-1] or f".{key}:" in field))
-            text = re.sub(rf"({named[-1]}: )null", rf"\g<1>{ANSWERS[named[-1]]}", text, count=1)
-        else:
-            break
-    assert ": null" not in text
-    assert set(named) == {"source", "rate_hz", "noise_position", "joint_torque", "default"}
+def test_a_biped_stands_on_its_soles(tmp_path: Path) -> None:
+    robot = written(biped(), tmp_path)
+    assert [foot.link for foot in robot.feet] == ["left_ankle_roll", "right_ankle_roll"]
+    for foot in robot.feet:
+        np.testing.assert_allclose(np.ptp(foot.sole, axis=0), [0.2, 0.1, 0.0], atol=1e-3)
 
 
-def test_small_arm(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(ARM)
-    robot = load_robot(scaffold(path))
-    assert (robot.name, robot.floating, robot.joint_names) == ("arm", False, ("shoulder", "elbow"))
-    np.testing.assert_allclose(robot.limits.velocity, [2.0, 3.0])
-    np.testing.assert_allclose(robot.limits.torque, [50.0, 20.0])
-    # 30 % of 20 N·m on the forearm's inertia about the elbow, 0.01 + 1 kg · (0.15 m)².
-    assert robot.limits.acceleration[1] == pytest.approx(min(30.0, 0.3 * 20.0 / 0.0325), rel=0.05)
-    assert len(collision_model(robot).collisionPairs) == 0
+def test_wheels_and_fingers_are_held_and_the_ground_is_there(tmp_path: Path) -> None:
+    robot = written(cart(), tmp_path)
+    assert robot.description.base == "fixed"
+    assert robot.joint_names == ("pan", "lift")
+    assert robot.description.collision.table_height is not None
+    said = " ".join(str(one) for one in robot.description.assumed)
+    assert "a wheel" in said and "coupled" in said and "ground" in said
 
 
-@pytest.mark.parametrize("name", ["ur_description/urdf/ur5_robot.urdf", "xarm_description/urdf/xarm7.urdf"])
-def test_arm_of_the_wheel_as_ones_own(name: str, tmp_path: Path) -> None:
-    path = wheel(name, tmp_path)
-    robot = load_robot(scaffold(path))
-    assert not robot.floating
-    reference = pin.buildModelFromUrdf(str(example_robot_data() / name))
-    assert robot.joint_names == tuple(reference.names)[1:]
-    assert robot.mass == pytest.approx(pin.computeTotalMass(reference))
-    assert collision_model(robot).collisionPairs
+def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:
+    text = (
+        cart().replace('velocity="5" effort="60"', 'velocity="0" effort="0"').replace("<collision>", "<none>")
+    )
+    robot = written(text.replace("</collision>", "</none>"), tmp_path)
+    assert (robot.limits.torque > 0.0).all() and (robot.limits.velocity > 0.0).all()
+    assert {"torque limits", "velocity limits", "geometry"} <= {one.what for one in robot.description.assumed}
 
 
-def test_humanoid_with_mimic_joints(tmp_path: Path) -> None:
-    """TALOS with moving fingers: base, feet, sole, mirror pairs and held grippers are found."""
-    robot = load_robot(scaffold(wheel("talos_data/robots/talos_full_v2.urdf", tmp_path)))
-    assert robot.floating
-    assert robot.n_joints == 30
-    assert robot.mass == pytest.approx(93.3357, abs=1e-3)
-    assert set(robot.description.locked_joints) == {"gripper_left_joint", "gripper_right_joint"}
-    assert {foot.link for foot in robot.feet} == {"leg_left_6_link", "leg_right_6_link"}
-    size = np.ptp(robot.foot("leg_left_6_link").sole, axis=0)
-    np.testing.assert_allclose(size[:2], [0.21, 0.124], atol=0.03)
-    assert sum(segment.pair is not None for segment in robot.segments) == 26
-
-
-def test_continuous_joints_and_faulty_links_are_left_to_the_person(tmp_path: Path) -> None:
-    text = ARM.replace('<joint name="elbow" type="revolute">', '<joint name="elbow" type="continuous">')
-    text = text.replace('izz="0.004"', 'izz="0.4"')
-    path = tmp_path / "arm.urdf"
-    path.write_text(text)
-    draft = scaffold_description(path)
-    assert re.search(r"^ +elbow: null  # FILL IN: turns without end", draft, re.MULTILINE)
-    assert re.search(r"^ +upper: null  # breaks the triangle inequality", draft, re.MULTILINE)
-    draft = draft.replace("elbow: null", "elbow: [-3.0, 3.0]").replace("upper: null", "upper: a brass block")
-    target = tmp_path / "robot.yaml"
-    target.write_text(fill_in(draft))
-    assert load_robot(target).limits.position_upper[1] == pytest.approx(3.0 - 0.03)
-
-
-def test_missing_torque_and_velocity_limits_are_asked_for(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(ARM.replace(' velocity="3.0" effort="20"', ""))
-    text = scaffold_description(path)
-    assert text.count("    joints:\n      elbow: null  # FILL IN") == 2
-    target = tmp_path / "robot.yaml"
-    target.write_text(fill_in(text, otherwise=4.0))
-    np.testing.assert_allclose(load_robot(target).limits.torque, [50.0, 4.0])
-
-
-def test_arm_without_geometry_asks_for_shapes(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(re.sub(r"<collision>.*?</collision>", "", ARM, flags=re.DOTALL))
-    text = scaffold_description(path)
-    assert "shapes: null  # FILL IN" in text
-    target = tmp_path / "robot.yaml"
-    shapes = [{"link": "lower", "kind": "sphere", "size": [0.1]}]
-    target.write_text(fill_in(text, otherwise=shapes))
-    assert len(collision_model(load_robot(target)).geometryObjects) == 1
-
-
-def test_path_is_relative_to_the_folder_it_is_written_to(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(ARM)
-    folder = tmp_path / "robots" / "arm"
-    folder.mkdir(parents=True)
-    (folder / "robot.yaml").write_text(fill_in(scaffold_description(path, folder)))
-    assert load_robot(folder).n_joints == 2
+def test_xacro_takes_its_arguments(tmp_path: Path) -> None:
+    text = ARM.replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ', 1)
+    start = text.index(">", text.index("<robot")) + 1
+    text = f'{text[:start]}<xacro:arg name="tool" default="x"/><link name="$(arg tool)_spare"/>{text[start:]}'
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RobotError, match="root"):
+        # A loose link named by the argument is refused, so its name shows that the argument arrived.
+        write_scaffold(path, tmp_path / "out", source=Source(arguments={"tool": "drill"}))
 
 
 def test_same_seed_same_text(tmp_path: Path) -> None:
-    path = wheel("ur_description/urdf/ur5_robot.urdf", tmp_path)
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM, encoding="utf-8")
     assert scaffold_description(path) == scaffold_description(path)
 
 

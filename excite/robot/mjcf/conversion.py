@@ -15,7 +15,9 @@ from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
+from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven
 from excite.robot.mjcf.scan import scan_mjcf
+from excite.robot.mjcf.torques import torque_limits
 from excite.robot.mjcf.urdf import Mimic, UrdfWriter
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ class MjcfConversion:
         urdf: the URDF's text; mesh paths are relative to its file.
         meshes: STL files by relative path.
         notes: what the URDF leaves out or says differently.
+        posture: joints of the keyframe in which the robot rests [rad or m], None without one.
+        excluded: pairs of links that the model lets touch.
     """
 
     name: str
@@ -43,6 +47,8 @@ class MjcfConversion:
     urdf: str
     meshes: Mapping[str, bytes]
     notes: tuple[str, ...]
+    posture: Mapping[str, float] | None = None
+    excluded: tuple[tuple[str, str], ...] = ()
 
     def write(self, path: Path) -> Path:
         """Write the URDF to ``path`` and the meshes beside it."""
@@ -108,13 +114,26 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     _refuse(model, path)
     root = _root(model, path)
     bodies = _subtree(model, root) if root else tuple(range(1, model.nbody))
-    writer = UrdfWriter(model, bodies, _mimics(model, path), _torque_limits(model))
+    coupled = sorted(tendon_driven(model))
+    for joint in coupled:
+        # No range: a first description holds it still.
+        model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
+    if coupled:
+        names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in coupled[:6])
+        notes.append(f"joints that one motor drives together through a tendon are held still ({names})")
+    writer = UrdfWriter(model, bodies, _mimics(model, path), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
     if model.dof_armature[6 if root else 0 :].any():
         notes.append("rotor inertia (armature) is not in the URDF; put it under drives in robot.yaml")
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
     return MjcfConversion(
-        spec.modelname or path.stem, root != 0, text, writer.meshes, (*notes, *writer.notes)
+        spec.modelname or path.stem,
+        root != 0,
+        text,
+        writer.meshes,
+        (*notes, *writer.notes),
+        rest_keyframe(model, writer.joint_name),
+        excluded_pairs(model, bodies, writer.link_name),
     )
 
 
@@ -156,13 +175,15 @@ def _refuse(model: mujoco.MjModel, path: Path) -> None:
                 field=f"joint {model.joint(joint).name!r}",
                 remedy="make it three hinges",
             )
-    if model.ntendon:
-        raise RobotError(
-            "is a tendon, which a URDF does not have",
-            source=path,
-            field=f"tendon {model.tendon(0).name!r}",
-            remedy="remove it, or hold still what it drives",
-        )
+    for tendon in range(model.ntendon):
+        first = int(model.tendon_adr[tendon])
+        if model.wrap_type[first] != mujoco.mjtWrap.mjWRAP_JOINT:
+            raise RobotError(
+                "is a tendon along a path in space, no linear map of joints",
+                source=path,
+                field=f"tendon {model.tendon(tendon).name!r}",
+                remedy="remove it and what it drives, or make it a fixed tendon",
+            )
     if model.nflex:
         raise RobotError("is deformable", source=path, field="flex", remedy="remove it")
 
@@ -215,26 +236,3 @@ def _mimics(model: mujoco.MjModel, path: Path) -> dict[int, Mimic]:
         # MuJoCo couples differences from the reference positions, which are zero in the URDF.
         mimics[follower] = Mimic(master, float(data[1]), float(data[0]))
     return mimics
-
-
-def _torque_limits(model: mujoco.MjModel) -> dict[int, float]:
-    """Largest torque of each joint: its own force range, else its motor's."""
-    import mujoco
-
-    limits: dict[int, float] = {}
-    for joint in range(model.njnt):
-        if model.jnt_actfrclimited[joint]:
-            limits[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
-    for actuator in range(model.nu):
-        joint = int(model.actuator_trnid[actuator, 0])
-        on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
-        if not on_joint or joint in limits:
-            continue
-        gear = abs(float(model.actuator_gear[actuator, 0]))
-        plain = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-        if model.actuator_forcelimited[actuator]:
-            limits[joint] = gear * float(np.abs(model.actuator_forcerange[actuator]).max())
-        elif plain and model.actuator_ctrllimited[actuator]:
-            gain = abs(float(model.actuator_gainprm[actuator, 0]))
-            limits[joint] = gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max())
-    return limits

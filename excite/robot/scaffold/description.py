@@ -1,128 +1,180 @@
-"""A first ``robot.yaml`` for a URDF of one's own: what could be derived, and what a person must say.
-
-What only a person knows is written as ``null`` behind a ``FILL IN:`` comment, so that loading the file
-before it is complete names the first field that is still open.
-"""
+"""A first ``robot.yaml`` for a URDF of one's own: complete and careful, with what was assumed said in it."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import Any
 
 import numpy as np
+import yaml
 
+from excite.arrays import Array
 from excite.errors import RobotError
-from excite.robot.scaffold.draft import Draft
-from excite.robot.scaffold.guesses import (
-    JointGuess,
-    guess_feet,
-    guess_floating,
-    guess_joints,
-    guess_pairs,
-    joint_inertias,
-)
+from excite.robot.robot import Robot
+from excite.robot.scaffold import numbers
+from excite.robot.scaffold.ground import ground_height, links_below
+from excite.robot.scaffold.guesses import JointGuess, guess_joints, guess_pairs
+from excite.robot.scaffold.held import held_joints
+from excite.robot.scaffold.limbs import Figure
+from excite.robot.scaffold.rest import Rest, find_rest
+from excite.robot.scaffold.said import Said
+from excite.robot.scaffold.solids import box_shapes
 from excite.robot.scaffold.stand_in import StandIn
-from excite.robot.scaffold.text import render
-from excite.robot.shapes.ignored_pairs import review_pairs
+from excite.robot.scaffold.structure import assumed_structure
+from excite.robot.scaffold.values import Values
+from excite.robot.shapes.collision import TABLE
 from excite.robot.urdf.inertia import inertial_faults
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MAX_NAME, check_tree
 from excite.robot.weights import check_weights
 
-SHARE_OF_TORQUE = 0.3
-"""Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia."""
-
 
 def scaffold_description(
-    urdf_path: str | Path, folder: str | Path | None = None, *, seed: int = 0, floating: bool | None = None
+    urdf_path: str | Path,
+    folder: str | Path | None = None,
+    *,
+    seed: int = 0,
+    floating: bool | None = None,
+    said: Said | None = None,
+    absolute: bool = False,
 ) -> str:
-    """Text of a commented ``robot.yaml`` for a URDF.
+    """Text of a ``robot.yaml`` for a URDF: complete, with what had to be assumed under ``assumed``.
 
     Args:
         urdf_path: the URDF.
         folder: folder that the text will be written to; the URDF's own by default.
-        seed: seed of the random postures behind inertia and collision pairs.
-        floating: whether the base is free; guessed from the limbs where None.
+        seed: seed of the random postures behind inertia, rest and collision pairs.
+        floating: whether the base is free; found from the limbs where None.
+        said: what another format said beside the URDF.
+        absolute: whether the URDF is named by its whole path.
 
     Returns:
-        YAML text with ``FILL IN:`` comments where a person must say something.
+        YAML text.
 
     Raises:
         RobotError: the URDF is missing or absurd in a way that no description can mend.
     """
-    return render(draft_description(Path(urdf_path), folder, np.random.default_rng(seed), floating))
+    content = draft(Path(urdf_path), folder, np.random.default_rng(seed), said or Said(floating))
+    if absolute:
+        content["model"]["path"] = str(Path(urdf_path).resolve())
+    head = (
+        "# A first description, derived from the model. What no file said stands under assumed, with what follows\n"
+        "# from it; each block says its source. Correct what you know better.\n"
+    )
+    return head + str(
+        yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+    )
 
 
-def draft_description(
-    path: Path, folder: str | Path | None, rng: np.random.Generator, floating: bool | None = None
-) -> Draft:
-    """Derive what can be derived from a URDF; arguments and errors as for :func:`scaffold_description`."""
+def draft(path: Path, folder: str | Path | None, rng: np.random.Generator, said: Said) -> dict[str, Any]:
+    """The content of a first ``robot.yaml``; arguments and errors as for :func:`scaffold_description`."""
     root = parse_urdf(path)
     joints = check_tree(root, path)
-    if floating is None:
-        floating = guess_floating(root, joints)
     guesses = guess_joints(joints, path)
-    locked = _locked(guesses)
-    free = tuple(guess for guess in guesses if guess.name not in locked and guess.follows is None)
+    slides = {name for name, joint in joints.items() if joint.get("type") == "prismatic"}
+    held = held_joints(root, joints, guesses)
+    free = tuple(guess for guess in guesses if guess.name not in held and guess.follows is None)
     if not free:
         raise RobotError("has no joint that moves", source=path, remedy="describe at least one")
-    faults = _faults(root, joints, floating, path)
-    rest = {guess.name: value for guess in free if (value := _rest(guess)) != 0.0}
-    stand_in = StandIn(path, floating, free, locked, tuple(faults), rest)
+    for name, joint in joints.items():
+        # As they will be read: what is held moves nothing, and no fault of its inertia matters.
+        if name in held or joint.find("mimic") is not None:
+            joint.set("type", "fixed")
+    still, loose = (_faults(root, joints, floating, path) for floating in (False, True))
+    locked = {name: one.value for name, one in held.items()}
+    stand_in = StandIn(path, free, locked, tuple(still), _margin(free))
     built = stand_in.with_geometry()
-    robot, geometry = built.robot, built.kind
+    robot = built.robot
     check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
-    inertia = dict(
-        zip(robot.joint_names, (float(value) for value in joint_inertias(robot, rng)), strict=True)
+    order = {name: index for index, name in enumerate(robot.joint_names)}
+    free = tuple(sorted(free, key=lambda guess: order[guess.name]))
+    authored = [] if built.kind else box_shapes(robot)
+    if built.kind is None:
+        robot = stand_in.robot("authored", authored)
+    figure = Figure(robot)
+    rest = find_rest(figure, _wanted(robot, said.posture), said, rng)
+    ground = None if rest.base == "floating" else ground_height(figure, rest.q)
+    faults = loose if rest.base == "floating" else still
+    made = Values(path, robot, free, rest, figure, rng)
+    assumed = [*assumed_structure(held, faults, built.fault, rest, ground, figure), *rest.assumed]
+    limits, more = made.limits(slides)
+    sensors, noise = numbers.sensors(
+        made.torque, _base_link(root, joints) if rest.base == "floating" else None
     )
-    return Draft(
-        name=path.stem[:MAX_NAME],
-        title=root.get("name", ""),
-        urdf=os.path.relpath(path.resolve(), Path(folder or path.parent).resolve()),
-        floating=floating,
-        joints=free,
-        locked=locked,
-        faults=faults,
-        rest=rest,
-        acceleration={guess.name: _acceleration(guess, inertia[guess.name]) for guess in free},
-        inertia=inertia,
-        feet=guess_feet(robot) if floating and geometry else (),
-        pairs=guess_pairs(robot),
-        geometry=geometry,
-        geometry_fault=built.fault,
-        review=review_pairs(robot, rng, n_random=100) if geometry else None,
-    )
+    margin = _margin(free)
+    content: dict[str, Any] = {
+        "schema": "excite.robot/1",
+        "name": path.stem[:MAX_NAME],
+        "title": root.get("name", "") or path.stem,
+        "model": {
+            "path": os.path.relpath(path.resolve(), Path(folder or path.parent).resolve()),
+            **(
+                {"acknowledged": {k: f"as the model has it: {v}" for k, v in faults.items()}}
+                if faults
+                else {}
+            ),
+            "source": f"the file {path.name}",
+        },
+        "base": rest.base,
+        **({"locked_joints": locked} if locked else {}),
+        "posture": {
+            "joints": {
+                n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6
+            },
+            "source": rest.source,
+        },
+        "limits": {"position": _positions(free, margin), **limits},
+        **({"feet": made.feet()} if rest.base == "floating" else {}),
+        "sensors": sensors,
+        "controller": made.controller(),
+        **({"segments": {"pairs": [list(p) for p in guess_pairs(robot)]}} if guess_pairs(robot) else {}),
+        "collision": {
+            "geometry": built.kind or "authored",
+            **({"shapes": authored} if authored else {}),
+            "margin": robot.description.collision.margin,
+            **({} if ground is None else {"table_height": round(ground, 4)}),
+            "ignored_pairs": [list(p) for p in _ignored(rest, figure, ground)],
+            "source": "convex hulls of the model's geometry; pairs computed by excite.robot.shapes.ignored_pairs",
+        },
+        "assumed": [one.model_dump() for one in (*assumed, *more, *noise)],
+    }
+    return content
 
 
-def _locked(guesses: tuple[JointGuess, ...]) -> dict[str, float]:
-    """Joints that others mimic, at the value in their range that is nearest to zero."""
-    masters = {guess.follows for guess in guesses if guess.follows is not None}
-    values = {}
-    for guess in guesses:
-        if guess.name in masters and guess.follows is None:
-            low, high = guess.position or (0.0, 0.0)
-            values[guess.name] = min(max(0.0, low), high)
-    return values
-
-
-def _rest(guess: JointGuess) -> float:
-    """The angle nearest to zero that keeps a tenth of the range from both limits."""
-    if guess.position is None:
-        return 0.0
-    low, high = guess.position
-    room = 0.1 * (high - low)
-    return round(min(max(0.0, low + room), high - room), 4)
-
-
-def _faults(
-    root: ElementTree.Element, joints: dict[str, ElementTree.Element], floating: bool, path: Path
-) -> dict[str, str]:
+def _faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:
     return {name: error.what for name, error in inertial_faults(root, joints, floating, path).items()}
 
 
-def _acceleration(guess: JointGuess, inertia: float) -> float:
-    """What a share of the torque limit gives the largest inertia, two digits, at most 30 rad/s²."""
-    if guess.torque is None or inertia <= 0.0:
-        return 5.0
-    return float(f"{min(30.0, SHARE_OF_TORQUE * guess.torque / inertia):.2g}")
+def _margin(free: tuple[JointGuess, ...]) -> float:
+    """Margin to the position limits, small against the shortest range [rad or m]."""
+    shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
+    return min(0.03, float(f"{0.05 * shortest:.1g}"))
+
+
+def _positions(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:
+    unlimited = {g.name: [-3.1416, 3.1416] for g in free if g.position is None}
+    said = "the model's, less a margin" + (", half a turn either way where it has none" if unlimited else "")
+    return {**({"joints": unlimited} if unlimited else {}), "margin": margin, "source": said}
+
+
+def _wanted(robot: Robot, posture: Mapping[str, float] | None) -> Array:
+    """The posture that the model states, else the one nearest to zero that keeps a tenth of the range free."""
+    limits = robot.limits
+    room = 0.1 * (limits.position_upper - limits.position_lower)
+    zero = np.clip(np.zeros(robot.n_joints), limits.position_lower + room, limits.position_upper - room)
+    if posture is None:
+        return zero
+    stated = np.array([posture.get(name, zero[i]) for i, name in enumerate(robot.joint_names)])
+    return np.clip(stated, limits.position_lower + 0.2 * room, limits.position_upper - 0.2 * room)
+
+
+def _base_link(root: Any, joints: dict[str, Any]) -> str:
+    children = {str(joint.find("child").get("link")) for joint in joints.values()}
+    return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in children)
+
+
+def _ignored(rest: Rest, figure: Figure, ground: float | None) -> list[tuple[str, str]]:
+    below = [] if ground is None else links_below(figure, rest.q, ground)
+    return [*rest.ignored, *((link, TABLE) for link in below)]

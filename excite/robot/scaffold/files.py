@@ -1,4 +1,4 @@
-"""The files of a first description: ``robot.yaml``, and the URDF and meshes of a MuJoCo model."""
+"""The files of a first description: ``robot.yaml``, and the URDF of a model that is no plain URDF, with its meshes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,17 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import yaml
+
 from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
+from excite.robot.description import Assumed
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
 from excite.robot.scaffold.description import scaffold_description
+from excite.robot.scaffold.said import Said
+from excite.robot.scaffold.source import Source
+from excite.robot.srdf import read_srdf
+from excite.robot.xacro_file import expanded, is_xacro
 
 
 @dataclass(frozen=True)
@@ -20,53 +27,86 @@ class ScaffoldFiles:
     Attributes:
         description: the ``robot.yaml``.
         urdf: the URDF that it names.
-        fill_in: what a person must still say, one line each.
+        assumed: what no file said.
         notes: what a MuJoCo model says and the URDF made from it does not; empty for a URDF.
     """
 
     description: Path
     urdf: Path
-    fill_in: tuple[str, ...]
+    assumed: tuple[Assumed, ...]
     notes: tuple[str, ...]
 
 
-def write_scaffold(file: Path, folder: Path, *, seed: int = 0, overwrite: bool = False) -> ScaffoldFiles:
-    """Write a commented ``robot.yaml`` for a URDF or a MuJoCo model.
+def write_scaffold(
+    file: Path,
+    folder: Path,
+    *,
+    seed: int = 0,
+    overwrite: bool = False,
+    source: Source | None = None,
+    absolute: bool = False,
+) -> ScaffoldFiles:
+    """Write a complete ``robot.yaml`` for a URDF, a xacro file or a MuJoCo model.
 
     Args:
-        file: the URDF or MJCF.
-        folder: where to write; of a MuJoCo model also the URDF, named as the model's file, and its meshes.
-        seed: seed of the random postures behind inertia and collision pairs.
+        file: the URDF, xacro or MJCF.
+        folder: where to write; of what is no plain URDF also the URDF, named as the model's file, and its meshes.
+        seed: seed of the random postures behind inertia, rest and collision pairs.
         overwrite: whether files of these names may be replaced.
+        source: how the file is to be read.
+        absolute: whether a plain URDF is named by its whole path, so that the description is the same wherever it lies.
 
     Raises:
         InputError: a file is there already.
         RobotError: the model is missing or absurd in a way that no description can mend.
     """
+    source = source or Source()
     target = folder / "robot.yaml"
     _absent(target, overwrite)
-    if not is_mjcf(file):
-        text = scaffold_description(file, folder, seed=seed)
-        return ScaffoldFiles(write_text(target, text), file, _open_marks(text), ())
-    urdf = folder / f"{file.stem}.urdf"
+    ignored = () if source.srdf is None else read_srdf(source.srdf)
+    if is_mjcf(file):
+        urdf = folder / f"{file.stem}.urdf"
+        _absent(urdf, overwrite)
+        conversion = convert_mjcf(file)
+        text = _described(conversion, urdf, file, seed, ignored)
+        with all_or_nothing():
+            conversion.write(urdf)
+            write_text(target, text)
+        return ScaffoldFiles(target, urdf, _assumed(text), conversion.notes)
+    if not is_xacro(file) and not source.package_path:
+        text = scaffold_description(
+            file, None if absolute else folder, seed=seed, said=Said(ignored=ignored), absolute=absolute
+        )
+        return ScaffoldFiles(write_text(target, text), file, _assumed(text), ())
+    urdf = folder / f"{file.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
+    if urdf.resolve() == file.resolve():
+        urdf = urdf.with_name(f"{urdf.stem}_expanded.urdf")
     _absent(urdf, overwrite)
-    conversion = convert_mjcf(file)
-    text = _described(conversion, urdf, file, seed)
+    whole = expanded(file, source.arguments, source.package_path)
+    with tempfile.TemporaryDirectory() as place:
+        copy = write_text(Path(place) / urdf.name, whole)
+        text = _renamed_errors(copy, place, file, seed, Said(ignored=ignored))
     with all_or_nothing():
-        conversion.write(urdf)
+        write_text(urdf, whole)
         write_text(target, text)
-    return ScaffoldFiles(target, urdf, _open_marks(text), conversion.notes)
+    return ScaffoldFiles(target, urdf, _assumed(text), ())
 
 
-def _described(conversion: MjcfConversion, urdf: Path, file: Path, seed: int) -> str:
+def _described(
+    conversion: MjcfConversion, urdf: Path, file: Path, seed: int, ignored: tuple[tuple[str, str], ...]
+) -> str:
     """Describe the URDF from a copy that goes away again, so that nothing is written where that fails."""
+    said = Said(conversion.floating, conversion.posture, (*conversion.excluded, *ignored))
     with tempfile.TemporaryDirectory() as folder:
-        copy = conversion.write(Path(folder) / urdf.name)
-        try:
-            return scaffold_description(copy, folder, seed=seed, floating=conversion.floating)
-        except RobotError as error:
-            # The person knows the model, not the copy of its URDF.
-            raise RobotError(error.what, source=file, field=error.field, remedy=error.remedy) from error
+        return _renamed_errors(conversion.write(Path(folder) / urdf.name), folder, file, seed, said)
+
+
+def _renamed_errors(copy: Path, folder: str, file: Path, seed: int, said: Said) -> str:
+    try:
+        return scaffold_description(copy, folder, seed=seed, said=said)
+    except RobotError as error:
+        # The person knows the model, not the copy of its URDF.
+        raise RobotError(error.what, source=file, field=error.field, remedy=error.remedy) from error
 
 
 def _absent(path: Path, overwrite: bool) -> None:
@@ -74,6 +114,5 @@ def _absent(path: Path, overwrite: bool) -> None:
         raise InputError("exists already", source=path, remedy="give --force to overwrite it, or --out DIR")
 
 
-def _open_marks(text: str) -> tuple[str, ...]:
-    marks = (line.partition("FILL IN:") for line in text.splitlines())
-    return tuple(mark.strip() for _, found, mark in marks if found)
+def _assumed(text: str) -> tuple[Assumed, ...]:
+    return tuple(Assumed.model_validate(one) for one in yaml.safe_load(text)["assumed"])

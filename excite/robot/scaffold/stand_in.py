@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -14,7 +15,6 @@ from excite.robot.loading import build_robot
 from excite.robot.robot import Robot
 from excite.robot.scaffold.guesses import JointGuess
 from excite.robot.shapes.collision import collision_shapes
-from excite.robot.urdf.reading import parse_urdf
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,10 @@ class StandIn:
     """Builds a robot with stand-ins for what a person has not said yet."""
 
     path: Path
-    floating: bool
     free: tuple[JointGuess, ...]
     locked: dict[str, float]
     faults: tuple[str, ...]
-    rest: dict[str, float]
+    margin: float
 
     def with_geometry(self) -> WithGeometry:
         """The robot with the first kind of geometry that can be built, or without any."""
@@ -56,7 +55,8 @@ class StandIn:
             return WithGeometry(robot, kind, None)
         return WithGeometry(self.robot("authored"), None, "; ".join(reasons))
 
-    def robot(self, geometry: str) -> Robot:
+    def robot(self, geometry: str, shapes: list[dict[str, Any]] | None = None) -> Robot:
+        """The robot with geometry of one kind, and authored ``shapes``."""
         said = "stand-in"
         one = {"default": 1.0, "source": said}
         content = {
@@ -68,12 +68,13 @@ class StandIn:
                 "acknowledged": dict.fromkeys(self.faults, said),
                 "source": said,
             },
-            "base": "floating" if self.floating else "fixed",
+            "base": "fixed",
             "locked_joints": self.locked,
-            "posture": {"joints": self.rest, "base_height": 0.0, "source": said},
+            "posture": {"joints": {}, "base_height": 0.0, "source": said},
             "limits": {
                 "position": {
                     "joints": {g.name: (-np.pi, np.pi) for g in self.free if g.position is None},
+                    "margin": self.margin,
                     "source": said,
                 },
                 **{name: one for name in ("velocity", "acceleration", "jerk", "torque")},
@@ -82,12 +83,10 @@ class StandIn:
                 "rate_hz": 1.0,
                 "noise_position": 0.0,
                 "joint_torque": "link_side",
-                "wrench": self._wrench(),
                 "source": said,
             },
-            "feet": self._feet(),
             "controller": {"kp": one, "kd": one},
-            "collision": {"geometry": geometry, "margin": 0.01, "source": said},
+            "collision": {"geometry": geometry, "shapes": shapes or [], "margin": 0.01, "source": said},
         }
         try:
             description = RobotDescription.model_validate(content)
@@ -99,28 +98,3 @@ class StandIn:
                 what, source=self.path, remedy="correct the model, or rename its file"
             ) from error
         return build_robot(description, self.path)
-
-    def _feet(self) -> list[dict[str, object]]:
-        """One foot, for the schema's sake, on the root link."""
-        if not self.floating:
-            return []
-        corners = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-        root = parse_urdf(self.path)
-        children = {str(child.get("link")) for child in root.iterfind("joint/child")}
-        link = next(str(e.get("name")) for e in root.findall("link") if e.get("name") not in children)
-        return [{"name": "foot", "link": link, "sole": corners, "friction": 1.0, "source": "stand-in"}]
-
-    def _wrench(self) -> list[dict[str, object]]:
-        if not self.floating:
-            return []
-        link = self._feet()[0]["link"]
-        return [
-            {
-                "name": "foot",
-                "kind": "foot_ft",
-                "link": link,
-                "foot": "foot",
-                "noise_force": 1.0,
-                "noise_moment": 1.0,
-            }
-        ]

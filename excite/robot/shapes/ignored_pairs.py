@@ -44,7 +44,13 @@ class PairReview:
         return tuple(dict.fromkeys((*self.at_rest, *self.always, *self.never)))
 
 
-def review_pairs(robot: Robot, rng: np.random.Generator, n_random: int = 300) -> PairReview:
+def review_pairs(
+    robot: Robot,
+    rng: np.random.Generator,
+    n_random: int = 300,
+    search: PairSearch | None = None,
+    rest: Array | None = None,
+) -> PairReview:
     """Search postures for pairs of links whose distance says nothing about safety.
 
     Random postures are uniform over the joint ranges; neighbours are also tried on the grid of
@@ -54,11 +60,13 @@ def review_pairs(robot: Robot, rng: np.random.Generator, n_random: int = 300) ->
         robot: the robot; the ``ignored_pairs`` in its description play no part.
         rng: source of the random postures.
         n_random: how many.
+        search: the robot's, if it is there already.
+        rest: joints ``(n_joints,)`` of the rest posture; the robot's own where None.
     """
-    search = _Search(robot)
+    search = search or PairSearch(robot)
     margin = robot.description.collision.margin
     lower, upper = robot.limits.position_lower, robot.limits.position_upper
-    rest = search.distances(robot.rest)
+    near = search.distances(robot.rest if rest is None else search.posture(rest))
     random = np.array(
         [search.distances(search.posture(rng.uniform(lower, upper))) for _ in range(n_random)]
     ).reshape(n_random, len(search.pairs))
@@ -71,7 +79,7 @@ def review_pairs(robot: Robot, rng: np.random.Generator, n_random: int = 300) ->
         neighbours = len(between) <= NEAR_JOINTS
         if np.mean(random[:, column] < margin) >= 0.99:
             always.append(pair)
-        elif rest[column] < margin:
+        elif near[column] < margin:
             (at_rest if neighbours else rest_collisions).append(pair)
         elif neighbours and TABLE not in pair and random[:, column].min() > margin + FAR:
             if search.grid_minimum(column, between) > margin + FAR:
@@ -79,8 +87,12 @@ def review_pairs(robot: Robot, rng: np.random.Generator, n_random: int = 300) ->
     return PairReview(tuple(at_rest), tuple(always), tuple(never), tuple(rest_collisions))
 
 
-class _Search:
-    """Distances between links, over all pairs that are not adjacent."""
+class PairSearch:
+    """Distances between links, over all pairs that are not adjacent.
+
+    Attributes:
+        pairs: of links, in the order of the shapes.
+    """
 
     def __init__(self, robot: Robot):
         shapes = collision_shapes(robot)

@@ -1,0 +1,33 @@
+"""Largest torques of a MuJoCo model's joints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def torque_limits(model: mujoco.MjModel) -> dict[int, float]:
+    """Largest torque of each joint: its own force range, else its motor's."""
+    import mujoco
+
+    limits: dict[int, float] = {}
+    for joint in range(model.njnt):
+        if model.jnt_actfrclimited[joint]:
+            limits[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+        if not on_joint or joint in limits:
+            continue
+        gear = abs(float(model.actuator_gear[actuator, 0]))
+        plain = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        if model.actuator_forcelimited[actuator]:
+            limits[joint] = gear * float(np.abs(model.actuator_forcerange[actuator]).max())
+        elif plain and model.actuator_ctrllimited[actuator]:
+            gain = abs(float(model.actuator_gainprm[actuator, 0]))
+            limits[joint] = gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max())
+    return limits

@@ -1,0 +1,121 @@
+"""Joints of a bare model that a first description holds still: wheels, fingers, coupled, blocked and empty ones."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+from excite.robot.scaffold.guesses import JointGuess
+from excite.robot.urdf.tree import MOVING
+
+_WHEEL = re.compile(r"wheel|caster|castor|roller|rotor|propell", re.IGNORECASE)
+_FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
+
+# Hands have three fingers or more, and a twentieth of the mass that the heaviest joint of a robot moves.
+_FINGERS, _HAND = 3, 0.05
+
+
+@dataclass(frozen=True)
+class Held:
+    """A joint held still at ``value`` [rad or m], and why, in a word or two."""
+
+    value: float
+    why: str
+
+
+def held_joints(
+    root: ElementTree.Element, joints: dict[str, ElementTree.Element], guesses: tuple[JointGuess, ...]
+) -> dict[str, Held]:
+    """Joints to hold still, by name; where nothing else would move, wheels and fingers are left free.
+
+    Joints that mimic a held one follow it and do not stand here.
+    """
+    masters = {guess.follows for guess in guesses if guess.follows is not None}
+    masses = _masses_beyond(root, joints)
+    of_hands = _of_hands(joints, masses)
+    hard: dict[str, Held] = {}
+    soft: dict[str, Held] = {}
+    for guess in guesses:
+        if guess.follows is not None and guess.name not in masters:
+            continue
+        child = joints[guess.name].find("child")
+        called = f"{guess.name} {'' if child is None else child.get('link', '')}"
+        slides = joints[guess.name].get("type") == "prismatic"
+        if guess.follows is not None:
+            continue
+        if guess.name in masters:
+            hard[guess.name] = Held(_nearest(guess), "other joints are coupled to it")
+        elif masses[guess.name] <= 0.0:
+            hard[guess.name] = Held(_nearest(guess), "nothing with mass moves with it")
+        elif guess.blocked is not None:
+            hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
+        elif slides and guess.position is None:
+            hard[guess.name] = Held(0.0, "a slide without limits")
+        elif _WHEEL.search(called):
+            soft[guess.name] = Held(_nearest(guess), "a wheel")
+        elif _FINGER.search(called) or guess.name in of_hands:
+            soft[guess.name] = Held(_nearest(guess), "of a hand or gripper")
+    moving = [g for g in guesses if g.follows is None and g.name not in hard]
+    return hard if all(g.name in soft for g in moving) else {**hard, **soft}
+
+
+def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:
+    """Joints beyond a link of little mass from which three or more joints leave."""
+    moving = {name for name, joint in joints.items() if joint.get("type") in MOVING}
+    ends = {
+        name: tuple(str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
+        for name, joint in joints.items()
+    }
+    whole = max(masses.values(), default=0.0)
+    found: set[str] = set()
+
+    def beyond(link: str) -> set[str]:
+        """Moving joints beyond a link."""
+        here = {name for name, (parent, _) in ends.items() if parent == link}
+        return (here & moving).union(*(beyond(ends[name][1]) for name in here))
+
+    for name in moving:
+        joints_beyond = beyond(ends[name][1])
+        tips = sum(not beyond(ends[one][1]) for one in joints_beyond)
+        if tips >= _FINGERS and masses[name] < _HAND * whole:
+            found |= joints_beyond
+    return found
+
+
+def _nearest(guess: JointGuess) -> float:
+    low, high = guess.position or (0.0, 0.0)
+    return min(max(0.0, low), high)
+
+
+def _masses_beyond(root: ElementTree.Element, joints: dict[str, ElementTree.Element]) -> dict[str, float]:
+    """Mass of all links beyond each joint [kg]."""
+    own: dict[str, float] = {}
+    for link in root.findall("link"):
+        mass = link.find("inertial/mass")
+        own[link.get("name", "")] = _number(mass)
+    children: dict[str, list[str]] = {}
+    ends: dict[str, str] = {}
+    for name, joint in joints.items():
+        parent, child = (str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
+        children.setdefault(parent, []).append(child)
+        ends[name] = child
+    order = list(ends.values())
+    below: dict[str, float] = {}
+
+    def mass_of(link: str) -> float:
+        if link not in below:
+            below[link] = own.get(link, 0.0) + sum(mass_of(child) for child in children.get(link, []))
+        return below[link]
+
+    for child in order:
+        mass_of(child)
+    return {name: below[child] for name, child in ends.items()}
+
+
+def _number(mass: ElementTree.Element | None) -> float:
+    """A link's mass [kg]; zero of what is none, which is refused where inertials are checked."""
+    try:
+        return 0.0 if mass is None else float(mass.get("value", "0"))
+    except ValueError:
+        return 0.0

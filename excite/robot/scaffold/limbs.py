@@ -1,0 +1,239 @@
+"""Which limbs of a bare model are legs, and where their feet touch the ground."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
+
+from excite.arrays import Array
+from excite.robot.links import link_placement
+from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_shapes
+from excite.robot.shapes.shape import Shape
+
+_LEG = re.compile(r"leg|foot|feet|ankle|toe|knee|hip|calf|thigh|shank|shin|sole|kfe|hfe", re.IGNORECASE)
+_ARM = re.compile(r"arm|hand|wrist|elbow|shoulder|finger|gripper|claw", re.IGNORECASE)
+# Feet of one stance differ in height by knees that cannot straighten; hands hang at 0.4 of a person's height.
+_LEVEL = 0.15
+# Hulls of meshes stand out by a hundredth of their size: what lies within this of the lowest point touches [m].
+_PATCH = 0.003
+# A ball of 30 mm radius has a patch of 27 mm within that of its lowest point; the narrowest sole known has 40 mm.
+_POINT = 0.03
+# Height and tilt of a sole take three joints, and its place two more.
+_STEERED = 5
+# Cosine of 45 degrees: soles face down so far in any posture in which a robot is drawn.
+_FACING = 0.7
+# Limbs that part beyond a joint which moves less than this share of the robot's mass end in one foot or hand.
+_ONE_FOOT = 0.12
+
+
+@dataclass(frozen=True, eq=False)
+class FootGuess:
+    """A foot: its link, corners in the link's frame ``(n, 3)`` [m], and the radius of a ball, zero of others [m]."""
+
+    link: str
+    sole: Array
+    radius: float
+
+
+class Figure:
+    """A robot with its root at the world's origin, its shapes, and where they are in a posture.
+
+    Attributes:
+        robot: with a fixed base.
+        points: points at joint 0 and every other one, in the joint's frame, of which one is the lowest.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.model = robot, robot.model
+        self.data = robot.model.createData()
+        self.shapes = collision_shapes(robot)
+
+    def lowest(self, q: Array) -> dict[int, float]:
+        """Height of the lowest point on each joint that has shapes, by joint [m]."""
+        pin.forwardKinematics(self.model, self.data, q)
+        found: dict[int, float] = {}
+        for shape in self.shapes:
+            z = float(bottom(shape, self.data.oMi[shape.joint])[:, 2].min())
+            found[shape.joint] = min(found.get(shape.joint, np.inf), z)
+        return found
+
+    def chain(self, joint: int) -> list[int]:
+        """Joints from the root to ``joint``."""
+        chain: list[int] = []
+        while joint:
+            chain.append(joint)
+            joint = int(self.model.parents[joint])
+        return chain[::-1]
+
+    @cached_property
+    def beyond(self) -> Array:
+        """Mass that each joint moves, ``(n_joints + 1,)`` [kg]."""
+        masses = np.array([inertia.mass for inertia in self.model.inertias])
+        for joint in range(self.model.njoints - 1, 0, -1):
+            masses[self.model.parents[joint]] += masses[joint]
+        return masses
+
+    def centre(self, q: Array) -> Array:
+        """Centre of mass, the root's included ``(3,)`` [m]."""
+        own = self.model.inertias[0]
+        moving = pin.centerOfMass(self.model, self.data, q)
+        mass = float(sum(inertia.mass for inertia in list(self.model.inertias)[1:]))
+        return np.asarray((mass * moving + own.mass * own.lever) / max(mass + own.mass, 1e-9))
+
+    def legs(self, q: Array, *, free: bool) -> list[int]:
+        """Joints at the ends of the limbs that the robot stands on, empty if it stands on its base.
+
+        Args:
+            q: a posture ``(n_joints,)`` with the base upright.
+            free: whether the model itself says that its base is free.
+        """
+        low = self.lowest(q)
+        inner = set(self.model.parents)
+        ends = [j for j in low if j and j not in inner and len(self.chain(j)) >= 2]
+        if not ends:
+            return []
+        top = max(float(self.data.oMi[s.joint].act(s.placement.translation)[2]) for s in self.shapes)
+        ground = min(low[j] for j in ends)
+        reach = _LEVEL * max(top - ground, 1e-3)
+        if low.get(0, np.inf) < ground + reach:
+            return []
+        ends = self._one_a_limb([j for j in ends if low[j] < ground + reach], low)
+        named = [j for j in ends if self._called(j, _LEG)]
+        if named:
+            return named
+        if any(self._called(j, _ARM) for j in ends):
+            return []
+        return ends if free or len(ends) >= 3 else []
+
+    def _one_a_limb(self, ends: list[int], low: dict[int, float]) -> list[int]:
+        kept: list[int] = []
+        for end in sorted(ends, key=lambda j: (round(low[j], 6), j)):
+            if not any(self._same_foot(end, other) for other in kept):
+                kept.append(end)
+        return sorted(kept)
+
+    def _same_foot(self, one: int, other: int) -> bool:
+        common = [a for a, b in zip(self.chain(one), self.chain(other), strict=False) if a == b]
+        return bool(common) and self.beyond[common[-1]] < _ONE_FOOT * self.beyond[0]
+
+    def _called(self, end: int, pattern: re.Pattern[str]) -> bool:
+        names = [self.model.names[j] for j in self.chain(end)]
+        names += [shape.link for shape in self.shapes if shape.joint == end]
+        return any(pattern.search(name) for name in names)
+
+    def foot(self, joint: int, q: Array) -> FootGuess:
+        """Where a leg's end touches the ground: a sole's corners, or a point or an edge where it is lowest at ``q``.
+
+        A leg that can turn its end has the sole that is largest among the flat sides facing about downwards; a
+        shorter leg touches where it happens to.
+        """
+        pin.forwardKinematics(self.model, self.data, q)
+        pose = self.data.oMi[joint]
+        own = [shape for shape in self.shapes if shape.joint == joint]
+        best, largest = self._touch(own, pose), -1.0
+        if len(self.chain(joint)) >= _STEERED:
+            for turn in _turns(np.vstack([bottom(shape, pose) for shape in own])):
+                found = self._touch(own, turn * pose)
+                area = turn.rotation[2, 2] * _area(found.sole)
+                if area > largest + 1e-6:
+                    best, largest = found, area
+        return best
+
+    def _touch(self, own: list[Shape], pose: pin.SE3) -> FootGuess:
+        """Contact of shapes on one joint that is at ``pose``."""
+        lows = [bottom(shape, pose) for shape in own]
+        lowest = min(range(len(own)), key=lambda i: float(lows[i][:, 2].min()))
+        floor = float(lows[lowest][:, 2].min())
+        near = np.vstack([points[points[:, 2] < floor + _PATCH] for points in lows])
+        corners = outline(near, floor)
+        link = own[lowest].link
+        _, placement = link_placement(self.model, link, self.robot.source, "feet")
+        frame = pose * placement
+        ball = own[lowest].kind == "sphere" and len(corners) == 1
+        sole = np.array([frame.actInv(corner) for corner in corners])
+        return FootGuess(link, sole, own[lowest].size[0] if ball else 0.0)
+
+
+def _turns(points: Array) -> list[pin.SE3]:
+    """Rotations that turn each side of the points' hull that faces about downwards to face down; first none."""
+    down = np.array([0.0, 0.0, -1.0])
+    turns = [pin.SE3.Identity()]
+    try:
+        normals = ConvexHull(points).equations[:, :3]
+    except QhullError:
+        return turns
+    for normal in normals[normals[:, 2] < -_FACING]:
+        rotation = pin.Quaternion.FromTwoVectors(normal, down).matrix()
+        if all(np.linalg.norm(rotation - turn.rotation) > 0.01 for turn in turns):
+            turns.append(pin.SE3(rotation, np.zeros(3)))
+    return turns
+
+
+def _area(corners: Array) -> float:
+    """Area of a plane polygon ``(n, 3)`` [m²]; zero of points and edges."""
+    if len(corners) < 3:
+        return 0.0
+    spokes = corners[1:] - corners[0]
+    return float(0.5 * np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0)))
+
+
+def bottom(shape: Shape, joint: pin.SE3) -> Array:
+    """Points of a shape's surface, its lowest among them, ``(n, 3)`` [m], the shape's joint being at ``joint``."""
+    pose = joint * shape.placement
+    if shape.vertices is not None:
+        return np.asarray(shape.vertices @ pose.rotation.T + pose.translation)
+    down = np.array([0.0, 0.0, -1.0])
+    if shape.kind == "sphere":
+        return np.asarray(pose.translation + shape.size[0] * down)[None]
+    if shape.kind == "box":
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        return np.asarray(0.5 * signs * np.array(shape.size) @ pose.rotation.T + pose.translation)
+    radius, length = shape.size
+    ends = [pose.act(np.array([0.0, 0.0, side * 0.5 * length])) for side in (-1.0, 1.0)]
+    if shape.kind == "capsule":
+        return np.array([end + radius * down for end in ends])
+    axis = pose.rotation[:, 2]
+    slope = down - (down @ axis) * axis
+    if np.linalg.norm(slope) > 0.05:
+        return np.array([end + radius * slope / np.linalg.norm(slope) for end in ends])
+    angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    ring = radius * (
+        np.outer(np.cos(angles), pose.rotation[:, 0]) + np.outer(np.sin(angles), pose.rotation[:, 1])
+    )
+    return np.vstack([end + ring for end in ends])
+
+
+def outline(points: Array, floor: float) -> Array:
+    """Corners at height ``floor`` around points ``(n, 3)``: one, two, or at most eight anticlockwise [m]."""
+    flat = points[:, :2]
+    middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+    _, _, axes = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=True)
+    along = (flat - middle) @ axes.T
+    width = np.ptp(along, axis=0)
+    if width[0] < _POINT:
+        return np.array([[*middle, floor]])
+    if width[1] < 0.5 * _POINT:
+        ends = middle + np.outer([along[:, 0].min(), along[:, 0].max()], axes[0])
+        return np.column_stack([ends, np.full(2, floor)])
+    try:
+        hull = flat[ConvexHull(flat).vertices]
+    except QhullError:
+        return np.array([[*middle, floor]])
+    corners = _fewer(hull, 8)
+    return np.column_stack([corners, np.full(len(corners), floor)])
+
+
+def _fewer(hull: Array, most: int) -> Array:
+    """A polygon inside a convex one, with at most so many of its corners: those that cost least area go."""
+    while len(hull) > most:
+        before, after = np.roll(hull, 1, axis=0), np.roll(hull, -1, axis=0)
+        one, two = hull - before, after - before
+        area = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+        hull = np.delete(hull, int(np.argmin(area)), axis=0)
+    return hull

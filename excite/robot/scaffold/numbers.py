@@ -1,0 +1,135 @@
+"""Numbers that a bare model lacks: limits, gains and noise, each on the careful side, and what was assumed for them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.robot.description import Assumed
+from excite.robot.robot import Robot
+from excite.robot.scaffold.guesses import JointGuess
+
+SHARE_OF_TORQUE = 0.3
+"""Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia."""
+# What arms that people work beside keep to [rad/s, m/s]; a sixth of it for slides.
+_VELOCITY, _SLIDE_VELOCITY = 1.5, 0.25
+# Bundled robots have 3 to 30 rad/s²; without a torque limit nothing says what the drive can do.
+_ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
+# A drive is chosen for about twice the weight that it holds and moves.
+_RESERVE = 3.0
+# Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
+_FREQUENCY, _LOADED_FREQUENCY, _DAMPING = 8.0, 4.0, 0.7
+# Torques of motor currents are seldom known better than to a hundredth of full scale.
+_TORQUE_NOISE = 0.005
+
+
+def two_digits(value: float) -> float:
+    """Rounded to two significant digits, never to zero."""
+    return float(f"{max(value, 1e-6):.2g}")
+
+
+def torque_limits(
+    robot: Robot, guesses: tuple[JointGuess, ...], loads: Array, inertia: Array
+) -> tuple[dict[str, float], list[Assumed]]:
+    """Torque limits that the model does not state, by joint, from weight ``loads`` and ``inertia`` ``(n_joints,)``."""
+    needed = _RESERVE * (loads + inertia * _UNKNOWN_ACCELERATION)
+    found = {g.name: two_digits(max(needed[i], 0.1)) for i, g in enumerate(guesses) if g.torque is None}
+    if not found:
+        return {}, []
+    value = f"three times weight and inertia at {len(found)} joints"
+    consequence = "a motion may ask more of a drive than it gives: state limits.torque"
+    return found, [Assumed(what="torque limits", value=value, consequence=consequence)]
+
+
+def velocity_limits(
+    guesses: tuple[JointGuess, ...], slides: set[str]
+) -> tuple[dict[str, float], list[Assumed]]:
+    """Velocity limits that the model does not state, by joint."""
+    found = {
+        g.name: _SLIDE_VELOCITY if g.name in slides else _VELOCITY for g in guesses if g.velocity is None
+    }
+    if not found:
+        return {}, []
+    value = f"{_VELOCITY} rad/s or {_SLIDE_VELOCITY} m/s at {len(found)} joints"
+    consequence = "motions are slower than the robot may be: state limits.velocity"
+    return found, [Assumed(what="velocity limits", value=value, consequence=consequence)]
+
+
+def accelerations(guesses: tuple[JointGuess, ...], inertia: Array) -> dict[str, float]:
+    """Acceleration limits by joint [rad/s² or m/s²]."""
+    found = {}
+    for guess, own in zip(guesses, inertia, strict=True):
+        known = guess.torque is not None and own > 0.0
+        share = SHARE_OF_TORQUE * (guess.torque or 0.0) / own if known else _UNKNOWN_ACCELERATION
+        found[guess.name] = two_digits(min(_ACCELERATION, share))
+    return found
+
+
+def weight_loads(robot: Robot, rng: np.random.Generator, legs: list[int], weight: float) -> Array:
+    """Largest torque of weight at each joint over random postures, of legs with the robot's weight at their ends."""
+    data = robot.model.createData()
+    loads = np.zeros(robot.n_joints)
+    limits = robot.limits
+    for _ in range(30):
+        q = rng.uniform(limits.position_lower, limits.position_upper)
+        loads = np.maximum(loads, np.abs(pin.computeGeneralizedGravity(robot.model, data, q)))
+    q = robot.rest
+    pin.forwardKinematics(robot.model, data, q)
+    for leg in legs:
+        joint = leg
+        while joint:
+            reach = np.linalg.norm(data.oMi[leg].translation - data.oMi[joint].translation)
+            loads[joint - 1] = max(
+                loads[joint - 1], 0.5 * weight * max(float(reach), 0.1) / max(len(legs) // 2, 1)
+            )
+            joint = int(robot.model.parents[joint])
+    return loads
+
+
+def gains(robot: Robot, inertia: Array, legs: list[int], mass: float) -> dict[str, dict[str, float]]:
+    """Stiffness and damping of servos by joint; a leg's move the robot that stands on it."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    stiffness, damping = [], []
+    loaded = {}
+    for leg in legs:
+        joint = leg
+        while joint:
+            reach = float(np.linalg.norm(data.oMi[leg].translation - data.oMi[joint].translation))
+            loaded[joint - 1] = mass / len(legs) * max(reach, 0.1) ** 2
+            joint = int(robot.model.parents[joint])
+    for index, own in enumerate(inertia):
+        slow, fast = 2.0 * math.pi * _LOADED_FREQUENCY, 2.0 * math.pi * _FREQUENCY
+        carried = loaded.get(index, 0.0)
+        stiffness.append(max(own * fast**2, carried * slow**2))
+        damping.append(2.0 * _DAMPING * max(own * fast, carried * slow))
+    names = robot.joint_names
+    return {
+        "kp": {n: max(two_digits(v), 0.01) for n, v in zip(names, stiffness, strict=True)},
+        "kd": {n: max(two_digits(v), 0.01) for n, v in zip(names, damping, strict=True)},
+    }
+
+
+def sensors(limits: dict[str, float], base_link: str | None) -> tuple[dict[str, Any], list[Assumed]]:
+    """The ``sensors`` block: joint torques and, where ``base_link`` floats, an IMU there."""
+    block: dict[str, Any] = {
+        "rate_hz": 200.0,
+        "noise_position": 1e-4,
+        "joint_torque": "motor_side",
+        "noise_torque": {
+            "joints": {name: two_digits(_TORQUE_NOISE * value) for name, value in limits.items()},
+            "source": "assumed: 0.5 % of the torque limit",
+        },
+    }
+    value = "200 Hz, torques of motor currents to 0.5 % of their limits, angles to 1e-4 rad"
+    if base_link is not None:
+        block |= {"noise_base_position": 1e-3, "noise_base_orientation": 1e-3}
+        block["imu"] = {"link": base_link, "noise_gyro": 5e-3, "noise_acceleration": 0.05}
+        value += ", an IMU on the base, no force sensor"
+    block["source"] = "assumed; no model says it"
+    consequence = "predicted errors scale with it: state sensors from data sheets or a record at rest"
+    return block, [Assumed(what="sensors", value=value, consequence=consequence)]

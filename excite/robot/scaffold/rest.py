@@ -1,0 +1,104 @@
+"""How a bare model rests: on feet, on its base, or held; in which posture; and which links touch in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.robot.description import Assumed, Base
+from excite.robot.scaffold.ground import ground_height
+from excite.robot.scaffold.limbs import Figure, FootGuess
+from excite.robot.scaffold.said import Said
+from excite.robot.scaffold.standing import Postures
+from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """How a robot rests.
+
+    Attributes:
+        base: ``fixed``, ``floating`` or ``held``.
+        q: posture ``(n_joints,)``.
+        legs: joints at the legs' ends; empty unless it floats.
+        feet: on which it stands, in the order of ``legs``.
+        ignored: pairs of links that need not stay apart.
+        source: how the posture was found.
+        assumed: what had to be assumed.
+    """
+
+    base: Base
+    q: Array
+    legs: tuple[int, ...]
+    feet: tuple[FootGuess, ...]
+    ignored: tuple[tuple[str, str], ...]
+    source: str
+    assumed: tuple[Assumed, ...]
+
+
+def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generator) -> Rest:
+    """Find how a robot rests; ``wanted`` ``(n_joints,)`` is where the search starts."""
+    search = PairSearch(figure.robot)
+    review = review_pairs(figure.robot, rng, 100, search, wanted)
+    allowed = frozenset((*review.ignored, *said.ignored, *((b, a) for a, b in said.ignored)))
+    postures = Postures(figure, search, wanted, rng)
+    legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
+    base: Base = "fixed"
+    feet: tuple[FootGuess, ...] = ()
+    notes: list[Assumed] = []
+    q = None
+    if legs:
+        standing = postures.standing(legs, allowed)
+        base = "held" if standing is None else "floating"
+        if standing is None:
+            notes.append(_said("base", "held", "no standing posture was found: hold the robot up, legs free"))
+        else:
+            q, feet = standing.q, standing.feet
+            source = "found: feet on one plane, centre of mass above their middle"
+    elif said.floating:
+        base = "held"
+        notes.append(_said("base", "held", "no legs were found that it could stand on: hold it still"))
+    if q is None:
+        q = postures.clear(ground_height(figure, wanted), allowed)
+        source = "found near zero, or the model's own posture: free of collision, above the ground"
+        q = postures.clear(None, allowed) if q is None else q
+        q = wanted if q is None else q
+    q = np.round(q, 5)
+    touching = postures.touching(q, allowed)
+    if touching:
+        names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
+        notes.append(
+            _said(
+                "links that touch at rest",
+                names,
+                "no posture was found that parts them: they are not kept apart",
+            )
+        )
+    ignored = tuple(
+        dict.fromkeys((*review.ignored, *(p for p in said.ignored if p in search.pairs), *touching))
+    )
+    known = set(search.pairs)
+    ignored += tuple((b, a) for a, b in said.ignored if (b, a) in known and (b, a) not in ignored)
+    if ignored:
+        notes.append(
+            _said(
+                "pairs of links not kept apart",
+                f"{len(review.always)} always near, {len(review.at_rest)} near at rest, {len(review.never)} never",
+                "found in 100 random postures; they stand in collision.ignored_pairs",
+            )
+        )
+    notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
+    return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
+
+
+_CONSEQUENCE = {
+    "fixed": "its root does not move",
+    "floating": "it stands on the feet found, free to fall: check posture and feet before the first run",
+    "held": "its root does not move while it is held",
+}
+
+
+def _said(what: str, value: str, consequence: str) -> Assumed:
+    return Assumed(what=what, value=value, consequence=consequence)

@@ -1,0 +1,21 @@
+"""What a model's file says beside the URDF made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Said:
+    """What another format said that a URDF cannot.
+
+    Attributes:
+        floating: whether the base is free, None where the file does not say.
+        posture: joint values of a keyframe at which the robot rests [rad or m].
+        ignored: pairs of links that may touch.
+    """
+
+    floating: bool | None = None
+    posture: Mapping[str, float] | None = None
+    ignored: tuple[tuple[str, str], ...] = ()

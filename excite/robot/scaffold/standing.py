@@ -1,0 +1,209 @@
+"""A posture in which a bare model rests: upright on its legs, or free of collision above its ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import least_squares
+
+from excite.arrays import Array
+from excite.robot.scaffold.limbs import Figure, FootGuess
+from excite.robot.shapes.ignored_pairs import PairSearch
+
+# Bends of hip, knee and ankle from which standing postures are sought, and how far hips turn out [rad].
+_BENDS = (0.5, -0.5, 0.35, -0.35, 0.7, -0.7, 0.2, -0.2)
+_WIDE = (0.0, 0.12)
+# Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
+_TRIES = 300
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A posture ``(n_joints,)`` on feet."""
+
+    q: Array
+    feet: tuple[FootGuess, ...]
+
+
+class Postures:
+    """Searches postures of a figure within its limits, a tenth of each range away from them where possible."""
+
+    def __init__(self, figure: Figure, search: PairSearch, wanted: Array, rng: np.random.Generator) -> None:
+        self.figure, self.search, self.rng = figure, search, rng
+        limits = figure.robot.limits
+        room = 0.1 * (limits.position_upper - limits.position_lower)
+        self.lower, self.upper = limits.position_lower + room, limits.position_upper - room
+        self.wanted = np.clip(wanted, limits.position_lower, limits.position_upper)
+
+    def clear(self, ground: float | None, ignored: frozenset[tuple[str, str]]) -> Array | None:
+        """A posture near the wanted one without collision and above the ground; None where none is found."""
+        every = np.ones(len(self.wanted), dtype=bool)
+        parted = self._parted(self.wanted, set(), ignored)
+        for q in (parted, *self._near(self.wanted, every)):
+            if self.touching(q, ignored) or (ground is not None and self._below(q, ground)):
+                continue
+            return q
+        return None
+
+    def _near(self, start: Array, moves: Array) -> list[Array]:
+        tries = [start]
+        for number in range(_TRIES):
+            share = (number + 1) / _TRIES
+            goal = self.rng.uniform(self.lower, self.upper)
+            tries.append(np.where(moves, start + share * (goal - start), start))
+        return tries
+
+    def touching(self, q: Array, ignored: frozenset[tuple[str, str]]) -> list[tuple[str, str]]:
+        """Pairs of links closer than the margin, those left out that are ignored."""
+        margin = self.figure.robot.description.collision.margin
+        near = self.search.distances(self.search.posture(q)) < margin
+        return [
+            pair for pair, close in zip(self.search.pairs, near, strict=True) if close and pair not in ignored
+        ]
+
+    def _below(self, q: Array, ground: float) -> bool:
+        margin = self.figure.robot.description.collision.margin
+        low = self.figure.lowest(q)
+        return any(
+            z < ground + margin for joint, z in low.items() if joint and self.figure.model.parents[joint] != 0
+        )
+
+    def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
+        """A posture with all feet on one plane, the centre of mass above their middle, and nothing touching."""
+        best: Standing | None = None
+        fewest = len(self.search.pairs) + 1
+        for start in self._starts(legs):
+            found = self._stand(start, legs)
+            if found is None:
+                continue
+            touching = len(self.touching(found.q, ignored))
+            if touching == 0:
+                return found
+            if touching < fewest:
+                best, fewest = found, touching
+        return best if best is None else self._spread(best, legs, ignored)
+
+    def _spread(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing:
+        """The same feet with arms and head out of the way, if that can be; else as far as it could."""
+        of_legs = {joint for leg in legs for joint in self.figure.chain(leg)}
+        found = self._stand(self._parted(stand.q, of_legs, ignored), legs)
+        return (
+            found
+            if found and len(self.touching(found.q, ignored)) < len(self.touching(stand.q, ignored))
+            else stand
+        )
+
+    def _parted(self, q: Array, kept: set[int], ignored: frozenset[tuple[str, str]]) -> Array:
+        """Fewer links touching: pair by pair, joints between its links are drawn anew, but for those ``kept``."""
+        touching = self.touching(q, ignored)
+        for number in range(_TRIES):
+            if not touching:
+                break
+            between = set(self.search.joints_between(touching[number % len(touching)])) - kept
+            places = [joint - 1 for joint in between]
+            share = min(1.0, 0.1 + number / (0.5 * _TRIES))
+            drawn = q.copy()
+            goal = self.rng.uniform(self.lower, self.upper)
+            drawn[places] += share * (goal - q)[places]
+            after = self.touching(drawn, ignored)
+            if len(after) < len(touching):
+                q, touching = drawn, after
+        return q
+
+    def _starts(self, legs: list[int]) -> list[Array]:
+        starts = [self.wanted] if np.any(self.wanted) else []
+        starts += [self._bent(legs, bend, wide) for wide in _WIDE for bend in _BENDS]
+        return [*starts, self.wanted]
+
+    def _bent(self, legs: list[int], bend: float, wide: float) -> Array:
+        """The wanted posture with knees bent, each leg to the side that its limits allow."""
+        q = self.wanted.copy()
+        model, data = self.figure.model, self.figure.data
+        pin.computeJointJacobians(model, data, pin.neutral(model))
+        for leg in legs:
+            pitch, signs = [], []
+            for joint in self.figure.chain(leg):
+                column = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[:, joint - 1]
+                if abs(column[4]) > 0.8:
+                    pitch.append(joint - 1)
+                    signs.append(np.sign(column[4]))
+            self._widen(q, leg, wide)
+            if len(pitch) < 2:
+                continue
+            pattern = np.zeros(len(pitch))
+            pattern[:3] = np.array([1.0, -2.0, 1.0])[: len(pitch)]
+            both = [side * bend * pattern * np.array(signs) for side in (1.0, -1.0)]
+            clipped = [np.clip(angles, self.lower[pitch], self.upper[pitch]) for angles in both]
+            lost = [float(np.abs(a - b).sum()) for a, b in zip(both, clipped, strict=True)]
+            q[pitch] = clipped[0] if lost[0] <= lost[1] + 1e-9 else clipped[1]
+        return np.clip(q, self.lower, self.upper)
+
+    def _widen(self, q: Array, leg: int, wide: float) -> None:
+        """Turn a leg's hip out by ``wide`` [rad] and its ankle back, if joints for that are there."""
+        model, data = self.figure.model, self.figure.data
+        columns = {
+            joint: pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[3, joint - 1]
+            for joint in self.figure.chain(leg)
+        }
+        rolls = [joint for joint, share in columns.items() if abs(share) > 0.8]
+        side = np.sign(data.oMi[leg].translation[1])
+        for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
+            q[joint - 1] += turn * side * wide * np.sign(columns[joint])
+
+    def _stand(self, start: Array, legs: list[int]) -> Standing | None:
+        """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
+        q, feet = start, tuple(self.figure.foot(leg, start) for leg in legs)
+        limits = self.figure.robot.limits
+        low, high = limits.position_lower + 1e-4, limits.position_upper - 1e-4
+        flat = self.lower < self.upper
+        low, high = (
+            np.where(flat, 0.6 * low + 0.4 * self.lower, low),
+            np.where(flat, 0.6 * high + 0.4 * self.upper, high),
+        )
+        if (high - low <= 1e-6).any():
+            return None
+        for _ in range(3):
+            solved = least_squares(
+                self._residual,
+                np.clip(q, low + 1e-9, high - 1e-9),
+                bounds=(low, high),
+                args=(start, legs, feet),
+                max_nfev=40,
+            )
+            q = solved.x
+            again = tuple(self.figure.foot(leg, q) for leg in legs)
+            feet = tuple(new if len(old.sole) < 3 else old for old, new in zip(feet, again, strict=True))
+        heights, tilts, offset = self._contacts(q, legs, feet)
+        # A millimetre and half a degree are below what soles and floors are flat to.
+        level = np.ptp(heights) < 2e-3 and np.abs(tilts).max(initial=0.0) < 0.01
+        return Standing(q, feet) if level and np.linalg.norm(offset) < 0.02 else None
+
+    def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> tuple[Array, Array, Array]:
+        """Heights of the soles' middles, their tilts, and the centre of mass from their middle [m, rad]."""
+        figure = self.figure
+        centre = figure.centre(q)
+        heights, tilts, middles = [], [], []
+        for leg, foot in zip(legs, feet, strict=True):
+            pose = figure.data.oMi[leg] * self._placement(foot)
+            corners = foot.sole @ pose.rotation.T + pose.translation
+            middles.append(corners.mean(axis=0))
+            heights.append(corners[:, 2].mean())
+            if len(corners) >= 3:
+                normal = np.linalg.svd(corners - middles[-1])[2][2]
+                tilts += list(normal[:2] * np.sign(normal[2]))
+            elif len(corners) == 2:
+                tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
+        middle = np.mean(middles, axis=0)
+        return np.array(heights), np.array(tilts), (centre - middle)[:2]
+
+    def _placement(self, foot: FootGuess) -> pin.SE3:
+        model = self.figure.model
+        return model.frames[model.getFrameId(foot.link, pin.BODY)].placement
+
+    def _residual(self, q: Array, start: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> Array:
+        heights, tilts, offset = self._contacts(q, legs, feet)
+        return np.concatenate(
+            [10.0 * (heights - heights.mean()), 3.0 * tilts, 3.0 * offset, 0.02 * (q - start)]
+        )

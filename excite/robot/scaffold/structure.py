@@ -1,0 +1,68 @@
+"""What a first description assumed about a robot's build, by consequence."""
+
+from __future__ import annotations
+
+from excite.robot.description import Assumed
+from excite.robot.scaffold.ground import links_below
+from excite.robot.scaffold.held import Held
+from excite.robot.scaffold.limbs import Figure
+from excite.robot.scaffold.rest import Rest
+
+FRICTION = 0.5
+"""Friction of soles that nobody stated: rubber on a dusty floor has 0.5 … 0.8."""
+
+
+def assumed_structure(
+    held: dict[str, Held],
+    faults: dict[str, str],
+    geometry: str | None,
+    rest: Rest,
+    ground: float | None,
+    figure: Figure,
+) -> list[Assumed]:
+    """Joints held, inertia, geometry and ground (or soles' friction) as they were assumed."""
+    found = []
+    for why in sorted({one.why for one in held.values()}):
+        names = [name for name, one in held.items() if one.why == why]
+        found.append(
+            Assumed(
+                what=f"{len(names)} joints held still ({why})",
+                value=", ".join(names[:6]) + (", …" if len(names) > 6 else ""),
+                consequence="their links count as part of what carries them; hold them so at the robot",
+            )
+        )
+    if faults:
+        found.append(
+            Assumed(
+                what="inertia as the model has it",
+                value=", ".join(list(faults)[:6]) + (", …" if len(faults) > 6 else ""),
+                consequence="missing or impossible there: torques predicted for them are a guess",
+            )
+        )
+    if geometry is not None:
+        found.append(
+            Assumed(
+                what="geometry",
+                value="boxes of the links' own inertia",
+                consequence=f"collisions are checked roughly: the model's geometry cannot be used ({geometry[:150]})",
+            )
+        )
+    if ground is not None:
+        below = links_below(figure, rest.q, ground)
+        more = f"; excepted: {', '.join(below)}" if below else ""
+        found.append(
+            Assumed(
+                what="ground",
+                value=f"a plane at {ground:.3f} m of the base's frame",
+                consequence=f"motions stay above it: state collision.table_height if it is elsewhere{more}",
+            )
+        )
+    else:
+        found.append(
+            Assumed(
+                what="friction of soles",
+                value=f"{FRICTION}",
+                consequence="feet may slip on a floor that is smoother",
+            )
+        )
+    return found

@@ -1,0 +1,107 @@
+"""Xacro files expanded to URDF, with mesh files found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from xml.dom import DOMException
+from xml.etree import ElementTree
+from xml.parsers.expat import ExpatError
+
+from excite.errors import RobotError
+from excite.reading.xml_document import read_xml
+from excite.robot.urdf.reading import find_mesh
+
+_NAMESPACE = "ros.org/wiki/xacro"
+
+
+def is_xacro(path: Path) -> bool:
+    """Whether a file is to be expanded before it is a URDF."""
+    if path.suffix == ".xacro":
+        return True
+    try:
+        with path.open("rb") as file:
+            return _NAMESPACE.encode() in file.read(4096)
+    except OSError:
+        return False
+
+
+def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...] = ()) -> str:
+    """URDF text of a URDF or xacro file, its mesh paths absolute where the files are found.
+
+    Args:
+        path: the file.
+        arguments: of the xacro file, by name.
+        package_path: folders in which packages lie.
+
+    Raises:
+        RobotError: the file is missing, or xacro cannot expand it.
+    """
+    if is_xacro(path):
+        read_xml(path, error=RobotError)
+        root = ElementTree.fromstring(_expand(path, arguments, package_path))
+    else:
+        root = read_xml(path, error=RobotError)
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename", "")
+        found = find_mesh(name, path) or _in_packages(name, package_path)
+        if found is not None:
+            mesh.set("filename", str(found))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _in_packages(name: str, package_path: tuple[Path, ...]) -> Path | None:
+    if not name.startswith("package://"):
+        return None
+    package, _, inside = name.removeprefix("package://").lstrip("/").partition("/")
+    for folder in package_path:
+        for place in (
+            folder / package / inside,
+            folder / inside if folder.name == package else folder / "\0",
+        ):
+            if "\0" not in str(place) and place.is_file():
+                return place.resolve()
+    return None
+
+
+def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...]) -> str:
+    import xacro
+    from xacro import substitution_args
+
+    def find(package: str) -> str:
+        places = [
+            place
+            for folder in (*package_path, *path.resolve().parents)
+            for place in (folder, folder / package)
+        ]
+        for place in places:
+            if place.name == package and place.is_dir():
+                return str(place)
+        raise RobotError(
+            f"needs the package {package!r}",
+            source=path,
+            field="$(find)",
+            remedy="give --package-path FOLDER",
+        )
+
+    known: Callable[[str], str] = substitution_args._eval_find
+    substitution_args._eval_find = find
+    try:
+        return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
+    except (
+        xacro.XacroException,
+        ExpatError,
+        DOMException,
+        OSError,
+        ValueError,
+        NameError,
+        TypeError,
+    ) as error:
+        cause = " ".join(str(error).split())[:200]
+        raise RobotError(
+            f"xacro cannot expand it ({cause})",
+            source=path,
+            remedy="mend it, or give its arguments with --xacro-arg name:=value",
+        ) from error
+    finally:
+        substitution_args._eval_find = known
