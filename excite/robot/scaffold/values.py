@@ -36,11 +36,13 @@ class Values:
         loads = numbers.weight_loads(self.robot, self.rng, legs, 9.81 * mass if legs else 0.0)
         torques, said = numbers.torque_limits(self.robot, self.free, loads, inertia)
         object.__setattr__(self, "inertia", inertia)
+        object.__setattr__(self, "loads", loads)
         object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "missing", (torques, said))
         object.__setattr__(self, "torque", {g.name: torques.get(g.name, g.torque or 1.0) for g in self.free})
 
     inertia: Array = None  # type: ignore[assignment]
+    loads: Array = None  # type: ignore[assignment]
     mass: float = 0.0
     missing: tuple[dict[str, float], list[Assumed]] = ({}, [])
     torque: dict[str, float] = None  # type: ignore[assignment]
@@ -90,6 +92,6 @@ class Values:
         return feet
 
     def controller(self) -> dict[str, Any]:
-        found = numbers.gains(self.robot, self.inertia, list(self.rest.legs), self.mass)
-        said = "a servo of 8 Hz on the joint's own inertia, 4 Hz on what a leg carries, damping 0.7"
+        found = numbers.gains(self.robot, self.inertia, self.loads, list(self.rest.legs), self.mass)
+        said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
         return {name: {"joints": values, "source": said} for name, values in found.items()}
