@@ -23,8 +23,8 @@ _ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
 _RESERVE = 3.0
 # Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
 _FREQUENCY, _DAMPING = 8.0, 0.7
-# What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in simulation as the
-# real one does, and the Go2 the 2000 with which its trunk follows.
+# What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in simulation as
+# the real one does, and the Go2 the 2000 with which its trunk follows.
 _SAG = 0.0125
 # Torques of motor currents are seldom known better than to a hundredth of full scale.
 _TORQUE_NOISE = 0.005

@@ -13,8 +13,12 @@ from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.shapes.ignored_pairs import PairSearch
 
 # Bends of hip, knee and ankle from which standing postures are sought, and how far hips turn out [rad].
-_BENDS = (0.5, -0.5, 0.35, -0.35, 0.7, -0.7, 0.2, -0.2)
+_BENDS = (0.5, -0.5, 0.7, -0.7, 0.35, -0.35, 0.9, -0.9, 0.2, -0.2)
 _WIDE = (0.0, 0.12)
+# Room that motions need about a standing posture: of the legs' joints to their limits [rad], between links [m]. Sways
+# of the Go2 and the HyQ turn knees by some 0.3 rad (with 0.16 rad of room no candidate of either passes, with 0.35 most
+# do); candidates of a humanoid whose links rest at the margin collide.
+_ROOM, _APART = 0.35, 0.02
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
 
@@ -72,18 +76,37 @@ class Postures:
 
     def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass above their middle, and nothing touching."""
-        best: Standing | None = None
-        fewest = len(self.search.pairs) + 1
+        best: tuple[float, Standing, int] | None = None
         for start in self._starts(legs):
             found = self._stand(start, legs)
             if found is None:
                 continue
             touching = len(self.touching(found.q, ignored))
-            if touching == 0:
-                return found
-            if touching < fewest:
-                best, fewest = found, touching
-        return best if best is None else self._spread(best, legs, ignored)
+            room = self._room(found.q, legs, ignored)
+            score = room - touching
+            if best is None or score > best[0]:
+                best = (score, found, touching)
+            if touching == 0 and room >= 1.0:
+                break
+        if best is None:
+            return None
+        return best[1] if best[2] == 0 else self._spread(best[1], legs, ignored)
+
+    def _room(self, q: Array, legs: list[int], ignored: frozenset[tuple[str, str]]) -> float:
+        """How much of the room that motions need is there, 0 … 1."""
+        limits = self.figure.robot.limits
+        joints = sorted({joint - 1 for leg in legs for joint in self.figure.chain(leg)})
+        to_limits = np.minimum(q - limits.position_lower, limits.position_upper - q)[joints]
+        margin = self.figure.robot.description.collision.margin
+        apart = [
+            distance - margin
+            for pair, distance in zip(
+                self.search.pairs, self.search.distances(self.search.posture(q)), strict=True
+            )
+            if pair not in ignored
+        ]
+        shares = (float(to_limits.min(initial=_ROOM)) / _ROOM, min(apart, default=_APART) / _APART)
+        return 0.5 * sum(min(max(share, 0.0), 1.0) for share in shares)
 
     def _spread(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing:
         """The same feet with arms and head out of the way, if that can be; else as far as it could."""
