@@ -10,11 +10,14 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.arm_curves import trial_curves
+from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
+from excite.diagnosis.budget.made import budget_of
+from excite.diagnosis.budget.record import model_of_gap
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
@@ -97,6 +100,7 @@ class _Attributed:
         attribution: all steps of the search; withdrawn where nothing is named.
         judgement: the verdict on it.
         impossible: the best candidate, where no body could be so.
+        budget: where each joint's gap goes; None where torques were not measured.
     """
 
     samples: ArmSamples
@@ -106,6 +110,7 @@ class _Attributed:
     attribution: Attribution
     judgement: Judgement
     impossible: tuple[Scored, ...]
+    budget: Budget | None = None
 
 
 def diagnose_torques(
@@ -160,6 +165,7 @@ def diagnose_torques(
         n_tied=n_tied,
         next_experiment=advice(baseline, attribution, judgement, record.out),
         warnings=_warnings(record, found, effects),
+        budget=found.budget,
         curves=trial_curves(samples, before, closed),
     )
 
@@ -182,7 +188,11 @@ def _attributed(record: TorqueRecord) -> _Attributed:
     impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
     if judgement.verdict == "unknown" and attribution.accepted:
         attribution = withdrawn(attribution, baseline)
-    return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible)
+    budget = None
+    if measured:
+        found = model_of_gap(samples, record.modelled, record.effects, least)
+        budget = budget_of(found, spectral, attribution.scale)
+    return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible, budget)
 
 
 def _floor(found: _Attributed, after: Array) -> Array:

@@ -1,0 +1,87 @@
+"""What each named effect takes of each channel's gap: the mean of taken out last and let in alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+from excite.arrays import Array
+from excite.diagnosis.budget.joint_fit import Model
+from excite.diagnosis.budget.powers import Power, deviation, judged_power, power_of
+
+# Power above the floor, as a share of the floor, below which a channel has no gap to share out.
+_NOTHING = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """Shares of each channel's power above the floor.
+
+    Attributes:
+        open: ``(n_joints,)`` power above the floor without effects; 0 where there is none.
+        before: ``(n_joints,)`` power without effects.
+        after: ``(n_joints,)`` power with all.
+        value: ``(n_terms, n_joints)``.
+        half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
+    """
+
+    open: Array
+    before: Array
+    after: Array
+    value: Array
+    half: Array
+
+
+def shares_of(model: Model, floor: Array) -> Shares:
+    """Share out the gap of every channel.
+
+    Two effects that overlap share what they both take (Shapley's value is the mean over orders; of many effects the
+    first and the last place stand for all). What the means miss of all that is closed is made up in proportion.
+
+    Args:
+        model: the model of the gap.
+        floor: ``(n_joints,)`` noise in the rows' band.
+    """
+    design = model.design
+    nothing, everything = judged_power(design, ()), power_of(model)
+    chosen = model.chosen
+    taken = []
+    for k in chosen:
+        last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
+        alone = nothing.combined(judged_power(design, (k,)), -1.0)
+        taken.append(Power(*(0.5 * (a + b) for a, b in zip(_parts(last), _parts(alone), strict=True))))
+    level = floor**2
+    room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
+    if not taken:
+        empty = np.zeros((0, len(floor)))
+        return Shares(room, nothing.mean, everything.mean, empty, empty)
+    values = [
+        _normalised(
+            np.array([getattr(t, name) for t in taken]),
+            getattr(nothing, name),
+            getattr(everything, name),
+            level,
+        )
+        for name in ("mean", "blocks", "fits")
+    ]
+    value = np.where(room > 0.0, values[0], 0.0)
+    spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values[1:]))
+    freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
+    half = np.where(room > 0.0, float(stdtrit(freedom, 0.95)) * spread, 0.0)
+    return Shares(room, nothing.mean, everything.mean, value, half)
+
+
+def _parts(power: Power) -> tuple[Array, Array, Array]:
+    return power.mean, power.blocks, power.fits
+
+
+def _normalised(taken: Array, before: Array, after: Array, level: Array) -> Array:
+    """Shares that add up to what all effects together close, ``taken``'s shape."""
+    room = np.maximum(before - level, _NOTHING * level)
+    positive = np.maximum(taken, 0.0)
+    total, closed = positive.sum(axis=0), before - after
+    scaled = positive * (np.maximum(closed, 0.0) / np.maximum(total, 1e-300))
+    # Where nothing is closed in sum, each stands for itself.
+    return np.where((closed > 0.0) & (total > 0.0), scaled, taken) / room

@@ -1,0 +1,131 @@
+"""The model of the gap: what it names beside each other, and that its shares add up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.budget.made import budget_of
+from excite.diagnosis.budget.record import model_of_gap
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Log, Trial
+from excite.logs.robot import nominal_robot
+from tests.diagnosis.two_joints import COULOMB, VISCOUS, moved, two_joint_log
+from tests.reproduction import emps
+
+FRICTION = ("rigid_body", "viscous_friction", "coulomb_friction")
+More = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
+    """The budget of a log's own rows."""
+    samples = arm_samples(nominal_robot(log), log, log.trials)
+    floor = spectral_floor(samples)
+    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+    return budget_of(model_of_gap(samples, modelled, tuple(EFFECTS.values()), floor), floor, tau.std(axis=0))
+
+
+def two_joints(folder: Path, more: More | None = None) -> Log:
+    """A record of two joints, with torques by position and velocity beside those of the model."""
+    rng = np.random.default_rng(3)
+    trials = [
+        moved(n, role, s, rng, np.eye(2))
+        for n, role, s in (("a", "identification", 40.0), ("b", "validation", 15.0))
+    ]
+    made = []
+    for trial in trials:
+        assert trial.tau is not None
+        v = np.gradient(trial.q, trial.time, axis=0)
+        added = np.zeros_like(trial.tau) if more is None else more(trial.q, v)
+        made.append(
+            Trial(name=trial.name, role=trial.role, time=trial.time, q=trial.q, tau=trial.tau + added)
+        )
+    return load_log(save_log(two_joint_log(tuple(made)), folder))
+
+
+def bias_and_stribeck(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    slow = 0.8 * np.exp(-((v[:, 0] / 0.3) ** 2)) * np.sign(v[:, 0])
+    return np.column_stack([slow, np.full(len(q), 0.4)])
+
+
+def names(budget: Budget, joint: str) -> set[str]:
+    return {item.effect for item in budget.named if item.location == joint}
+
+
+def test_nothing_is_named_on_a_robot_that_is_its_model(tmp_path: Path) -> None:
+    assert budgeted(two_joints(tmp_path), FRICTION).named == ()
+
+
+def test_two_effects_are_both_named_with_the_sizes_of_the_joint_fit(tmp_path: Path) -> None:
+    budget = budgeted(two_joints(tmp_path, bias_and_stribeck), FRICTION)
+    assert {(item.effect, item.location) for item in budget.named} == {
+        ("stribeck", "first"),
+        ("torque_bias", "second"),
+    }
+    values = {item.effect: item.values for item in budget.named}
+    bias, spread = values["torque_bias"]["bias"]
+    assert spread is not None
+    assert bias == pytest.approx(0.4, abs=max(4.0 * spread, 0.04))
+    assert values["stribeck"]["velocity"][0] == pytest.approx(0.3, rel=0.3)
+    assert all(item.probability > 0.9 for item in budget.named if not item.rivals)
+
+
+def test_an_effect_at_one_joint_does_not_change_the_names_at_another(tmp_path: Path) -> None:
+    def both(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return bias_and_stribeck(q, v) + np.column_stack([0.5 * np.cos(12.0 * q[:, 0]), np.zeros(len(q))])
+
+    plain = budgeted(two_joints(tmp_path / "plain", bias_and_stribeck), FRICTION)
+    more = budgeted(two_joints(tmp_path / "more", both), FRICTION)
+    assert names(plain, "second") == names(more, "second") == {"torque_bias"}
+    assert "torque_ripple" in names(more, "first")
+
+
+@pytest.mark.parametrize("modelled", [("rigid_body",), FRICTION])
+def test_shares_of_every_channel_add_up_to_one(tmp_path: Path, modelled: tuple[str, ...]) -> None:
+    budget = budgeted(two_joints(tmp_path, bias_and_stribeck), modelled)
+    for channel in budget.channels.values():
+        shares = [item.share for item in (*channel.effects, *channel.unnamed)]
+        assert sum(shares) + channel.rest == pytest.approx(1.0)
+        assert all(low <= item.share <= high for item in channel.effects for low, high in [item.interval90])
+
+
+def test_friction_that_is_not_modelled_is_named_at_every_joint(tmp_path: Path) -> None:
+    """Neither term passes without the other: they are judged together and pruned."""
+    budget = budgeted(two_joints(tmp_path), ("rigid_body",))
+    found = {(item.effect, item.location): item.values for item in budget.named}
+    for j, joint in enumerate(("first", "second")):
+        assert found["coulomb_friction", joint]["level"][0] == pytest.approx(COULOMB[j], rel=0.1)
+        assert found["viscous_friction", joint]["coefficient"][0] == pytest.approx(VISCOUS[j], rel=0.1)
+    assert len(found) == 4
+
+
+def test_what_has_no_name_is_said_with_what_it_follows(tmp_path: Path) -> None:
+    """A torque that follows another joint's position is in no library."""
+
+    def strange(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.zeros(len(q)), 1.5 * np.abs(q[:, 0])])
+
+    channel = budgeted(two_joints(tmp_path, strange), FRICTION).channels["second"]
+    named = sum(item.share for item in channel.effects)
+    assert max(channel.unnamed, key=lambda item: item.share).follows == "first"
+    assert channel.unnamed[0].share > 0.5 > named
+
+
+def test_both_frictions_of_a_ball_screw_are_named_with_their_published_sizes(
+    data_dir: Path, tmp_path: Path
+) -> None:
+    budget = budgeted(emps.emps_log(data_dir, tmp_path, 0.67), ("rigid_body",))
+    values = {item.effect: item.values for item in budget.named}
+    coulomb, spread = values["coulomb_friction"]["level"]
+    viscous, spread_v = values["viscous_friction"]["coefficient"]
+    assert spread is not None
+    assert spread_v is not None
+    assert abs(coulomb - 20.39) < 1.9 * spread
+    assert abs(viscous - 203.5) < 1.9 * spread_v
