@@ -60,6 +60,7 @@ class Library:
                             effect,
                             joint,
                             theta,
+                            maker.context,
                             {j: column / size},
                             np.array([1.0 / size]),
                             kept=(0,),

@@ -9,7 +9,7 @@ from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, N
 from excite.diagnosis.budget.detectable import detectable_sizes
 from excite.diagnosis.budget.powers import deviation
 from excite.diagnosis.budget.probability import probability
-from excite.diagnosis.budget.record import Found, predicting
+from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.shares import Shares, shares_of
 from excite.diagnosis.budget.unnamed import unnamed_of
 from excite.diagnosis.effects.context import Context
@@ -28,12 +28,12 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
         floor: ``(n_joints,)`` noise in the rows' band.
         scale: ``(n_joints,)`` standard deviation of each torque in the trials that are fitted.
     """
-    search, joints = found.search, found.context.joints
+    search, joints = found.search, found.prediction.context.joints
     model = search.model
     shares = shares_of(model, floor)
     relative = shares.open / scale**2
     weight = relative / max(float(relative.sum()), 1e-300)
-    context = Context(predicting(found.baseline, model, found.context))
+    context = found.prediction.context
     again = repeat_floor(found.baseline.samples, model.residual)
     channels = {
         name: _channel(found, context, shares, floor, j, float(weight[j]), again)

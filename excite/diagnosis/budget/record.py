@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.blocks import blocks_of
 from excite.diagnosis.budget.design import Design, Rows
-from excite.diagnosis.budget.joint_fit import Model, fit
+from excite.diagnosis.budget.joint_fit import fit
 from excite.diagnosis.budget.library import Library, with_begun
+from excite.diagnosis.budget.prediction import Prediction, predicted
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.budget.terms import Term, TermMaker
@@ -20,10 +21,10 @@ from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.own_columns import COULOMB, own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.regressor.kernels import inverse_dynamics
 
-# The second search has predictions, and non-linear parameters, that the first one found.
-_PASSES = 2
+# Share of what is left at its place that an effect of the first search has to take: small ones patch up what a large
+# one leaves at its first, rough parameters.
+_LARGE = 0.3
 # Of what might stand in a term's place, how many have their non-linear parameters searched as well.
 _INSTEAD = 2
 # Joints at which resonances are searched, and how far above the noise they have to stand [power].
@@ -37,12 +38,12 @@ class Found:
     Attributes:
         search: the last search, with its design and rivals.
         baseline: what every model begins with, fitted.
-        context: predictions at which the last columns were made.
+        prediction: its torques.
     """
 
     search: Search
     baseline: Baseline
-    context: Context
+    prediction: Prediction
 
 
 def model_of_gap(
@@ -57,47 +58,63 @@ def model_of_gap(
         floor: ``(n_joints,)`` noise in the rows' band.
     """
     full = fit_baseline(samples, with_begun(modelled), floor)
-    library = Library(modelled, effects)
-    rows = rows_of(full, modelled, floor)
-    context = Context(full)
-    kept: list[Term] | None = None
-    near: list[Term] = []
-    for number in range(_PASSES):
-        maker = TermMaker(context, full.strict)
+    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
+    maker, kept, near = TermMaker(Context(full), full.strict), None, []
+    for least in (_LARGE, 0.0):
         begun = library.begun(maker)
         terms = [*begun, *library.candidates(maker)]
-        if kept is None:
-            chosen = list(range(len(begun)))
-        else:
-            terms, chosen = _with_kept(terms, kept, maker)
-            terms += near
-        design = Design(rows, tuple(terms))
-        search = Search(design, context, fit(design, chosen), COULOMB.asked(modelled))
+        chosen = [k for k, term in enumerate(terms) if term.started]
+        if kept is not None:
+            number = {t.key: k for k, t in enumerate(terms) if t.started}
+            chosen = [number[t.key] for t in kept if t.started]
+            found = [t for t in kept if not t.started]
+            chosen += range(len(terms), len(terms) + len(found))
+            terms += found
+        design = Design(rows, (*terms, *near))
+        search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
         search.run()
-        context = Context(predicting(full, search.model, context))
-        if number < _PASSES - 1:
-            kept, near = _refined(search, TermMaker(context, full.strict))
-    return Found(search, full, context)
+        kept, near, maker = _refined(full, search, resonances=least > 0.0)
+    last = _settled(search, kept, near, maker)
+    return Found(last, full, predicted(full, last.model))
 
 
-def _refined(search: Search, maker: TermMaker) -> tuple[list[Term], list[Term]]:
+def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMaker) -> Search:
+    """The terms found, at their better parameters, judged once more beside each other."""
+    begun = [t for t in search.design.terms if t.started and t.key not in {k.key for k in kept}]
+    design = Design(search.design.rows, (*kept, *begun, *near))
+    model = fit(design, range(len(kept)))
+    last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
+    last.backward()
+    last.backward()
+    return last
+
+
+def _refined(full: Baseline, search: Search, *, resonances: bool) -> tuple[list[Term], list[Term], TermMaker]:
     """Accepted terms at better non-linear parameters, and what might stand in their places at its best."""
-    refiner, kept, near = Refiner(maker), [], []
-    model = search.model
+    model, terms = search.model, search.model.design.terms
+    now = predicted(full, model)
+    maker = TermMaker(now.context, full.strict)
+    kept: list[Term] = []
+    near: list[Term] = []
     for k in model.chosen:
-        term = model.design.terms[k]
-        if term.started or not (term.theta or term.effect.richer):
+        term = terms[k]
+        if term.started:
             kept.append(term)
             continue
-        beside = Beside.of(
-            fit(model.design, [i for i in model.chosen if i != k], model.weight, left_out=False)
-        )
-        kept.append(refiner.refined(beside, term, term.effect.richer))
+        own = TermMaker(now.without(k), full.strict)
+        again = own.again(term) or term
+        if not (term.theta or term.effect.richer):
+            kept.append(again)
+            continue
+        refiner = Refiner(own)
+        others = [i for i in model.chosen if i != k]
+        beside = Beside.of(fit(model.design, others, model.weight, left_out=False))
+        kept.append(refiner.refined(beside, again, term.effect.richer))
         for other in search.instead(k, beside.model)[:_INSTEAD]:
-            near.append(
-                refiner.refined(beside, model.design.terms[other], model.design.terms[other].effect.richer)
-            )
-    return kept, near + _resonances(search, refiner)
+            near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
+    if resonances:
+        near += _resonances(search, Refiner(maker))
+    return kept, near, maker
 
 
 def _resonances(search: Search, refiner: Refiner) -> list[Term]:
@@ -115,23 +132,8 @@ def _resonances(search: Search, refiner: Refiner) -> list[Term]:
         gain = beside.gain(term)[0]
         if term.key not in best or gain > best[term.key][0]:
             best[term.key] = (gain, term)
-    return [refiner.refined(beside, term) for _, term in best.values()]
-
-
-def _with_kept(terms: list[Term], kept: list[Term], maker: TermMaker) -> tuple[list[Term], list[int]]:
-    """Terms of a search, made anew, beside those of a new library."""
-    chosen, made = [], list(terms)
-    begun = {t.key: k for k, t in enumerate(terms) if t.started}
-    for term in kept:
-        if term.started:
-            chosen.append(begun[term.key])
-            continue
-        full = len(term.kept) == len(term.effect.linear)
-        again = maker.make(term.effect, term.location, term.theta, None if full else term.kept)
-        if again is not None:
-            chosen.append(len(made))
-            made.append(again)
-    return made, chosen
+    made = [refiner.refined(beside, term) for _, term in best.values()]
+    return made + [found for _, term in best.values() for found in refiner.unlike(beside, term)]
 
 
 def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
@@ -152,48 +154,3 @@ def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
     return Rows(
         e.shared * again[:, :, None], tuple(own), e.y * again, block, judged, samples.trial_of_row, floor
     )
-
-
-def predicting(full: Baseline, model: Model, context: Context) -> Baseline:
-    """The baseline with a model's predictions: rigid bodies, friction and all its terms."""
-    s, index = full.samples, list(full.samples.index)
-    n = full.basis.shape[1]
-    x = model.x[:n]
-    phi, rigid = full.phi, full.rigid
-    if full.free:
-        phi = full.phi + full.basis @ (x - full.fit.shared)
-        q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
-        rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index]
-    moved, driven = np.zeros_like(rigid), np.zeros_like(rigid)
-    y = full.solver.equations.y.copy()
-    back = full.root_weight / full.strict
-    for k in model.chosen:
-        term = model.design.terms[k]
-        if term.started:
-            continue
-        torque = torque_of(term, model.parameters(k), context)
-        (moved if term.effect.moves else driven)[:] += torque
-        for j, block in term.columns.items():
-            y[j] -= (block @ model.parameters(k)) * back[j]
-    equations = replace(full.solver.equations, y=y)
-    now = replace(full.fit, equations=equations, shared=x)
-    terms = own_terms(full.modelled)
-    own = [
-        own_signals(s, terms, j, sign) @ o
-        for j, (sign, o) in enumerate(zip(full.signs, now.own, strict=True))
-    ]
-    rigid = rigid + moved
-    total = rigid + np.column_stack(own) + driven
-    return replace(full, fit=now, phi=phi, rigid=rigid, total=total, added=moved, added_drive=driven)
-
-
-def torque_of(term: Term, x: Array, context: Context) -> Array:
-    """What a fitted term adds to the torques at full rate, ``(n_samples, n_joints)``."""
-    shape = term.effect.shape(context, term.location, term.theta)
-    torque = np.zeros_like(context.baseline.rigid)
-    beta = term.beta(x)
-    for j, columns in shape.columns.items():
-        torque[:, j] += columns @ beta
-    for j, values in shape.offset.items():
-        torque[:, j] += values
-    return torque

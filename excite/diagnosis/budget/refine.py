@@ -75,6 +75,16 @@ class Refiner:
                     best, gain = item, more
         return best
 
+    def unlike(self, beside: Beside, term: Term) -> list[Term]:
+        """Richer forms that begin far from where the plain one does, each at its best."""
+        found = []
+        for form in term.effect.richer:
+            starts = form.own_starts(self.maker.context, term.location)
+            begun = [t for t in (self._made(form, term, start) for start in starts) if t is not None]
+            if begun:
+                found.append(self._searched(beside, max(begun, key=lambda t: beside.gain(t)[0]))[0])
+        return found
+
     def _searched(self, beside: Beside, term: Term) -> tuple[Term, float]:
         """Steps on a logarithmic scale, one parameter after the other, the steps ever smaller."""
         best, gain = term, beside.gain(term)[0]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from excite.arrays import Array
 from excite.diagnosis.budget.design import Design
 from excite.diagnosis.budget.evidence import Merit, merit
@@ -44,6 +46,8 @@ class Search:
         design: all columns.
         context: at which they were made.
         model: the terms so far.
+        tried: effects and places that were tried before this search.
+        least: share of what is left at its place that a term has to take away to be added.
         dry_given: whether the log says that Coulomb friction is modelled.
         rivals: by index of an accepted term, what else scores alike in the company of all others.
     """
@@ -52,13 +56,15 @@ class Search:
     context: Context
     model: Model
     dry_given: bool
+    least: float = 0.0
+    tried: int = 0
     rivals: dict[int, list[Tried]] = field(default_factory=dict)
     merits: dict[int, Merit] = field(default_factory=dict)
 
     @property
     def candidates(self) -> int:
         """Number of effects and places."""
-        return len({t.key for t in self.design.terms})
+        return max(self.tried, len({t.key for t in self.design.terms}))
 
     def run(self) -> Model:
         """Sweep until nothing changes."""
@@ -101,11 +107,20 @@ class Search:
         for batch in range(_BATCHES):
             part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
             tried = [self._tried(self.model, item.index) for item in part]
-            passing = [item for item in tried if item is not None and item.merit.passes]
+            passing = [t for t in tried if t is not None and t.merit.passes and self._large(t)]
             if passing:
                 passing.sort(key=lambda item: -item.merit.score)
                 return self._simpler_first(passing)
         return []
+
+    def _large(self, item: Tried) -> bool:
+        """Whether a term takes away enough of what is left where it acts most."""
+        if self.least <= 0.0:
+            return True
+        old, new = self.model.predicted.sum(axis=0), item.model.predicted.sum(axis=0)
+        noise = self.design.rows.floor**2 * self.design.fitted.count.sum()
+        room = np.maximum(old - noise, 1e-300)
+        return float(np.max(np.where(old > noise, (old - new) / room, 0.0))) >= self.least
 
     def _simpler_first(self, passing: list[Tried]) -> list[Tried]:
         """The simplest of those that score like the best at its place comes first."""

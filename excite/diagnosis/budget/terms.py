@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ class Term:
         effect: the effect, in the form that is tried.
         location: its place.
         theta: non-linear parameters.
+        context: predictions at which its columns were made.
         columns: by index of the joint's row, ``(n_rows, n_linear)`` weighted, each parameter in units of ``scale``.
         scale: ``(n_linear,)`` what a column was multiplied by.
         known: whether its size is known, one, as that of a gear whose stiffness is given.
@@ -30,6 +31,7 @@ class Term:
     effect: Effect
     location: str
     theta: Theta
+    context: Context
     columns: dict[int, Array]
     scale: Array
     known: bool = False
@@ -85,7 +87,8 @@ class TermMaker:
         """The term; None where no joint feels it or it is not finite."""
         joints = self.context.joints
         own = joints.index(location) if location in joints and not effect.timing else None
-        shape = effect.shape(self._context_for(effect), location, theta)
+        context = self._context_for(effect)
+        shape = effect.shape(context, location, theta)
         known = bool(shape.offset)
         columns = self._rows(shape)
         if kept is not None and not known:
@@ -95,23 +98,33 @@ class TermMaker:
         power = sum((block**2).sum(axis=0) for block in columns.values())
         size = np.sqrt(power / self.weight.shape[1])
         if known:
-            return Term(effect, location, theta, columns, np.ones(1), known=True, own=own)
+            return Term(effect, location, theta, context, columns, np.ones(1), known=True, own=own)
         index = np.arange(len(effect.linear)) if kept is None else np.array(kept)
         felt = size > 1e-7 * max(float(size.max()), 1e-300)
         if not felt.any() or float(size.max()) < 1e-12:
             return None
         scaled = {j: block[:, felt] / size[felt] for j, block in columns.items()}
         return Term(
-            effect, location, theta, scaled, 1.0 / size[felt], kept=tuple(index[felt].tolist()), own=own
+            effect,
+            location,
+            theta,
+            context,
+            scaled,
+            1.0 / size[felt],
+            kept=tuple(index[felt].tolist()),
+            own=own,
         )
+
+    def again(self, term: Term) -> Term | None:
+        """A term made anew at these predictions."""
+        whole = len(term.kept) == len(term.effect.linear)
+        return self.make(term.effect, term.location, term.theta, None if whole else term.kept)
 
     def _context_for(self, effect: Effect) -> Context:
         """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
         if not effect.by_load:
             return self.context
         if "load" not in self._loaded:
-            from dataclasses import replace
-
             base = self.context.baseline
             self._loaded["load"] = Context(replace(base, total=base.rigid))
         return self._loaded["load"]
