@@ -10,7 +10,7 @@ import pytest
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import model_of_gap
+from excite.diagnosis.budget.record import begun_baseline, model_of_gap
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.samples import arm_samples
@@ -29,7 +29,8 @@ def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
     tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
-    return budget_of(model_of_gap(samples, modelled, tuple(EFFECTS.values()), floor), floor, tau.std(axis=0))
+    full = begun_baseline(samples, modelled, floor)
+    return budget_of(model_of_gap(full, modelled, tuple(EFFECTS.values()), floor), floor, tau.std(axis=0))
 
 
 def two_joints(folder: Path, more: More | None = None) -> Log:

@@ -7,6 +7,8 @@ from typing import Any
 
 from excite.diagnosis.answer.candidate import in_words
 
+# What differs between repeats of one command beyond the noise of a trial.
+NOT_REPEATED = "does not repeat"
 # Shares below this are not worth a word in a sentence.
 _WORTH = 0.05
 
@@ -176,7 +178,7 @@ class Budget:
                 follows[item.follows] = follows.get(item.follows, 0.0) + channel.weight * item.share
         for name, share in sorted(follows.items(), key=lambda x: -x[1]):
             if share >= _WORTH:
-                what = "what does not repeat" if name == "does not repeat" else f"unnamed, following {name},"
+                what = "what does not repeat" if name == NOT_REPEATED else f"unnamed, following {name},"
                 parts.append(f"{what} {100 * share:.0f} %")
         parts.append(f"the rest {100 * rest:.0f} %")
         return "Of the gap above the noise: " + "; ".join(parts) + "."

@@ -15,9 +15,10 @@ from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
+from excite.diagnosis.arm.attributed import attributed
 from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import model_of_gap
+from excite.diagnosis.budget.record import begun_baseline, model_of_gap
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
@@ -36,6 +37,7 @@ from excite.diagnosis.equations.standing_joints import held_power
 from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.search.attribute import Attributor
 from excite.diagnosis.search.attribution import Attribution, Scored
+from excite.diagnosis.search.scoring import Scorer
 from excite.diagnosis.search.unnamed import in_words
 from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
 from excite.diagnosis.simulator.accepted_values import found_effects
@@ -177,22 +179,27 @@ def _attributed(record: TorqueRecord) -> _Attributed:
     # Torques that were not measured are no better further up in the spectrum.
     measured = record.reconstructed_noise is None
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
-    baseline = fit_baseline(samples, record.modelled, least)
+    full = begun_baseline(samples, record.modelled, least) if measured else None
+    baseline = fit_baseline(samples, record.modelled, least, like=full)
     columns = [record.log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, record.log.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     judged = noise * baseline.strict
     spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
+    if full is not None:
+        tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+        scale = np.maximum(tau.std(axis=0), 1e-9)
+        scorer = Scorer(baseline, spectral, unrepeated(samples, judged), scale)
+        found = model_of_gap(full, record.modelled, record.effects, least)
+        budget = budget_of(found, spectral, scale)
+        read = attributed(baseline, scorer, found, budget, spectral)
+        return _Attributed(samples, baseline, spectral, noise, read.attribution, read.judgement, (), budget)
     attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=record.effects).run()
     judgement = judge(attribution, spectral)
     impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
     if judgement.verdict == "unknown" and attribution.accepted:
         attribution = withdrawn(attribution, baseline)
-    budget = None
-    if measured:
-        found = model_of_gap(samples, record.modelled, record.effects, least)
-        budget = budget_of(found, spectral, attribution.scale)
-    return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible, budget)
+    return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible)
 
 
 def _floor(found: _Attributed, after: Array) -> Array:

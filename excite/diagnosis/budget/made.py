@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
+from excite.diagnosis.answer.budget import (
+    NOT_REPEATED,
+    Budget,
+    ChannelBudget,
+    EffectShare,
+    Named,
+    UnnamedShare,
+)
 from excite.diagnosis.budget.detectable import detectable_sizes
 from excite.diagnosis.budget.powers import deviation
 from excite.diagnosis.budget.probability import probability
@@ -17,7 +24,6 @@ from excite.diagnosis.equations.noise_floor import repeat_floor
 
 # Share of a channel from which an effect of another place is listed there.
 _LISTED = 0.01
-NOT_REPEATED = "does not repeat"
 
 
 def budget_of(found: Found, floor: Array, scale: Array) -> Budget:

@@ -46,25 +46,31 @@ class Found:
     prediction: Prediction
 
 
+def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
+    """What every model of a record begins with: what is modelled, and friction and constants whether or not."""
+    return fit_baseline(samples, with_begun(modelled), floor)
+
+
 def model_of_gap(
-    samples: ArmSamples, modelled: tuple[str, ...], effects: tuple[Effect, ...], floor: Array
+    full: Baseline, modelled: tuple[str, ...], effects: tuple[Effect, ...], floor: Array
 ) -> Found:
     """Search for the model of a record's gap.
 
     Args:
-        samples: the samples.
+        full: what every model begins with, fitted (:func:`begun_baseline`).
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
     """
-    full = fit_baseline(samples, with_begun(modelled), floor)
     library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
-    maker, kept, near = TermMaker(Context(full), full.strict), None, []
+    maker = TermMaker(Context(full), full.strict)
+    kept: list[Term] = []
+    near: list[Term] = []
     for least in (_LARGE, 0.0):
         begun = library.begun(maker)
         terms = [*begun, *library.candidates(maker)]
         chosen = [k for k, term in enumerate(terms) if term.started]
-        if kept is not None:
+        if least == 0.0:
             number = {t.key: k for k, t in enumerate(terms) if t.started}
             chosen = [number[t.key] for t in kept if t.started]
             found = [t for t in kept if not t.started]

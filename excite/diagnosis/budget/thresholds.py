@@ -18,6 +18,7 @@ class Thresholds:
         probable: probability from which an effect is accepted.
         clear: share of the gap at its own joint from which an effect stands clear there.
         most: share of the structured gap that the accepted effects explain where the verdict is ``effect``.
+        trifle: share of the whole gap below which an effect does not stand for it, wherever it stands clear.
         unnamed: share of what is left that a generic function has to close in blocks left out.
         block_s: shortest block [s].
     """
@@ -30,6 +31,7 @@ class Thresholds:
     probable: float = 0.9
     clear: float = 0.5
     most: float = 0.5
+    trifle: float = 0.1
     unnamed: float = 0.02
     block_s: float = 5.0
 
