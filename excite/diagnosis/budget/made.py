@@ -54,7 +54,7 @@ def _channel(
     found: Found, context: Context, shares: Shares, floor: Array, j: int, weight: float, again: Array | None
 ) -> ChannelBudget:
     model, room = found.search.model, float(shares.open[j])
-    level, gap = float(floor[j]), float(np.sqrt(shares.before[j]))
+    level, gap = float(np.sqrt(shares.level[j])), float(np.sqrt(shares.before[j]))
     if room <= 0.0:
         return ChannelBudget(min(level, gap), gap, (), (), 1.0, 0.0)
     effects = []

@@ -20,6 +20,7 @@ class Shares:
     """Shares of each channel's power above the floor.
 
     Attributes:
+        level: ``(n_joints,)`` power of the noise.
         open: ``(n_joints,)`` power above the floor without effects; 0 where there is none.
         before: ``(n_joints,)`` power without effects.
         after: ``(n_joints,)`` power with all.
@@ -27,6 +28,7 @@ class Shares:
         half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
     """
 
+    level: Array
     open: Array
     before: Array
     after: Array
@@ -52,11 +54,12 @@ def shares_of(model: Model, floor: Array) -> Shares:
         last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
         alone = nothing.combined(judged_power(design, (k,)), -1.0)
         taken.append(Power(*(0.5 * (a + b) for a, b in zip(_parts(last), _parts(alone), strict=True))))
-    level = floor**2
+    # What all effects leave is no less than the noise.
+    level = np.minimum(floor**2, everything.mean)
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
     if not taken:
         empty = np.zeros((0, len(floor)))
-        return Shares(room, nothing.mean, everything.mean, empty, empty)
+        return Shares(level, room, nothing.mean, everything.mean, empty, empty)
     values = [
         _normalised(
             np.array([getattr(t, name) for t in taken]),
@@ -70,7 +73,7 @@ def shares_of(model: Model, floor: Array) -> Shares:
     spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values[1:]))
     freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
     half = np.where(room > 0.0, float(stdtrit(freedom, 0.95)) * spread, 0.0)
-    return Shares(room, nothing.mean, everything.mean, value, half)
+    return Shares(level, room, nothing.mean, everything.mean, value, half)
 
 
 def _parts(power: Power) -> tuple[Array, Array, Array]:
