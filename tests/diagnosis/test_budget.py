@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.budget.made import budget_of
 from excite.diagnosis.budget.record import begun_baseline, model_of_gap
+from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.samples import arm_samples
+from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
@@ -130,3 +133,22 @@ def test_both_frictions_of_a_ball_screw_are_named_with_their_published_sizes(
     assert spread_v is not None
     assert abs(coulomb - 20.39) < 1.9 * spread
     assert abs(viscous - 203.5) < 1.9 * spread_v
+
+
+def test_a_log_that_says_nothing_of_friction_has_the_baseline_of_an_identification(tmp_path: Path) -> None:
+    """Hand-written logs leave ``modelled`` out: friction is then no effect, as it is none for ``identify``."""
+    folder = save_log(two_joint_log(two_joints(tmp_path / "plain").trials), tmp_path / "log")
+    header = yaml.safe_load((folder / "log.yaml").read_text())
+    del header["modelled"]
+    (folder / "log.yaml").write_text(yaml.safe_dump(header))
+    result = diagnose(folder)
+    assert result.verdict == "none"
+    assert result.effects == ()
+
+
+def test_a_log_may_name_a_bundled_robot(tmp_path: Path) -> None:
+    folder = save_log(two_joints(tmp_path / "plain"), tmp_path / "log")
+    header = yaml.safe_load((folder / "log.yaml").read_text())
+    (folder / "log.yaml").write_text(yaml.safe_dump(header | {"robot": "ur10"}))
+    with pytest.raises(LogError, match="has no joint 'first'"):
+        diagnose(folder)

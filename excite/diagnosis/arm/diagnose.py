@@ -17,8 +17,11 @@ from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.arm.attributed import attributed
 from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
+from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of
 from excite.diagnosis.budget.record import begun_baseline, model_of_gap
+from excite.diagnosis.budget.same_machine import other_machine
+from excite.diagnosis.budget.unison import unison
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
@@ -42,6 +45,7 @@ from excite.diagnosis.search.unnamed import in_words
 from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
 from excite.diagnosis.simulator.accepted_values import found_effects
 from excite.diagnosis.simulator.rollout_compare import simulated
+from excite.finding import Finding
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 
@@ -103,6 +107,7 @@ class _Attributed:
         judgement: the verdict on it.
         impossible: the best candidate, where no body could be so.
         budget: where each joint's gap goes; None where torques were not measured.
+        findings: what limits what the record can tell.
     """
 
     samples: ArmSamples
@@ -113,6 +118,7 @@ class _Attributed:
     judgement: Judgement
     impossible: tuple[Scored, ...]
     budget: Budget | None = None
+    findings: tuple[Finding, ...] = ()
 
 
 def diagnose_torques(
@@ -168,6 +174,7 @@ def diagnose_torques(
         next_experiment=advice(baseline, attribution, judgement, record.out),
         warnings=_warnings(record, found, effects),
         budget=found.budget,
+        faults=found.findings,
         curves=trial_curves(samples, before, closed),
     )
 
@@ -190,16 +197,26 @@ def _attributed(record: TorqueRecord) -> _Attributed:
         tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
         scale = np.maximum(tau.std(axis=0), 1e-9)
         scorer = Scorer(baseline, spectral, unrepeated(samples, judged), scale)
-        found = model_of_gap(full, record.modelled, record.effects, least)
+        together = unison(baseline)
+        # On one path any list of effects could stand for any other.
+        named = record.effects if together is None else _own_terms(record.effects)
+        found = model_of_gap(full, record.modelled, (*named, *NAMELESS), least)
         budget = budget_of(found, spectral, scale)
         read = attributed(baseline, scorer, found, budget, spectral)
-        return _Attributed(samples, baseline, spectral, noise, read.attribution, read.judgement, (), budget)
+        said = (*(() if together is None else (together,)), *other_machine(found.search.model))
+        attribution, judgement = read.attribution, read.judgement
+        return _Attributed(samples, baseline, spectral, noise, attribution, judgement, (), budget, said)
     attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=record.effects).run()
     judgement = judge(attribution, spectral)
     impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
     if judgement.verdict == "unknown" and attribution.accepted:
         attribution = withdrawn(attribution, baseline)
     return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible)
+
+
+def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Effects that are terms of a joint's drive, told by its own motion."""
+    return tuple(effect for effect in effects if effect.term is not None)
 
 
 def _floor(found: _Attributed, after: Array) -> Array:

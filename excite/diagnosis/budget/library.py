@@ -12,10 +12,13 @@ from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
+from excite.diagnosis.effects.forces.end_stop import EndStop
 from excite.diagnosis.equations.friction_sign import SignChange
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_signals
 from excite.diagnosis.equations.samples import ArmSamples
 
+# Physics without a name: where it says more than what has one, the gap is unknown, and follows what it follows.
+NAMELESS: tuple[Effect, ...] = (EndStop(),)
 # What a model of an arm begins with at every joint, whether or not the log says that it is modelled: each of the
 # three passes alone only where the others are there, so they are judged together and pruned.
 _BEGUN = (VISCOUS, COULOMB, CONSTANT)

@@ -45,7 +45,11 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
         name: _channel(found, context, shares, floor, j, float(weight[j]), again)
         for j, name in enumerate(joints)
     }
-    named = [_named(found, i, float(shares.value[i] @ weight)) for i in range(len(model.chosen))]
+    named = [
+        _named(found, i, float(shares.value[i] @ weight))
+        for i, term in enumerate(model.terms)
+        if not term.effect.nameless
+    ]
     sizes = detectable_sizes(model, found.baseline.samples.robot, search.candidates)
     return Budget(channels, tuple(sorted(named, key=lambda item: -item.share)), sizes)
 
@@ -57,18 +61,21 @@ def _channel(
     level, gap = float(np.sqrt(shares.level[j])), float(np.sqrt(shares.before[j]))
     if room <= 0.0:
         return ChannelBudget(min(level, gap), gap, (), (), 1.0, 0.0)
-    effects = []
+    effects, strange = [], []
     for i, term in enumerate(model.terms):
         share, half = float(shares.value[i, j]), float(shares.half[i, j])
-        if term.own == j or abs(share) >= _LISTED:
+        if term.effect.nameless:
+            strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
+        elif term.own == j or abs(share) >= _LISTED:
             effects.append(EffectShare(term.name, term.location, share, (share - half, share + half)))
     effects.sort(key=lambda item: -item.share)
-    unnamed = [
+    generic = [
         UnnamedShare(left.follows, left.power / room, tuple(left.knots.tolist()), tuple(left.torque.tolist()))
         for left in unnamed_of(model, context, found.baseline.strict, floor, j)
     ]
+    unnamed = strange + generic
     if again is not None:
-        left = max(float(shares.after[j]) - level**2, 0.0) / room - sum(item.share for item in unnamed)
+        left = max(float(shares.after[j]) - level**2, 0.0) / room - sum(item.share for item in generic)
         differs = max(float(again[j]) ** 2 - level**2, 0.0) / room
         share = min(differs, max(left, 0.0))
         unnamed += [UnnamedShare(NOT_REPEATED, share)] if share > 0.0 else []

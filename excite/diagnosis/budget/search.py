@@ -14,6 +14,7 @@ from excite.diagnosis.budget.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import Screened, screened
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.gears.gear_effect import GearEffect
 from excite.diagnosis.equations.own_columns import COULOMB
 
 _SWEEPS = 4
@@ -196,11 +197,14 @@ class Search:
         terms = [self.design.terms[k] for k in model.chosen]
         keys = {t.key for t in terms}
         timed = any(t.effect.timing for t in terms)
+        # Play and compliance of one gear are two forms of one thing.
+        gears = {t.location for t in terms if isinstance(t.effect, GearEffect)}
         return [
             k
             for k, t in enumerate(self.design.terms)
             if t.key not in keys
             and not (timed and t.effect.timing)
+            and not (t.location in gears and isinstance(t.effect, GearEffect))
             and (not t.effect.friction or self._rubs(model.chosen, t.location))
         ]
 

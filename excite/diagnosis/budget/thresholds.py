@@ -20,6 +20,8 @@ class Thresholds:
         most: share of the structured gap that the accepted effects explain where the verdict is ``effect``.
         trifle: share of the whole gap below which an effect does not stand for it, wherever it stands clear.
         unnamed: share of what is left that a generic function has to close in blocks left out.
+        unison: independent directions of a motion per joint, below which no place is told.
+        differs: deviations by which sizes of the trials that judge differ from those learnt.
         block_s: shortest block [s].
     """
 
@@ -33,6 +35,8 @@ class Thresholds:
     most: float = 0.5
     trifle: float = 0.1
     unnamed: float = 0.02
+    unison: float = 0.3
+    differs: float = 5.0
     block_s: float = 5.0
 
 

@@ -84,6 +84,7 @@ class Effect(ABC):
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
         smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
+        nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
         seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
         by_load: whether it is a share of what the rigid bodies ask of its joint.
         parts: linear parameters, by index, that may be all that a motion shows of it; one tuple a part.
@@ -106,6 +107,7 @@ class Effect(ABC):
     note: ClassVar[type[Note] | None] = None
     term: ClassVar[OwnTerm | None] = None
     spans: ClassVar[tuple[str, ...]] = ()
+    nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False
     by_load: ClassVar[bool] = False
     parts: ClassVar[tuple[tuple[int, ...], ...]] = ()
