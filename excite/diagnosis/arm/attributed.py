@@ -12,12 +12,14 @@ from excite.diagnosis.answer.result import Verdict
 from excite.diagnosis.budget.reading import Reading, read
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.fitted_signs import signs_again
+from excite.diagnosis.search.accepted_together import searched_together
 from excite.diagnosis.search.attribution import Attribution, Scored, Stage
 from excite.diagnosis.search.hypotheses import Hypothesis, at_rows
-from excite.diagnosis.search.refinement import extended
+from excite.diagnosis.search.refinement import extended, polished
 from excite.diagnosis.search.scoring import Scorer
 from excite.diagnosis.search.structured import structured_joints
 from excite.diagnosis.search.verdict import Judgement
@@ -59,7 +61,7 @@ def attributed(baseline: Baseline, scorer: Scorer, found: Found, budget: Budget,
         return Read(
             attribution, Judgement(reading.verdict, (), (), (), tuple(dict.fromkeys(places))), reading
         )
-    attribution = _chain(baseline, scorer, found, reading.effects)
+    attribution = _chain(baseline, scorer, found, reading.effects, finer=True)
     structured = structured_joints(attribution, spectral)
     tied = tuple(
         (item.location, *(place for name, place in item.rivals if name == item.effect))
@@ -74,7 +76,9 @@ def attributed(baseline: Baseline, scorer: Scorer, found: Found, budget: Budget,
     return Read(attribution, judgement, reading)
 
 
-def _chain(baseline: Baseline, scorer: Scorer, found: Found, named: tuple[Named, ...]) -> Attribution:
+def _chain(
+    baseline: Baseline, scorer: Scorer, found: Found, named: tuple[Named, ...], *, finer: bool = False
+) -> Attribution:
     """The attribution of named effects, in their order; the first one's rivals are ranked after it."""
     terms = {term.key: term for term in found.search.model.terms}
     rivals = {
@@ -86,6 +90,8 @@ def _chain(baseline: Baseline, scorer: Scorer, found: Found, named: tuple[Named,
         key = (item.effect, item.location)
         others = rivals.get(key, []) if number == 0 else []
         made = [_hypothesis(term, current) for term in (terms[key], *others)]
+        if finer and item.share >= THRESHOLDS.trifle and terms[key].theta:
+            made[0] = polished(made[0])
         scored = [
             replace(s, evidence=nats)
             for s, nats in zip(
@@ -95,6 +101,9 @@ def _chain(baseline: Baseline, scorer: Scorer, found: Found, named: tuple[Named,
         stages.append(Stage(Context(current), tuple(scored), scored[0]))
         current = extended(scored[0].hypothesis)
     current = signs_again(current) if named else current
+    if finer and len(stages) > 1:
+        items, current = searched_together(baseline, [s.accepted for s in stages if s.accepted], current)
+        stages = [replace(s, accepted=item) for s, item in zip(stages, items, strict=True)]
     stages.append(Stage(Context(current), (), None))
     return Attribution(
         tuple(stages), baseline.fit, current.fit, current, scorer.floor(current.fit), scorer.scale

@@ -3,49 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.arm_curves import trial_curves
-from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
-from excite.diagnosis.arm.attributed import attributed
 from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
-from excite.diagnosis.budget.library import NAMELESS
-from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import begun_baseline, model_of_gap
-from excite.diagnosis.budget.same_machine import other_machine
-from excite.diagnosis.budget.unison import unison
+from excite.diagnosis.arm.judged import Judged, judged_record
+from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.effect import Effect
-from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.noise_floor import (
     other_postures,
     repeat_floor,
-    spectral_floor,
     unrepeated,
-    white_floor,
 )
-from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.equations.standing_joints import held_power
 from excite.diagnosis.next_experiment.advice import advice
-from excite.diagnosis.search.attribute import Attributor
-from excite.diagnosis.search.attribution import Attribution, Scored
-from excite.diagnosis.search.scoring import Scorer
+from excite.diagnosis.search.attribution import Attribution
 from excite.diagnosis.search.unnamed import in_words
-from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
 from excite.diagnosis.simulator.accepted_values import found_effects
 from excite.diagnosis.simulator.rollout_compare import simulated
-from excite.finding import Finding
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 
@@ -72,55 +55,6 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
     return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, simulate)
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueRecord:
-    """Repaired trials that have torques, measured or reconstructed.
-
-    Attributes:
-        robot: the nominal model.
-        log: the log, its trials repaired.
-        modelled: what the baseline has, and effects that are not to be tried.
-        out: folder for the motion of the next experiment; none is planned without it.
-        reconstructed_noise: noise of torques that were not measured, in the rows' band, ``(n_joints,)`` [N·m]; None
-            where they were, whose noise stands in their spectrum.
-        effects: the library of effects to try.
-    """
-
-    robot: Robot
-    log: Log
-    modelled: tuple[str, ...]
-    out: Path | None = None
-    reconstructed_noise: Callable[[ArmSamples], Array] | None = None
-    effects: tuple[Effect, ...] = field(default_factory=lambda: tuple(EFFECTS.values()))
-
-
-@dataclass(frozen=True, eq=False)
-class _Attributed:
-    """What the search found in the rows, and the noise by which it was judged.
-
-    Attributes:
-        samples: the repaired trials at one rate.
-        baseline: before the first effect.
-        spectral: noise in the rows' band, positions' share in it, ``(n_joints,)`` [N·m].
-        noise: what noise of the positions leaves in the rows, ``(n_joints, n_rows)`` [N·m].
-        attribution: all steps of the search; withdrawn where nothing is named.
-        judgement: the verdict on it.
-        impossible: the best candidate, where no body could be so.
-        budget: where each joint's gap goes; None where torques were not measured.
-        findings: what limits what the record can tell.
-    """
-
-    samples: ArmSamples
-    baseline: Baseline
-    spectral: Array
-    noise: Array
-    attribution: Attribution
-    judgement: Judgement
-    impossible: tuple[Scored, ...]
-    budget: Budget | None = None
-    findings: tuple[Finding, ...] = ()
-
-
 def diagnose_torques(
     record: TorqueRecord,
     rng: np.random.Generator,
@@ -136,7 +70,7 @@ def diagnose_torques(
     Returns:
         The diagnosis.
     """
-    found = _attributed(record)
+    found = judged_record(record)
     samples, baseline, attribution, judgement = (
         found.samples,
         found.baseline,
@@ -179,47 +113,7 @@ def diagnose_torques(
     )
 
 
-def _attributed(record: TorqueRecord) -> _Attributed:
-    """The search for effects beside a baseline that is fitted first."""
-    samples = arm_samples(record.robot, record.log, record.log.trials)
-    spectral = (record.reconstructed_noise or spectral_floor)(samples)
-    # Torques that were not measured are no better further up in the spectrum.
-    measured = record.reconstructed_noise is None
-    least = np.minimum(white_floor(samples), spectral) if measured else spectral
-    full = begun_baseline(samples, record.modelled, least) if measured else None
-    baseline = fit_baseline(samples, record.modelled, least, like=full)
-    columns = [record.log.header.joints.index(name) for name in samples.joints]
-    sigma = position_noise(samples, columns, record.log.trials)
-    noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
-    judged = noise * baseline.strict
-    spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
-    if full is not None:
-        tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
-        scale = np.maximum(tau.std(axis=0), 1e-9)
-        scorer = Scorer(baseline, spectral, unrepeated(samples, judged), scale)
-        together = unison(baseline)
-        # On one path any list of effects could stand for any other.
-        named = record.effects if together is None else _own_terms(record.effects)
-        found = model_of_gap(full, record.modelled, (*named, *NAMELESS), least)
-        budget = budget_of(found, spectral, scale)
-        read = attributed(baseline, scorer, found, budget, spectral)
-        said = (*(() if together is None else (together,)), *other_machine(found.search.model))
-        attribution, judgement = read.attribution, read.judgement
-        return _Attributed(samples, baseline, spectral, noise, attribution, judgement, (), budget, said)
-    attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=record.effects).run()
-    judgement = judge(attribution, spectral)
-    impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
-    if judgement.verdict == "unknown" and attribution.accepted:
-        attribution = withdrawn(attribution, baseline)
-    return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible)
-
-
-def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Effects that are terms of a joint's drive, told by its own motion."""
-    return tuple(effect for effect in effects if effect.term is not None)
-
-
-def _floor(found: _Attributed, after: Array) -> Array:
+def _floor(found: Judged, after: Array) -> Array:
     """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds."""
     samples, floor = found.samples, found.attribution.floor
     repeat = repeat_floor(samples, after)
@@ -233,7 +127,7 @@ def _floor(found: _Attributed, after: Array) -> Array:
     return floor
 
 
-def _warnings(record: TorqueRecord, found: _Attributed, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
+def _warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
     """Limits of what is said, one sentence each."""
     warnings = []
     if not record.log.role("validation"):

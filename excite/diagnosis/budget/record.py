@@ -11,6 +11,7 @@ from excite.diagnosis.budget.blocks import blocks_of
 from excite.diagnosis.budget.design import Design, Rows
 from excite.diagnosis.budget.joint_fit import fit
 from excite.diagnosis.budget.library import Library, with_begun
+from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.search import Search
@@ -91,6 +92,7 @@ def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMake
     model = fit(design, range(len(kept)))
     last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
     last.backward()
+    merge(last)
     last.backward()
     return last
 
@@ -116,6 +118,11 @@ def _refined(full: Baseline, search: Search, *, resonances: bool) -> tuple[list[
         others = [i for i in model.chosen if i != k]
         beside = Beside.of(fit(model.design, others, model.weight, left_out=False))
         kept.append(refiner.refined(beside, again, term.effect.richer))
+        neighbours = [i for i in others if terms[i].own == term.own and not terms[i].started]
+        if term.own is not None and neighbours:
+            alone = [i for i in others if i not in neighbours]
+            apart = Beside.of(fit(model.design, alone, model.weight, left_out=False))
+            near.append(refiner.refined(apart, again))
         for other in search.instead(k, beside.model)[:_INSTEAD]:
             near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
     if resonances:

@@ -102,12 +102,12 @@ class Search:
 
     def _best_of_screening(self) -> list[Tried]:
         """Those that pass, best first."""
-        ranking = screened(self.model, self._allowed(self.model))
+        ranking = screened(self.model, self.allowed(self.model))
         ranking = [item for item in ranking if self._can_be(item.index, item.x)]
         ranking = _one_each(self.design, ranking)
         for batch in range(_BATCHES):
             part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
-            tried = [self._tried(self.model, item.index) for item in part]
+            tried = [self.try_beside(self.model, item.index) for item in part]
             passing = [t for t in tried if t is not None and t.merit.passes and self._large(t)]
             if passing:
                 passing.sort(key=lambda item: -item.merit.score)
@@ -165,12 +165,12 @@ class Search:
     def _in_place_of(self, k: int, without: Model) -> list[Tried]:
         """What else might stand in a term's place, fitted in full."""
         term = self.design.terms[k]
-        allowed = [i for i in self._allowed(without) if self.design.terms[i].key != term.key and i != k]
+        allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key and i != k]
         joints = set(term.columns) if term.own is None else {term.own}
         ranking = screened(without, allowed)
         ranking = [item for item in ranking if self._can_be(item.index, item.x)]
         near = [item for item in _one_each(self.design, ranking) if item.joint in joints]
-        made = [self._tried(without, item.index) for item in near[:_SWAPPED]]
+        made = [self.try_beside(without, item.index) for item in near[:_SWAPPED]]
         return [item for item in made if item is not None]
 
     def _same_place(self, a: int, b: int) -> bool:
@@ -181,18 +181,18 @@ class Search:
     def instead(self, k: int, without: Model) -> list[int]:
         """Other effects with non-linear parameters that might stand in a term's place, likeliest first."""
         term = self.design.terms[k]
-        allowed = [i for i in self._allowed(without) if self.design.terms[i].key != term.key]
+        allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key]
         ranking = [s for s in screened(without, allowed) if self._can_be(s.index, s.x)]
         near = [s.index for s in _one_each(self.design, ranking) if s.joint == term.own]
         return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
 
-    def _tried(self, without: Model, k: int) -> Tried | None:
+    def try_beside(self, without: Model, k: int) -> Tried | None:
         model = fit(self.design, (*without.chosen, k), without.weight)
         if not self._can_be(k, model.parameters(k)):
             return None
         return Tried(k, model, merit(without, model, self.design.terms[k], self.candidates))
 
-    def _allowed(self, model: Model) -> list[int]:
+    def allowed(self, model: Model) -> list[int]:
         """Terms that may join a model."""
         terms = [self.design.terms[k] for k in model.chosen]
         keys = {t.key for t in terms}
