@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,12 @@ import yaml
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import begun_baseline, model_of_gap
+from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
+from excite.diagnosis.budget.same_machine import other_machine
+from excite.diagnosis.budget.unison import independent_joints, unison
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.samples import arm_samples
 from excite.errors import LogError
@@ -21,19 +25,26 @@ from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
 from tests.diagnosis.two_joints import COULOMB, VISCOUS, moved, two_joint_log
-from tests.reproduction import emps
+from tests.reproduction import airbot_play_load, emps
 
 FRICTION = ("rigid_body", "viscous_friction", "coulomb_friction")
 More = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
-    """The budget of a log's own rows."""
+def searched(log: Log, modelled: tuple[str, ...]) -> Found:
+    """The model of the gap of a log's own rows."""
     samples = arm_samples(nominal_robot(log), log, log.trials)
     floor = spectral_floor(samples)
-    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
     full = begun_baseline(samples, modelled, floor)
-    return budget_of(model_of_gap(full, modelled, tuple(EFFECTS.values()), floor), floor, tau.std(axis=0))
+    return model_of_gap(full, modelled, tuple(EFFECTS.values()), floor)
+
+
+def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
+    """The budget of a log's own rows."""
+    found = searched(log, modelled)
+    samples = found.baseline.samples
+    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+    return budget_of(found, spectral_floor(samples), tau.std(axis=0))
 
 
 def two_joints(folder: Path, more: More | None = None) -> Log:
@@ -152,3 +163,32 @@ def test_a_log_may_name_a_bundled_robot(tmp_path: Path) -> None:
     (folder / "log.yaml").write_text(yaml.safe_dump(header | {"robot": "ur10"}))
     with pytest.raises(LogError, match="has no joint 'first'"):
         diagnose(folder)
+
+
+@pytest.mark.parametrize(("judged", "said"), [(0.4, []), (1.2, ["other_machine"])])
+def test_trials_of_another_machine_are_said_to_be(tmp_path: Path, judged: float, said: list[str]) -> None:
+    """The same constant in all trials is one machine; another one in those that judge is not."""
+    log = two_joints(tmp_path / "plain")
+    sizes = {"identification": 0.4, "validation": judged}
+    trials = tuple(replace(t, tau=t.tau + np.array([0.0, sizes[t.role]])) for t in log.trials)
+    found = searched(load_log(save_log(two_joint_log(trials), tmp_path / "log")), FRICTION)
+    assert [item.kind for item in other_machine(found.search.model)] == said
+
+
+def test_joints_that_move_on_one_path_are_counted_as_one() -> None:
+    rng = np.random.default_rng(0)
+    path, free = rng.normal(size=(500, 1)), rng.normal(size=(500, 4))
+    assert independent_joints(path @ np.array([[1.0, -2.0, 0.1, 5.0]])) == pytest.approx(1.0, abs=1e-6)
+    assert independent_joints(free) == pytest.approx(4.0, rel=0.05)
+
+
+def test_of_an_arm_that_moves_in_unison_only_its_torque_scales_are_said(
+    data_dir: Path, tmp_path: Path
+) -> None:
+    log = airbot_play_load.chirp_log(data_dir, tmp_path, loaded=False)
+    samples = arm_samples(nominal_robot(log), log, log.trials)
+    finding = unison(fit_baseline(samples, ("rigid_body_fixed", *FRICTION[1:]), spectral_floor(samples)))
+    assert finding is not None
+    assert finding.figures["independent"] == pytest.approx(1.0, abs=0.1)
+    assert finding.figures["torque_scale.joint4"] == pytest.approx(1.6, rel=0.1)
+    assert finding.figures["torque_scale.joint5"] == pytest.approx(1.6, rel=0.1)

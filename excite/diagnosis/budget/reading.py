@@ -54,7 +54,7 @@ def _worth_naming(budget: Budget, item: Named) -> bool:
 
 def _stands_clear(budget: Budget, item: Named) -> bool:
     """Whether an effect takes most of the gap at its own place, and that is not a trifle of the whole."""
-    return item.share >= THRESHOLDS.trifle and max(_shares(budget, item), default=0.0) >= THRESHOLDS.clear
+    return item.share >= THRESHOLDS.trifle and max(_shares(budget, item), default=0.0) >= THRESHOLDS.most
 
 
 def _shares(budget: Budget, item: Named) -> list[float]:

@@ -44,6 +44,8 @@ class Beside:
             cross[m.layout.numbers[j]] += w * (m.design.matrices[j][:, m.layout.columns[j]][use].T @ inside)
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
+        if (np.diag(inner) <= 0.0).any():
+            return -np.inf, np.zeros(size)
         left = inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner))
         x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
         power = float(2.0 * slope @ x - x @ left @ x)

@@ -12,6 +12,9 @@ from excite.finding import Finding
 
 # Blocks of the trials that judge by which they tell how sure they are.
 _BLOCKS = 3
+# Share of a size from which a difference is another machine, not what a model leaves: a load turned by half a turn
+# and a band tightened by half lie above it.
+_LARGE = 0.3
 
 
 def other_machine(model: Model) -> tuple[Finding, ...]:
@@ -41,7 +44,7 @@ def other_machine(model: Model) -> tuple[Finding, ...]:
         where = slice(begin - first, begin - first + term.size)
         change = there[where] - here[where]
         clear = np.abs(change) > THRESHOLDS.differs * both[where]
-        large = np.linalg.norm(change) > 0.3 * np.linalg.norm(here[where])
+        large = np.linalg.norm(change) > _LARGE * np.linalg.norm(here[where])
         if not (clear.any() and large):
             continue
         old, new = term.beta(here[where]), term.beta(there[where])

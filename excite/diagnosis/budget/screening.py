@@ -51,7 +51,8 @@ def screened(model: Model, candidates: Sequence[int]) -> list[Screened]:
             slope += gradients[j][where]
         left = inner - cross.T @ (inverse @ cross)
         size = np.diag(inner)
-        if (np.diag(left) < _NOTHING * size).all():
+        # The trials that are fitted may not show it at all.
+        if (size <= 0.0).any() or (np.diag(left) < _NOTHING * size).all():
             continue
         left = left + 1e-8 * np.diag(size)
         x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
