@@ -113,6 +113,10 @@ class NoSolutionError(ExciteError):
         super().__init__(f"{what}; {remedy}" if remedy else what)
 
 
+class NothingSafeError(NoSolutionError):
+    """No candidate is safe; ``best`` says what refuses them (``to_json()``, ``table()``)."""
+
+
 def _rebuilt(kind: type[ExciteError], args: tuple[Any, ...], attributes: dict[str, Any]) -> ExciteError:
     """An error as it was, without the checks and sentences of its constructor."""
     error = kind.__new__(kind)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 Severity = Literal["fatal", "spoils", "limits", "note"]
@@ -60,6 +60,48 @@ class Finding:
 def worst_first(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """What spoils most and is not mended first; the order within a class is kept."""
     return tuple(sorted(findings, key=lambda item: (item.repaired, _WORST_FIRST.index(item.severity))))
+
+
+def merged(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Findings with those of one kind that ask for the same made one, at all their places, in the first one's place.
+
+    Figures that differ are told by the places that they are of, ``NAME.PLACE``; what is said is as sure as the least.
+    """
+    groups: dict[tuple[str, str, bool, str], list[Finding]] = {}
+    for item in findings:
+        groups.setdefault((item.kind, item.severity, item.repaired, item.remedy), []).append(item)
+    return tuple(group[0] if len(group) == 1 else _one(group) for group in groups.values())
+
+
+def _one(group: list[Finding]) -> Finding:
+    """One finding of several of a kind."""
+    names = dict.fromkeys(name for item in group for name in item.figures)
+    common = {
+        name: group[0].figures[name]
+        for name in names
+        if all(item.figures.get(name) == group[0].figures.get(name) for item in group)
+    }
+    own = {
+        ".".join((name, *item.places)): value
+        for item in group
+        for name, value in item.figures.items()
+        if name not in common
+    }
+    texts = tuple(dict.fromkeys(item.text for item in group))
+    # A finding that names no trial is of all of them.
+    trials = () if any(not item.trials for item in group) else _union(item.trials for item in group)
+    return replace(
+        group[0],
+        text="; ".join(texts),
+        figures=common | own,
+        places=_union(item.places for item in group),
+        sure=min(item.sure for item in group),
+        trials=trials,
+    )
+
+
+def _union(parts: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for part in parts for name in part))
 
 
 def listed(names: tuple[str, ...] | list[str], most: int = 5) -> str:

@@ -16,7 +16,8 @@ from excite.blind.draw import Draft
 from excite.blind.faults import FAULTS
 from excite.blind.forms import OWN_TERMS, background, hide, left_out, without_term
 from excite.blind.hidden import Answer, HiddenEffect
-from excite.logs.log import Log, Role, Trial, TrialHeader
+from excite.logs.header_blocks import Role, TrialHeader
+from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
 from excite.simulation.effects.friction.bristles import BristleLaw
 from excite.simulation.effects.friction.coulomb_asymmetry import AsymmetryLaw

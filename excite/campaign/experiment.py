@@ -12,7 +12,8 @@ import numpy as np
 from excite.errors import NoSolutionError
 from excite.json_document import write_json
 from excite.logs.files import save_log
-from excite.logs.log import Log, Role
+from excite.logs.header_blocks import Role
+from excite.logs.log import Log
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent

@@ -29,8 +29,9 @@ from excite.excitation.weakness import unexcited
 from excite.identification.identify import identify
 from excite.identification.result import Identification
 from excite.json_document import write_json
+from excite.logs.header_blocks import Role
 from excite.logs.joined import join_logs
-from excite.logs.log import Log, Role
+from excite.logs.log import Log
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data

@@ -97,10 +97,8 @@ class Outlook:
 def predictable(robot: Robot) -> bool:
     """Whether ``robot.yaml`` says enough of the sensors: joint torques, or wrenches, with their noise."""
     sensors = robot.description.sensors
-    if robot.floating:
-        return bool(robot.sensors) and all(
-            s.noise_force > 0.0 and s.noise_moment > 0.0 for s in robot.sensors
-        )
+    if robot.measures_contacts:
+        return all(s.noise_force > 0.0 and s.noise_moment > 0.0 for s in robot.sensors)
     noise = sensors.noise_torque
     stated = noise is not None and (noise.default is not None or set(robot.joint_names) <= set(noise.joints))
     return sensors.joint_torque is not None and stated

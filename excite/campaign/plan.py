@@ -14,7 +14,8 @@ from excite.campaign.candidates.source import candidates_of, check_generator
 from excite.campaign.choice import Rule, choose
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool, ranked_segments
-from excite.errors import InputError, NoSolutionError
+from excite.campaign.refusal import FirstOf, none_is_safe, refusals_of
+from excite.errors import InputError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
 from excite.parallel.jobs import Jobs
@@ -75,7 +76,8 @@ def plan(
         The plan.
 
     Raises:
-        NoSolutionError: no candidate was accepted; the error says why they were refused.
+        NoSolutionError: no candidate was accepted; the error says what refuses most and what would help; its
+            ``best`` are the :class:`~excite.campaign.refusal.Refusals`.
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
@@ -88,17 +90,12 @@ def plan(
     generated = time.perf_counter()
     folder = TemporaryFolder()
     keeper = Keeper(folder.path, prefix)
-    report = filter_candidates(
-        robot, source.candidates, jobs=jobs, total=source.count, progress=progress, keep=keeper
-    )
+    first = FirstOf(source.candidates)
+    report = filter_candidates(robot, first, jobs=jobs, total=source.count, progress=progress, keep=keeper)
+    refusals = refusals_of(robot, report, first, jobs, accepted=len(report.kept))
     filtered = time.perf_counter()
     if not report.kept:
-        refused = ", ".join(f"{count} {reason}" for reason, count in sorted(report.rejected.items()))
-        raise NoSolutionError(
-            f"none of {n_candidates} candidates is safe for {robot.name} ({refused})",
-            best=report,
-            remedy="see which limit refuses them, or ask for more candidates",
-        )
+        raise none_is_safe(robot, refusals)
     base = structural_base_parameters(robot)
     pool = Pool(report.kept, folder, ranked_segments(robot))
     ranked = time.perf_counter()
@@ -114,6 +111,7 @@ def plan(
         robot=robot,
         generated=report.generated,
         rejected=rejected,
+        refusals=refusals,
         pool=pool,
         selection=choice.selection,
         validation=choice.validation,

@@ -13,6 +13,7 @@ from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.campaign.on_disk import OnDisk
 from excite.campaign.outlook import Outlook, outlook, predictable
 from excite.campaign.pool import Pool
+from excite.campaign.refusal import Refusals
 from excite.excitation.conditioning import Conditioning, MotionFactor
 from excite.excitation.selection import Selection
 from excite.json_document import write_json
@@ -32,6 +33,7 @@ class Plan:
         robot: the robot.
         generated: number of candidates.
         rejected: by reason, how many candidates the filter refused.
+        refusals: what refused them, where, and the change that would help most.
         pool: every accepted motion, in the order of the candidates.
         selection: which of them go on, and for which segments.
         validation: accepted motions that were not chosen and that judge the result, as indices.
@@ -43,6 +45,7 @@ class Plan:
     robot: Robot
     generated: int
     rejected: Mapping[str, int]
+    refusals: Refusals
     pool: Pool
     selection: Selection
     validation: tuple[int, ...]
@@ -90,6 +93,7 @@ class Plan:
                 "accepted": len(self.pool.entries),
                 "rejected": dict(sorted(self.rejected.items())),
             },
+            **self.refusals.to_json(),
             "selected": [
                 {
                     "motion": f"motions/{item.motion}.parquet",
@@ -115,6 +119,11 @@ class Plan:
             f"chosen:   {self.conditioning.summary()}",
             f"unchosen: {self.unchosen.summary()}",
         ]
+        if self.validation:
+            names = ", ".join(f"{self.pool.names[i]}.parquet" for i in self.validation)
+            lines.append(f"written too, to validate on and not to identify from: motions/{names}")
+        if self.refusals.few:
+            lines.append(self.refusals.summary())
         if self.outlook is not None:
             lines.append(self.outlook.summary())
         if self.selection.unserved:

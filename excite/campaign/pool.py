@@ -24,7 +24,8 @@ from excite.threads import one_blas_thread
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Accepted:
-    """What is known of an accepted motion without reading it.
+    """What is known of an accepted motion without reading it; where its files are follows from its name, since a path
+    takes more memory than all else here.
 
     Attributes:
         name: of the motion.
@@ -32,16 +33,12 @@ class Accepted:
         duration_s: [s]
         conditions: ``(n_segments, 2)`` condition numbers of its segments' sub-regressors, and their smallest singular
             values [SI].
-        motion: its file.
-        factor: the file of its R factor.
     """
 
     name: str
     generator: str
     duration_s: float
     conditions: Array
-    motion: Path
-    factor: Path
 
 
 @dataclass(frozen=True)
@@ -61,6 +58,8 @@ class Keeper:
         """Write a motion and its R factor; raises InputError where that cannot be done."""
         motion = motion.renamed(self.prefix + motion.name)
         factor = motion_factor(robot, motion)
+        write_value(motion, _motion_file(self.folder, motion.name))
+        write_value(factor, _factor_file(self.folder, motion.name))
         return Accepted(
             name=motion.name,
             generator=motion.metadata.generator,
@@ -68,8 +67,6 @@ class Keeper:
             conditions=np.array(
                 [(c.condition, c.smallest) for c in segment_conditions(factor.matrix, _columns(robot))]
             ),
-            motion=write_value(motion, self.folder / f"{motion.name}.motion"),
-            factor=write_value(factor, self.folder / f"{motion.name}.factor"),
         )
 
 
@@ -100,12 +97,12 @@ class Pool:
     @property
     def motions(self) -> OnDisk[Motion]:
         """The motions."""
-        return OnDisk(tuple(entry.motion for entry in self.entries), self.folder)
+        return OnDisk(tuple(_motion_file(self.folder.path, name) for name in self.names), self.folder)
 
     @property
     def factors(self) -> OnDisk[MotionFactor]:
         """Their R factors."""
-        return OnDisk(tuple(entry.factor for entry in self.entries), self.folder)
+        return OnDisk(tuple(_factor_file(self.folder.path, name) for name in self.names), self.folder)
 
     @property
     def ranking(self) -> Ranking:
@@ -134,6 +131,14 @@ class Pool:
                 break
             taken.append(index)
         return sorted(taken)
+
+
+def _motion_file(folder: Path, name: str) -> Path:
+    return folder / f"{name}.motion"
+
+
+def _factor_file(folder: Path, name: str) -> Path:
+    return folder / f"{name}.factor"
 
 
 def ranked_segments(robot: Robot) -> tuple[str, ...]:

@@ -16,13 +16,14 @@ from excite.identification.noise.equation_noise import EquationNoise, equation_n
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import IdentificationProblem, build_problem
 from excite.identification.regression import RANK_TOLERANCE, least_squares, regression
-from excite.logs.log import Log, Trial, TrialHeader
-from excite.motion.motion import Motion, interpolate
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, Trial
+from excite.motion.motion import Motion, closed_contacts, interpolate
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.simulation.drives import nominal_drives
-from excite.simulation.sensing import log_header
+from excite.simulation.sensing import imu_readings, log_header
 from excite.threads import one_blas_thread
 
 # The planned log is sampled so many times as densely as the filter of the kinematics passes.
@@ -125,7 +126,7 @@ def _statistics(problem: IdentificationProblem, noise: EquationNoise) -> Predict
 def _planned_log(robot: Robot, motions: Sequence[Motion], settings: ProblemSettings) -> Log:
     """The log that the motions would leave, without noise, of forces only what the model may fail to explain."""
     own = robot.description.sensors.rate_hz
-    filters = settings.filters(floating=robot.floating)
+    filters = settings.filters(floating=robot.measures_contacts)
     step = max(1, int(own / (_SAMPLES_A_CUTOFF * min(filters.kinematics_cutoff_hz, own))))
     rate = own / step
     headers = tuple(TrialHeader(file=f"{motion.name}.parquet", role="identification") for motion in motions)
@@ -144,10 +145,19 @@ def _planned_trial(robot: Robot, motion: Motion, rate_hz: float) -> Trial:
         q=joints,
         tau=None if robot.description.sensors.joint_torque is None else _sharp_friction(robot, sampled.v),
         base=sampled.q[:, :7] if robot.floating else None,
+        imu=_planned_imu(robot, sampled),
         wrenches={sensor.name: np.zeros((n, 6)) for sensor in robot.sensors},
+        contacts=dict(zip((f.name for f in robot.feet), closed_contacts(robot, sampled).T, strict=True)),
     )
 
 
+def _planned_imu(robot: Robot, motion: Motion) -> Array | None:
+    """What an IMU would read, without noise."""
+    if robot.description.sensors.imu is None or not robot.floating:
+        return None
+    return imu_readings(robot, motion)
+
+
 def _sharp_friction(robot: Robot, velocity: Array) -> Array:
-    """Coulomb friction of the declared drives, ``(n, n_joints)`` [N·m or N]."""
-    return np.asarray(nominal_drives(robot).coulomb * np.sign(velocity))
+    """Coulomb friction of the declared drives, ``(n, n_joints)`` [N·m or N], at velocities ``(n, nv)``."""
+    return np.asarray(nominal_drives(robot).coulomb * np.sign(velocity[:, robot.n_base_v :]))

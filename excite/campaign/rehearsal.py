@@ -24,12 +24,14 @@ from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 UNKNOWN_LOAD = 0.15
 KNAPSACK = (-0.1, 0.0, 0.1)
 _LOAD_SIZE_M = 0.1
+# How far a point foot may slip while it carries [m]: a quarter of a quadruped's foot.
+MAX_SLIP = 0.005
 
 
 def rehearse(
     robot: Robot, motions: Sequence[Motion], *, jobs: Jobs = 1, progress: Progress = silent
 ) -> tuple[bool, ...]:
-    """Whether a standing robot stays on its feet and clear of itself in each motion.
+    """Whether a standing robot stays on its feet, does not slip on points, and stays clear of itself in each motion.
 
     The robot is the model with a load on its back, which is harder than the model itself: a real robot weighs
     more than its model.
@@ -50,7 +52,9 @@ def rehearse(
 
 def _stands(robot: Robot, task: Motion | Path) -> bool:
     motion = read_value(task) if isinstance(task, Path) else task
-    return replay(loaded_robot(robot), motion).on_its_feet
+    run = replay(loaded_robot(robot), motion)
+    # Soles that slip turn and stop; legs on points that slip lose the ground that the motion counts on.
+    return run.on_its_feet and (all(foot.flat for foot in robot.feet) or run.max_slip_m <= MAX_SLIP)
 
 
 def loaded_robot(robot: Robot, offset: tuple[float, float, float] = KNAPSACK) -> VirtualRobot:

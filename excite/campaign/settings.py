@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from excite.campaign.plan import MAX_CANDIDATES
-from excite.identification.estimators.registry import find_estimator
+from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.reading.number import check_count, check_number, check_seed
 
 # Each iteration is a day of recording.
@@ -31,7 +31,7 @@ class CampaignSettings:
     n_candidates: int = 140
     target_rsd: float = 15.0
     max_iterations: int = 3
-    method: str = "qp"
+    method: str = DEFAULT_METHOD
     seed: int = 0
     on_robot: bool = False
 

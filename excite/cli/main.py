@@ -26,13 +26,16 @@ from excite.cli import (  # noqa: E402
     export,
     human,
     identify,
+    identify_load,
     init_robot,
     plan,
     rank,
     report,
     robots,
+    schema,
     simulate,
 )
+from excite.cli.records import capture, convert, init_log  # noqa: E402
 from excite.cli.session.failure import (  # noqa: E402
     EXIT_BAD_INPUT,
     EXIT_USAGE,
@@ -69,14 +72,19 @@ for _module in (
     check,
     rank,
     export,
+    capture,
     simulate,
+    init_log,
+    convert,
     identify,
+    identify_load,
     doctor,
     diagnose,
     effects,
     human,
     campaign,
     report,
+    schema,
     demo,
 ):
     app.command(name=_module.NAME, cls=_CLASSES.get(_module))(_module.command)

@@ -20,6 +20,7 @@ from excite.cli.session.options import (
 )
 from excite.cli.session.output import EXIT_NEGATIVE, emit, progress_bars
 from excite.cli.session.workers import workers
+from excite.motion.roles import planned_roles
 
 NAME = "simulate"
 
@@ -50,6 +51,7 @@ def command(
             excite.load_motions(motions, loaded),
             inject=tuple(inject or ()),
             nominal=nominal,
+            roles=planned_roles(motions) or None,
             seed=seed,
             jobs=crew,
             progress=progress,

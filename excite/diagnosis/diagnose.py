@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm.diagnose import diagnose_arm
+from excite.diagnosis.doubtful import in_doubt, said
 from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.diagnosis.servo.currents import diagnose_currents
 from excite.diagnosis.servo.diagnose import diagnose_commands
@@ -57,14 +58,17 @@ def diagnose(
     chart.check_usable()
     found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
-    return replace(found, faults=(*chart.findings, *found.faults), warnings=(*limits, *found.warnings))
+    doubts = (said(chart.doubts),) if chart.doubts else ()
+    warnings = (*limits, *doubts, *found.warnings)
+    return replace(found, faults=(*chart.findings, *found.faults), warnings=warnings)
 
 
 def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
     """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
     loaded = chart.log
-    said = _modelled(loaded.header)
-    modelled = tuple(dict.fromkeys((*said, *chart.imitated)))
+    modelled = _modelled(loaded.header)
+    if chart.doubts:
+        modelled = in_doubt(modelled, chart.doubts)
     if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
+from excite.doctor.doubt import Doubt
 from excite.finding import Finding
 from excite.logs.log import Log
 from excite.robot.robot import Robot
@@ -18,13 +19,12 @@ class Outcome:
     Attributes:
         log: the log, repaired where that is sound; the one that was handed in where nothing was.
         findings: what was found.
-        imitated: effects of a diagnosis that what was found would be taken for, as far as it could not be repaired
-            to the last.
+        doubts: what the log tells only about, as far as what was found could not be repaired to the last.
     """
 
     log: Log
     findings: tuple[Finding, ...] = ()
-    imitated: tuple[str, ...] = ()
+    doubts: frozenset[Doubt] = frozenset()
 
 
 class Check(ABC):

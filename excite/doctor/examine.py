@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.registry import CHECKS
 from excite.errors import IllLogError
-from excite.finding import Finding, worst_first
+from excite.finding import Finding, merged, worst_first
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
@@ -25,13 +26,13 @@ class Chart:
         robot: name of the robot.
         log: the log, repaired where that is sound.
         findings: what was found, worst first.
-        imitated: effects of a diagnosis that a fault, repaired or not, could still be taken for.
+        doubts: what the log tells only about, repaired or not.
     """
 
     robot: str
     log: Log
     findings: tuple[Finding, ...]
-    imitated: tuple[str, ...] = ()
+    doubts: frozenset[Doubt] = frozenset()
 
     @property
     def healthy(self) -> bool:
@@ -90,15 +91,15 @@ def examine(robot: Robot, log: Log, settings: ProblemSettings | None = None) -> 
         The repaired log and the findings.
     """
     findings: list[Finding] = []
-    imitated: list[str] = []
+    doubts: set[Doubt] = set()
     if settings is not None:
         log = _as_set(log, settings)
     for check in CHECKS:
         outcome = check.examine(robot, log)
         log = outcome.log
         findings += outcome.findings
-        imitated += outcome.imitated
-    return Chart(robot.name, log, worst_first(tuple(findings)), tuple(dict.fromkeys(imitated)))
+        doubts |= outcome.doubts
+    return Chart(robot.name, log, worst_first(merged(tuple(findings))), frozenset(doubts))
 
 
 def _as_set(log: Log, settings: ProblemSettings) -> Log:

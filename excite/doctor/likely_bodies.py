@@ -89,13 +89,31 @@ class LikelyBodies:
             grams.append(rows.T @ rows / n)
             rights.append(rows.T @ target[:, j] / n)
             powers.append(float(target[:, j] @ target[:, j]) / n)
-        return _fitted(grams, rights, np.array(powers), k)
+        return _fitted(grams, rights, np.array(powers), k, 4)
+
+    def left_of_wrench(self, body: Array, others: Array, target: Array) -> Array:
+        """The same of a wrench, whose parts have no drives.
+
+        Args:
+            body: ``(n, m, 10·n_segments)`` wrench per unit of each inertial parameter, in units of its scale.
+            others: ``(n, m, k)`` what sensors and pose may add, per standard deviation, in the same units.
+            target: ``(n, m)`` measured less nominal, in the same units.
+
+        Returns:
+            ``(m + 1,)``, as :meth:`left`.
+        """
+        used = np.flatnonzero(np.abs(body).max(axis=(0, 1)) * self.spread > 1e-9)
+        rows = np.concatenate([body[:, :, used] * self.spread[used], others], axis=2)
+        n, m, k = rows.shape
+        grams = [rows[:, j].T @ rows[:, j] / n for j in range(m)]
+        rights = [rows[:, j].T @ target[:, j] / n for j in range(m)]
+        return _fitted(grams, rights, (target**2).mean(axis=0), k, 0)
 
 
-def _fitted(grams: list[Array], rights: list[Array], powers: Array, k: int) -> Array:
+def _fitted(grams: list[Array], rights: list[Array], powers: Array, k: int, drives: int) -> Array:
     """Weights by what is left, again and again; friction and rotors that come out negative are left out."""
-    m, size = len(grams), k + 4 * len(grams)
-    places = [np.concatenate([np.arange(k), k + 4 * j + np.arange(4)]) for j in range(m)]
+    m, size = len(grams), k + drives * len(grams)
+    places = [np.concatenate([np.arange(k), k + drives * j + np.arange(drives)]) for j in range(m)]
     allowed = np.ones(size, dtype=bool)
     shares = np.full(m, 0.1)
     x = np.zeros(size)

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from excite.arrays import Array
+from excite.doctor.likely_bodies import FLOOR
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 
@@ -69,7 +70,10 @@ def misreadings(
     while len(found) < _MOST:
         best: tuple[float, Correction, Mistake[S], Array] | None = None
         surprising: list[tuple[float, Correction, Mistake[S], Array]] = []
-        for mistake, correction in _promising(samples, reading, mistakes):
+        # Where hardly anything is left there is nothing to gain.
+        gainable = float((left[:-1] - 0.5 * np.log(FLOOR)).sum() + left[-1]) > LEAST_GAIN
+        asked = mistakes if gainable else [mistake for mistake in mistakes if mistake.may_surprise]
+        for mistake, correction in _promising(samples, reading, asked):
             then = samples.judged(correction.reading)
             merit = float((left - then).sum()) - LEAST_GAIN * correction.changes
             if (

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
+from excite.doctor.base_pose import BasePose
 from excite.logs.log import Log, Trial
 
 
@@ -26,6 +27,9 @@ class Reading:
         tick: seconds per unit of the stamps.
         late_s: how much later than positions torques, currents and wrenches were logged [s].
         gravity: ``(3,)`` in the world frame [m/s²].
+        sensor_of: ``(n_sensors,)`` whose columns hold each contact sensor's wrench.
+        wrench_map: ``(n_sensors, 6, 6)`` what makes a wrench of these columns: signs, axes, units.
+        pose: what the columns of the base pose hold.
     """
 
     position_of: NDArray[np.int64]
@@ -37,6 +41,9 @@ class Reading:
     tick: float
     late_s: float
     gravity: Array
+    sensor_of: NDArray[np.int64]
+    wrench_map: Array
+    pose: BasePose = BasePose.STATED
 
     @classmethod
     def as_stated(cls, log: Log) -> Reading:
@@ -52,11 +59,14 @@ class Reading:
             tick=1.0,
             late_s=0.0,
             gravity=np.array(log.header.gravity),
+            sensor_of=np.arange(len(log.header.sensors)),
+            wrench_map=np.tile(np.eye(6), (len(log.header.sensors), 1, 1)),
         )
 
     def motion_key(self) -> bytes:
         """Equal for readings that make the same motion of the same log."""
-        parts = (self.position_of, self.position_sign, [self.unit, self.tick], self.zero, self.gravity)
+        pose = list(BasePose).index(self.pose)
+        parts = (self.position_of, self.position_sign, [self.unit, self.tick, pose], self.zero, self.gravity)
         return b"".join(np.asarray(part, dtype=float).tobytes() for part in parts)
 
     def with_position(self, joint: int, sign: float = 1.0, zero: float = 0.0) -> Reading:
@@ -72,14 +82,21 @@ class Reading:
         factors[list(joints)] *= factor
         return replace(self, torque_factor=factors)
 
+    def with_wrenches(self, sensors: Sequence[int], matrix: Array) -> Reading:
+        """Wrenches of some sensors turned by a matrix ``(6, 6)``."""
+        maps = self.wrench_map.copy()
+        maps[list(sensors)] = matrix @ maps[list(sensors)]
+        return replace(self, wrench_map=maps)
+
     def of(self, log: Log) -> Log:
         """The log with its channels put right."""
         columns = [log.header.joints.index(joint) for joint in log.header.torque_joints]
         header = log.header.model_copy(update={"gravity": tuple(float(x) for x in self.gravity)})
-        trials = tuple(self._trial(trial, columns) for trial in log.trials)
+        sensors = tuple(sensor.name for sensor in log.header.sensors)
+        trials = tuple(self._trial(trial, columns, sensors) for trial in log.trials)
         return replace(log, header=header, trials=trials)
 
-    def _trial(self, trial: Trial, columns: list[int]) -> Trial:
+    def _trial(self, trial: Trial, columns: list[int], sensors: tuple[str, ...]) -> Trial:
         factor = self.position_sign * self.unit
 
         def turned(values: Array | None, zero: Array | float = 0.0) -> Array | None:
@@ -103,8 +120,20 @@ class Reading:
             a=turned(trial.a),
             tau=forces(trial.tau),
             current=forces(trial.current),
-            wrenches={name: self._shifted(trial.time, values) for name, values in trial.wrenches.items()},
+            base=None if trial.base is None else self.pose.read(trial.base),
+            wrenches={
+                name: self._shifted(trial.time, values)
+                for name, values in self._wrenches(trial, sensors).items()
+            },
         )
+
+    def _wrenches(self, trial: Trial, sensors: tuple[str, ...]) -> dict[str, Array]:
+        """Readings by sensor; those of sensors that the log does not describe as they are."""
+        found = dict(trial.wrenches)
+        for name, other, matrix in zip(sensors, self.sensor_of, self.wrench_map, strict=True):
+            if sensors[other] in trial.wrenches:
+                found[name] = trial.wrenches[sensors[other]] @ matrix.T
+        return found
 
     def _shifted(self, time: Array, values: Array) -> Array:
         if self.late_s == 0.0:

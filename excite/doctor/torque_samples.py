@@ -28,6 +28,8 @@ _SAMPLES = 600
 _JUDGED = 250
 # Less than this share of a torque's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
+# Share of a torque's power that bodies make where they tell something of it.
+_TELLS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,11 @@ class TorqueSamples:
     last: NDArray[np.int64]
     rate_hz: float
     _models: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
+
+    @property
+    def measured_name(self) -> str:
+        """Torques."""
+        return "torques"
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -99,6 +106,11 @@ class TorqueSamples:
         """Torques as the reading has them, ``(n, n_torques)``."""
         values = self.torque[self.rows] if reading.late_s == 0.0 else self._between(reading)
         return values[:, reading.torque_of] * reading.torque_factor
+
+    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+        """Which torques the nominal bodies make a good share of, ``(n_torques,)``."""
+        model, torque = self.predicted(reading)[0], self.measured_torque(reading)
+        return np.asarray(model.var(axis=0) > _TELLS * torque.var(axis=0))
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of the share of each torque's power that nothing explains, ``(n_torques,)``."""

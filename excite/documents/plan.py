@@ -33,6 +33,31 @@ class Candidates(Block):
     )
 
 
+class Refused(Block):
+    """One thing that refuses candidates."""
+
+    reason: Name = Field(description="what is violated")
+    where: Text = Field(description="pair of links, joint, foot or contact")
+    candidates: Count = Field(description="number of candidates that it refuses")
+    worst: Maybe = Field(description="value furthest from the limit [unit]; null where there is no number")
+    limit: Maybe = Field(description="what it must not pass [unit]; null where there is no number")
+    unit: str = Field(default="", max_length=100, description="unit of both")
+    time_s: Maybe = Field(
+        default=None, description="when the worst happens in its motion [s]; null if unknown"
+    )
+    candidate: Text = Field(default="", description="candidate that the worst is of")
+
+
+class Remedy(Block):
+    """The change with which most of the refused candidates pass, counted by trying."""
+
+    change: Text = Field(description="what to do, in words")
+    reason: Name = Field(description="reason of the refusals that it takes away")
+    where: Names = Field(description="their places")
+    passes: Count = Field(description="number of tried candidates that pass with it")
+    tried: Count = Field(description="number of refused candidates that were tried with it")
+
+
 class SelectedMotion(Block):
     """A chosen motion."""
 
@@ -96,6 +121,13 @@ class Plan(Document):
         default=None, description="robot.yaml of a robot of one's own, relative to this document's folder"
     )
     candidates: Candidates = Field(description="what was generated and refused")
+    refused: Annotated[list[Refused], Field(max_length=MOST_ENTRIES)] = Field(
+        default=[], description="what refuses candidates, the commonest first"
+    )
+    remedy: Remedy | None = Field(
+        default=None,
+        description="the change most likely to help; null where enough candidates are safe, or none helps",
+    )
     selected: Annotated[list[SelectedMotion], Field(max_length=MOST_ENTRIES)] = Field(
         description="chosen motions, the first served first"
     )

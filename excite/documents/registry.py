@@ -9,6 +9,7 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.doctor import Doctor
 from excite.documents.document import Document, schema_of
 from excite.documents.export import Export
+from excite.documents.human import Human
 from excite.documents.identification import Identification
 from excite.documents.journal import Journal
 from excite.documents.plan import Plan
@@ -27,6 +28,7 @@ _KINDS: tuple[type[Document], ...] = (
     Campaign,
     Diagnosis,
     Doctor,
+    Human,
     Signals,
     Journal,
     Truth,

@@ -20,7 +20,7 @@ from excite.excitation.sub_regressors import (
     segment_columns,
     segment_conditions,
 )
-from excite.motion.motion import Motion
+from excite.motion.motion import Motion, closed_contacts
 from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.regressor.columns import Columns, measured_columns, regressor_rows
 from excite.regressor.factor import r_factor
@@ -97,8 +97,8 @@ def motion_factor(
 ) -> MotionFactor:
     """R factor of a motion's regressor.
 
-    A floating robot's rows are its base's wrench, without the columns of segments beyond its ankle sensors;
-    an arm's rows are its joint torques, with a viscous and a Coulomb column a joint.
+    Rows of a robot on wrench sensors are its base's wrench, without the columns of segments beyond its ankle sensors;
+    any other's are its joint torques, with a viscous and a Coulomb column a joint.
 
     Args:
         robot: the robot.
@@ -121,7 +121,7 @@ def motion_factor(
         raise MotionError("holds NaN or infinity", source=motion.name)
     columns = measured_columns(robot)
     sampled = motion.resampled(robot, rate_hz)
-    rows = regressor_rows(robot, columns, sampled.q, sampled.v, sampled.a)
+    rows = regressor_rows(robot, columns, sampled.q, sampled.v, sampled.a, closed_contacts(robot, sampled))
     if row_std is not None:
         row_std = np.asarray(row_std, dtype=float)
         if row_std.shape != rows.shape[1:2] or not (np.isfinite(row_std) & (row_std > 0.0)).all():

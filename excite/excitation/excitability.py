@@ -10,6 +10,7 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.base_parameters import BaseParameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
+from excite.regressor.contact_forces import stances
 from excite.regressor.factor import r_factor
 from excite.robot.robot import Foot, Robot
 
@@ -27,6 +28,9 @@ def excitable(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.b
     still and flat on level ground (standing on two is a special case of that). What the rows then lack, no
     motion with these contacts provides, however long.
 
+    Of a robot on feet without sensors in them the states are free, with all feet down or one in the air: what these
+    cannot show, nothing can.
+
     Args:
         robot: the robot; one without feet is judged within its joint limits alone.
         base: its structural base parameters.
@@ -43,10 +47,15 @@ def excitable(robot: Robot, base: BaseParameters, seed: int = 0) -> NDArray[np.b
     if columns.names != base.names:
         raise InputError("base parameters of other columns than the robot's", source=robot.name)
     random = np.random.default_rng(seed)
-    n = 3 * len(columns.names) // (6 if robot.floating else robot.n_joints) + 1
-    stances: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
+    n = 3 * len(columns.names) // robot.n_equations + 1
+    feet: tuple[Foot | None, ...] = robot.feet if robot.floating and robot.feet else (None,)
     parts = []
-    for foot in stances:
+    if robot.floating and not robot.measures_contacts:
+        states = [_state(robot, None, random) for _ in range(n * (1 + len(robot.feet)))]
+        q, v, a = (np.array([state[i] for state in states]) for i in range(3))
+        rows = regressor_rows(robot, columns, q, v, a, stances(robot, len(q)))
+        return determined(r_factor(rows.reshape(-1, rows.shape[2])[:, base.independent]), _SILENT)
+    for foot in feet:
         states = [_state(robot, foot, random) for _ in range(n)]
         q, v, a = (np.array([state[i] for state in states]) for i in range(3))
         rows = regressor_rows(robot, columns, q, v, a)

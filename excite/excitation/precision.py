@@ -18,17 +18,17 @@ from excite.robot.robot import Robot
 def row_noise(robot: Robot) -> Array:
     """Standard deviation of the noise in each of a sample's rows, from ``robot.yaml``.
 
-    A floating robot's rows sum all its wrench sensors, and a sensor's force noise reaches the base's moment
+    Rows of a robot on wrench sensors sum all of them, and a sensor's force noise reaches the base's moment
     over its lever arm, which is taken at the rest posture. Noise of positions and of the base's pose is left
     out.
 
     Returns:
-        ``(6,)`` [N, N, N, N·m, N·m, N·m] for a floating robot, else ``(n_joints,)`` [N·m or N].
+        ``(6,)`` [N, N, N, N·m, N·m, N·m] for a robot on wrench sensors, else ``(n_joints,)`` [N·m or N].
 
     Raises:
-        InputError: an arm whose description does not state the noise of its torques.
+        InputError: joint torques whose description does not state the noise of its torques.
     """
-    if not robot.floating:
+    if not robot.measures_contacts:
         block = robot.description.sensors.noise_torque
         noise = per_joint(block, robot.joint_names, np.full(robot.n_joints, np.nan))
         if np.isnan(noise).any():
@@ -73,7 +73,7 @@ def predicted_std(
     """
     noise = row_noise(robot) if noise is None else np.asarray(noise, dtype=float)
     weights = np.ones_like(noise) if factor.row_std is None else factor.row_std
-    if noise.shape != (6 if robot.floating else robot.n_joints,) or noise.shape != weights.shape:
+    if noise.shape != (robot.n_equations,) or noise.shape != weights.shape:
         raise InputError(
             f"noise of shape {noise.shape}", field="noise", remedy="one number a row of a sample"
         )

@@ -16,7 +16,8 @@ from excite.human.posture.joint_angles import base_pose, joint_angles
 from excite.human.posture.trial_poses import TrialPoses
 from excite.human.segments import JOINT_NAMES
 from excite.human.urdf import URDF_FILE, urdf_text
-from excite.logs.log import Log, LogHeader, Role, SensorHeader, Trial, TrialHeader
+from excite.logs.header_blocks import Role, SensorHeader, TrialHeader
+from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.signals.butterworth import settling_samples
 from excite.rows.settings import ProblemSettings
 

@@ -80,10 +80,10 @@ class _Measurements:
     """The measured side of a problem's rows for any delay, kinematics computed once."""
 
     def __init__(self, robot: Robot, log: Log, settings: ProblemSettings, weights: Array):
-        filters = settings.filters(floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz)
+        filters = settings.filters(floating=log.header.measures_contacts, lowpass_hz=log.header.lowpass_hz)
         robot = robot_in_log(robot, log.header, log.folder)
         self.builder: BaseRows | JointRows
-        if log.header.base == "floating":
+        if log.header.measures_contacts:
             self.builder = BaseRows(robot, log.header, settings, filters)
         else:
             terms = drive_terms(log.header, settings)

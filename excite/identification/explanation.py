@@ -49,7 +49,7 @@ def explain_signals(robot: Robot, log: Log, settings: ProblemSettings | None = N
     if not trials:
         raise LogError("has no trial with role 'identification'", source=log.folder, field="trials")
     robot = robot_in_log(robot, log.header, log.folder)
-    filters = settings.filters(floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz)
+    filters = settings.filters(floating=log.header.measures_contacts, lowpass_hz=log.header.lowpass_hz)
     trial = trials[0]
     prepared = prepare_trial(trial, settings, filters)
     k = trial_kinematics(robot, log.header, prepared.trial, settings, filters)
@@ -64,7 +64,7 @@ def explain_signals(robot: Robot, log: Log, settings: ProblemSettings | None = N
     steps += _derivative_steps(shown, filters, settings)
     lag = estimate_torque_delay(robot, log, replace(settings, torque_delay_s=0.0))
     steps.append(_delay_step(lag, settings))
-    if log.header.base != "floating":
+    if not log.header.measures_contacts:
         rows = JointRows(robot, log.header, settings, filters, drive_terms(log.header, settings))
         channel = rows.channel_names.index(name)
         torque = forces_on_grid(prepared.trial.time, rows.torque(prepared.trial), k.time)[:, channel]

@@ -12,9 +12,17 @@ from excite.arrays import Array
 from excite.doctor.examine import examine
 from excite.errors import NoSolutionError, RobotError
 from excite.finding import Finding
+from excite.identification.adaptation import (
+    Adaptation,
+    adapt,
+    adaptation_finding,
+    extended,
+    without_extensions,
+)
 from excite.identification.attempt import attempt, equations_of, failure_finding
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.estimators.base import Estimator
+from excite.identification.estimators.conic.adaptive import Adaptive, AdaptiveSettings
 from excite.identification.estimators.method_settings import own_settings
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
 from excite.identification.estimators.settings import BoxSettings, EstimatorSettings, StatedBoundsSettings
@@ -52,7 +60,8 @@ def identify(
     """Identify a robot's parameters from a log and judge them on its validation trials.
 
     Methods, by what they give (:func:`~excite.identification.estimators.summary.method_summaries` says when to take
-    which): base parameters from the data alone ``ls``, ``wls``, ``robust``; parameters near the nominal model
+    which): bodies that can exist, as near to the nominal ones as the log supports, ``adaptive``; base parameters from
+    the data alone ``ls``, ``wls``, ``robust``; parameters near the nominal model
     ``map``, ``qp``, ``hqp``; parameters within bounds ``cls1``, ``cls2``; parameters of bodies that can exist
     ``cls3``, ``lmi``, ``physical``.
 
@@ -81,6 +90,8 @@ def identify(
     chart.check_usable()
     log = chart.log
     with equations_of(log):
+        if isinstance(own, AdaptiveSettings):
+            problem_settings = extended(log, problem_settings, own)
         problem = build_problem(robot, log, problem_settings, role="identification")
         validation = None
         if log.role("validation"):
@@ -116,16 +127,29 @@ def identify_problem(
     boxes, notes = _boxes(robot, settings)
     if isinstance(settings, BoxSettings):
         settings = replace(settings, com_boxes=boxes)
-    weighted = iterate_weights(regression(problem))
+    # What is known of rigid bodies and friction is stated without the terms that only an adaptive method adds.
+    plain = without_extensions(problem)
+    weighted = iterate_weights(regression(plain))
     weighted_statistics = base_statistics(weighted)
     changes = find_changes(weighted, weighted_statistics.noise)
-    settings = _informed_settings(problem, settings, changes)
-    estimate, failure = attempt(estimator, problem, settings, weighted)
+    informed = _informed_settings(problem, settings, changes)
+    adaptation = Adaptation((), 1.0, 1.0)
+    if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
+        tried = [item for item in (informed, settings) if isinstance(item, AdaptiveSettings)]
+        adaptation, informed = adapt(problem, weighted, tried, Adaptive())
+    settings = informed
+    problem = without_extensions(problem, adaptation.terms)
+    validation = None if validation is None else without_extensions(validation, adaptation.terms)
+    estimate, failure = attempt(
+        estimator, problem, settings, regression(problem) if adaptation.terms else weighted
+    )
+    identified = identified_parameters(problem, estimate.parameters)
+    if adaptation.terms:
+        estimate = replace(estimate, parameters=estimate.parameters[: plain.n_params], regression=weighted)
     same_weights = np.array_equal(estimate.regression.std, weighted.std)
     statistics = weighted_statistics if same_weights else base_statistics(estimate.regression)
     spreads = settings.spreads(robot)
-    identified = identified_parameters(problem, estimate.parameters)
-    certainty = parameter_statistics(problem, estimate.parameters, statistics, spreads)
+    certainty = parameter_statistics(plain, estimate.parameters, statistics, spreads)
     judgement = judge(
         problem,
         validation,
@@ -137,13 +161,16 @@ def identify_problem(
     failed = () if failure is None else (failure_finding(failure),)
     warnings = find_warnings(identified, certainty, judgement)
     doubts = find_doubts(estimate, statistics, spreads)
+    if adaptation.terms:
+        # Plain least squares knows nothing of the added terms, so that it differs says no more than they do.
+        doubts = tuple(item for item in doubts if item.kind != "conflict")
     result = Identification(
         robot=robot.name,
         solution=solution_of(estimate),
         identified=identified,
         statistics=certainty,
         judgement=judgement,
-        findings=(*known, *failed, *notes, *warnings, *doubts),
+        findings=(*known, *failed, *notes, *adaptation_finding(adaptation, identified), *warnings, *doubts),
     )
     if failure is not None:
         raise NoSolutionError(failure.what, best=result, remedy=failure.remedy) from failure

@@ -120,8 +120,10 @@ def _base_parameters(
 def _structural_rank(problem: IdentificationProblem) -> int | None:
     """Base parameters that free motion would determine; None where rows and robot do not correspond."""
     drives = dict.fromkeys(name.split(".")[0] for name in problem.parameter_names[problem.n_inertial :])
-    if problem.robot.floating != (problem.channel_names[0] == "fx") or not drives.keys() <= set(DRIVE_TERMS):
+    if problem.robot.measures_contacts != (problem.channel_names[0] == "fx") or not drives.keys() <= set(
+        DRIVE_TERMS
+    ):
         return None
-    if not problem.robot.floating and len(problem.channel_names) < problem.robot.n_joints:
+    if not problem.robot.measures_contacts and len(problem.channel_names) < problem.robot.n_joints:
         return None
     return structural_base_parameters(problem.robot, tuple(drives)).rank

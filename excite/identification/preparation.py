@@ -130,8 +130,12 @@ def _averaged(prepared: Prepared, settings: ProblemSettings, filters: Filters) -
     positions = _changed(trial, _POSITIONS, lambda values: mean(values, resample_smooth))
     _repeats(positions.q[margin : margin + count + 1], trial.name, period)
     averaged = _changed(positions, (*_FORCES, *_OTHERS), lambda values: mean(values, resample_noisy))
+    imu = None if trial.imu is None else mean(trial.imu, resample_noisy)
+    nearest = np.minimum(np.searchsorted(trial.time, grid[: len(place)]), trial.n_samples - 1)
+    contacts = {name: flags[nearest] for name, flags in trial.contacts.items()}
     start = trial.time[0] + (settings.skip_periods * count - margin) / rate
     averaged = replace(averaged, time=start + np.arange(len(place)) / rate, base=base)
+    averaged = replace(averaged, imu=imu, contacts=contacts)
     std = None
     if torque is not None:
         average = average_periods(resample_noisy(trial.time, torque, grid), count, settings.skip_periods)

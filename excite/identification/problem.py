@@ -141,13 +141,13 @@ def build_problem(
         LogError: robot and log do not fit, no trial has that role, channels are missing, or no rows are left.
     """
     settings = settings or ProblemSettings()
-    filters = settings.filters(floating=log.header.base == "floating", lowpass_hz=log.header.lowpass_hz)
+    filters = settings.filters(floating=log.header.measures_contacts, lowpass_hz=log.header.lowpass_hz)
     trials = log.trials if role is None else log.role(role)
     if not trials:
         raise LogError(f"has no trial with role {role!r}", source=log.folder, field="trials")
     robot = robot_in_log(robot, log.header, log.folder)
     builder: BaseRows | JointRows
-    if log.header.base == "floating":
+    if log.header.measures_contacts:
         builder = BaseRows(robot, log.header, settings, filters)
         unmeasured = builder.unmeasured
     else:

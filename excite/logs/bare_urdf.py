@@ -79,20 +79,11 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
                 "source": _LOG_FOLDER,
                 "acknowledged": _accepted(root, file, header),
             },
-            "base": "fixed" if header.base == "fixed" else "floating",
+            "base": header.base,
             "locked_joints": dict.fromkeys(locked, 0.0),
             "posture": {"base_height": 0.0, "source": _UNSTATED},
             "limits": _limits(model, header),
-            "feet": [
-                {
-                    "name": link,
-                    "link": link,
-                    "sole": [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)],
-                    "source": _UNSTATED,
-                }
-                | {"friction": 1.0}
-                for link in dict.fromkeys(sensor.foot for sensor in header.sensors)
-            ],
+            "feet": _feet(header),
             "sensors": _sensors(header),
             "controller": {
                 "kp": {"default": 1.0, "source": _UNSTATED},
@@ -102,6 +93,19 @@ def bare_description(file: Path, header: LogHeader) -> RobotDescription:
             "gravity": header.gravity,
         }
     )
+
+
+def _feet(header: LogHeader) -> list[dict[str, Any]]:
+    """Feet that the log states, else those below its sensors, of whose soles nothing is known or needed."""
+    said = {"friction": 1.0, "source": _UNSTATED}
+    if header.feet:
+        return [
+            {"name": foot.name, "link": foot.link, "sole": foot.sole, "radius": foot.radius, **said}
+            for foot in header.feet
+        ]
+    sole = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)]
+    links = dict.fromkeys(sensor.foot for sensor in header.sensors)
+    return [{"name": link, "link": link, "sole": sole, **said} for link in links]
 
 
 def _limits(model: pin.Model, header: LogHeader) -> dict[str, Any]:
@@ -151,7 +155,7 @@ def _accepted(root: ElementTree.Element, file: Path, header: LogHeader) -> dict[
     for name, joint in joints.items():
         if joint.get("type") in MOVING and name not in header.joints:
             joint.set("type", "fixed")
-    floating = header.base != "fixed"
+    floating = header.free_base
     faults = inertial_faults(root, joints, floating, file)
     accepted = {link: _MASSLESS if "no mass" in error.what else error.what for link, error in faults.items()}
     return accepted | ({} if floating else dict.fromkeys(resting_faults(root, joints, file), _AT_REST))

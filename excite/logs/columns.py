@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +11,12 @@ import numpy as np
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.cleaning import clean_columns
-from excite.logs.log import LogHeader, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import LogHeader, Trial
 from excite.logs.sampling import in_seconds
 
 BASE_POSE = tuple(f"base.{name}" for name in ("px", "py", "pz", "qx", "qy", "qz", "qw"))
+IMU_AXES = tuple(f"imu.{name}" for name in ("gx", "gy", "gz", "ax", "ay", "az"))
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 _JOINT_CHANNELS = {
     "q": "q",
@@ -38,9 +40,8 @@ _LARGEST = {
     "i": 1e6,
     "base": 1e7,
     "wrench": 1e9,
+    "imu": 1e6,
 }
-# No sensor resolves less [N·m, N or A].
-_RESOLVED = 1e-9
 
 
 def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
@@ -57,7 +58,9 @@ def trial_columns(trial: Trial, header: LogHeader) -> dict[str, Array]:
         if sensor.name in trial.wrenches:
             wrench = trial.wrenches[sensor.name]
             columns |= {f"wrench.{sensor.name}.{axis}": wrench[:, i] for i, axis in enumerate(WRENCH_AXES)}
-    return columns
+    if trial.imu is not None:
+        columns |= {name: trial.imu[:, i] for i, name in enumerate(IMU_AXES)}
+    return columns | {f"contact.{name}": flags.astype(float) for name, flags in trial.contacts.items()}
 
 
 def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeader, file: Path) -> Trial:
@@ -95,45 +98,25 @@ def read_columns(columns: dict[str, Array], entry: TrialHeader, header: LogHeade
         for sensor in header.sensors
         if f"wrench.{sensor.name}.fx" in values
     }
+    flags = {
+        foot.name: values[f"contact.{foot.name}"] > 0.5
+        for foot in header.feet
+        if f"contact.{foot.name}" in values
+    }
     return Trial(
         name=Path(entry.file).stem,
         role=entry.role,
         time=values["time"],
         base=base,
         wrenches=wrenches,
+        contacts=flags,
+        imu=np.column_stack([values[name] for name in IMU_AXES]) if IMU_AXES[0] in values else None,
         session=entry.session,
         start_s=entry.start_s,
         repeats=None if entry.repeats is None else Path(entry.repeats).stem,
         cleaning=replace(cleaned.report, time_unit=unit),
         **joint_values,
     )
-
-
-def check_measured(trials: Sequence[Trial], header: LogHeader, path: Path) -> None:
-    """Refuse a log from whose torques, or currents, nothing can be identified as all stay as they are.
-
-    Single channels that are dead are found later, and the others used.
-
-    Args:
-        trials: read and repaired; those of role ``identification`` count, where there are any.
-        header: of the log.
-        path: its ``log.yaml``, for errors.
-
-    Raises:
-        LogError: names the channels.
-    """
-    trials = [trial for trial in trials if trial.role == "identification"] or trials
-    measured = [header.joints.index(joint) for joint in header.torque_joints]
-    for attribute, prefix in (("tau", "tau"), ("current", "i")):
-        values = [getattr(trial, attribute) for trial in trials]
-        wanted = header.torque != "none" and all(value is not None for value in values)
-        if wanted and not any((np.ptp(value[:, measured], axis=0) > _RESOLVED).any() for value in values):
-            raise LogError(
-                "never changes, of no joint and in no identification trial",
-                source=path,
-                field=f"{prefix}.*",
-                remedy="log what was measured, or write torque: none and leave the columns out",
-            )
 
 
 def _with_channel(prefix: str, header: LogHeader) -> tuple[str, ...]:
@@ -161,17 +144,28 @@ def check_columns(columns: Iterable[str], header: LogHeader, file: Path) -> list
     groups["base"] = list(BASE_POSE)
     for sensor in header.sensors:
         groups[f"wrench.{sensor.name}"] = [f"wrench.{sensor.name}.{axis}" for axis in WRENCH_AXES]
+    if header.imu is not None:
+        groups["imu"] = list(IMU_AXES)
+    for foot in header.feet:
+        groups[f"contact.{foot.name}"] = [f"contact.{foot.name}"]
     required = {"time", "q"}
+    required |= set() if header.measures_contacts else {f"contact.{foot.name}" for foot in header.feet}
     required |= {"tau"} if header.torque in {"motor_side", "link_side"} else set()
     required |= {"i"} if header.torque == "current" else set()
-    required |= {"base"} if header.base != "fixed" else set()
+    required |= {"imu"} if header.uses_imu else {"base"} if header.free_base else set()
     required |= {f"wrench.{sensor.name}" for sensor in header.sensors} if header.base == "floating" else set()
     allowed = {name for names in groups.values() for name in names}
     allowed |= {f"{prefix}.{joint}" for prefix in ("tau", "i") for joint in header.no_torque}
     for name in present:
-        if name not in allowed and name.split(".")[0] in {*_JOINT_CHANNELS, "base", "wrench"}:
+        if name not in allowed and name.split(".")[0] in {
+            *_JOINT_CHANNELS,
+            "base",
+            "wrench",
+            "contact",
+            "imu",
+        }:
             raise LogError(
-                "names no joint or sensor of log.yaml",
+                "names no joint, sensor, foot or IMU of log.yaml",
                 source=file,
                 field=name,
                 remedy="correct one of the two",

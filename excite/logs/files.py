@@ -9,9 +9,10 @@ import yaml
 
 from excite.atomic import atomic_folder
 from excite.errors import LogError
-from excite.logs.columns import check_columns, check_measured, read_columns, trial_columns
+from excite.logs.columns import check_columns, read_columns, trial_columns
 from excite.logs.header import check_header, header_path, read_header
 from excite.logs.log import Log, LogHeader
+from excite.logs.measured import check_measured
 from excite.logs.readers.registry import read_trials, reader_for
 from excite.logs.sampling import check_log_clock
 from excite.reading.file import read_text
@@ -115,7 +116,7 @@ def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | Non
     """Text of the nominal model, its joints checked against the header's."""
     if robot is not None:
         _check_joints(header.joints, robot.joint_names, path)
-        if robot.floating != (header.base != "fixed"):
+        if robot.floating != header.free_base:
             raise LogError(
                 f"is {header.base}, unlike that of robot {robot.name!r}",
                 source=path,

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 from excite.errors import InputError, LogError
-from excite.logs.log import LogHeader, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import LogHeader
 from excite.logs.signals.coupling import coupling_matrix
 from excite.logs.vocabulary import EFFECTS, RIGID_BODY
 from excite.reading.json_document import checked
@@ -15,6 +17,8 @@ from excite.reading.yaml_document import read_yaml
 
 # Gains that the servos of large robots have stay below [N·m/rad, N·m·s/rad, Hz].
 _LARGEST_GAIN = 1e9
+_MANUAL = "see docs/formats.md, or let `excite init-log` write one to fill in"
+_REQUIRED = ("schema", "robot", "base", "rate_hz", "joints", "trials")
 _GAINS = ("kp", "kd", "ki")
 _CONTROLLER_NUMBERS = ("rate_hz", "delay_s")
 
@@ -31,16 +35,29 @@ def read_header(path: Path) -> LogHeader:
     Raises:
         LogError: the file is missing, is no YAML, or something in it is unknown, doubled or contradictory.
     """
-    content = read_yaml(path, error=LogError, remedy="write it as in the manual's log folder")
-    header = checked(LogHeader, content, path, remedy="see the manual's log folder", error=LogError)
+    content = read_yaml(path, error=LogError, remedy=_MANUAL)
+    _check_complete(content, path)
+    header = checked(LogHeader, content, path, remedy=_MANUAL, error=LogError)
     check_header(header, path)
     return header
+
+
+def _check_complete(content: dict[str, Any], path: Path) -> None:
+    """Name all fields that are missing, those too that only some logs need; one alone is told by what checks it."""
+    base = content.get("base")
+    needed = [*_REQUIRED]
+    needed += ["base_link"] if base in ("floating", "suspended") else ["torque"]
+    needed += ["sensors", "wrench"] if base == "floating" and not content.get("feet") else []
+    missing = [name for name in needed if content.get(name) is None]
+    if len(missing) > 1:
+        raise LogError("are missing", source=path, field=", ".join(missing), remedy=_MANUAL)
 
 
 def check_header(header: LogHeader, path: Path) -> None:
     """What the schema alone does not say; raises LogError."""
     _unique(header.joints, "joints", path)
     _unique([sensor.name for sensor in header.sensors], "sensors", path)
+    _unique([foot.name for foot in header.feet], "feet", path)
     files = [trial.file for trial in header.trials]
     _unique(files, "trials", path)
     _unique([Path(file).stem for file in files], "trials", path)
@@ -96,14 +113,15 @@ def _check_repeats(trials: tuple[TrialHeader, ...], path: Path) -> None:
 
 
 def _check_base(header: LogHeader, path: Path) -> None:
-    if header.base == "fixed":
-        if header.torque is None:
-            raise LogError(
-                "is missing",
-                source=path,
-                field="torque",
-                remedy="a fixed-base log says motor_side, link_side, current or none",
-            )
+    if not header.measures_contacts and header.torque is None:
+        what = "a fixed-base log" if header.base == "fixed" else "a log without contact wrenches"
+        raise LogError(
+            "is missing",
+            source=path,
+            field="torque",
+            remedy=f"{what} says motor_side, link_side, current or none",
+        )
+    if not header.free_base:
         return
     if header.base_link is None:
         raise LogError(
@@ -114,9 +132,12 @@ def _check_base(header: LogHeader, path: Path) -> None:
             "is missing", source=path, field="wrench", remedy="say wrench: on_robot_in_sensor_frame"
         )
     if header.base == "floating" and not header.sensors:
-        raise LogError(
-            "is empty", source=path, field="sensors", remedy="a floating base needs its contact sensors"
-        )
+        if header.torque in {None, "none"}:
+            remedy = "a floating base needs its contact sensors, or joint torques"
+            raise LogError("is empty", source=path, field="sensors", remedy=remedy)
+        if not header.feet:
+            remedy = "a floating base without contact sensors needs its feet, and a flag contact.NAME of each"
+            raise LogError("is empty", source=path, field="feet", remedy=remedy)
 
 
 def _check_no_torque(header: LogHeader, path: Path) -> None:

@@ -9,57 +9,23 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from excite.arrays import Array
+from excite.logs.header_blocks import FootHeader, Guess, HeaderBlock, ImuHeader, SensorHeader, TrialHeader
 from excite.logs.header_values import (
     MAX_NAMES,
     MAX_TRIALS,
     Acceleration,
-    Angle,
     Cutoff,
     Factor,
-    FileName,
-    Length,
     Name,
-    Noise,
     Rate,
-    Stamp,
     Text,
 )
 
-Role = Literal["identification", "validation"]
 
-
-class _Block(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
-
-
-class SensorHeader(_Block):
-    """One contact wrench sensor; its pose is given in the frame of the link ``parent``."""
-
-    name: Name
-    kind: Literal["foot_ft", "force_plate"]
-    parent: Name
-    xyz: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
-    rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    foot: Name
-    excludes: tuple[Name, ...] = Field(default=(), max_length=MAX_NAMES)
-    noise_force: Noise | None = None
-    noise_moment: Noise | None = None
-
-
-class TrialHeader(_Block):
-    """One trial: its file, relative to ``log.yaml``, and what it is for."""
-
-    file: FileName
-    role: Role
-    session: Name | None = None
-    start_s: Stamp | None = None
-    repeats: FileName | None = None
-
-
-class LogHeader(_Block):
+class LogHeader(HeaderBlock):
     """The whole of ``log.yaml``.
 
     Where ``lowpass_hz`` is stated, all channels went through the same low-pass at that cut-off already.
@@ -67,26 +33,46 @@ class LogHeader(_Block):
     ``torque_constants`` [N·m/A] turn the currents of a ``current`` log to torques; joints in ``no_torque`` move,
     but their torque or current was not measured, or means nothing. ``coupling`` says of motors, named after their
     joints, how much they turn per turn of other joints (``{wrist_6: {wrist_5: 1.0}}``); torques and currents are
-    then the motors', reflected through their own gears.
+    then the motors', reflected through their own gears. ``feet`` are those that carry a floating base whose contact
+    wrenches nobody measures; their flags are the columns ``contact.NAME``. The columns of an ``imu`` make the base's
+    pose unnecessary there. ``guessed`` is what a conversion of somebody's recording took for granted.
     """
 
     schema_: Literal["excite.log/1"] = Field(alias="schema")
     robot: Text
-    base: Literal["fixed", "floating", "suspended"]
+    base: Literal["fixed", "floating", "suspended", "held"]
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     rate_hz: Rate
     lowpass_hz: Cutoff | None = None
     joints: tuple[Name, ...] = Field(min_length=1, max_length=MAX_NAMES)
     torque: Literal["motor_side", "link_side", "current", "none"] | None = None
-    torque_constants: dict[Name, Factor] = {}
+    torque_constants: dict[Name, Factor] = Field(default_factory=dict)
     no_torque: tuple[Name, ...] = Field(default=(), max_length=MAX_NAMES)
-    coupling: dict[Name, dict[Name, Factor]] = {}
+    coupling: dict[Name, dict[Name, Factor]] = Field(default_factory=dict)
     controller: dict[Any, Any] | None = None
     base_link: Name | None = None
     wrench: Literal["on_robot_in_sensor_frame"] | None = None
     sensors: tuple[SensorHeader, ...] = Field(default=(), max_length=MAX_NAMES)
+    feet: tuple[FootHeader, ...] = Field(default=(), max_length=MAX_NAMES)
+    imu: ImuHeader | None = None
     modelled: tuple[Name, ...] = Field(default=("rigid_body",), max_length=MAX_NAMES)
+    guessed: tuple[Guess, ...] = Field(default=(), max_length=MAX_TRIALS)
     trials: tuple[TrialHeader, ...] = Field(min_length=1, max_length=MAX_TRIALS)
+
+    @property
+    def free_base(self) -> bool:
+        """Whether the base moves, so that its pose is logged."""
+        return self.base in ("floating", "suspended")
+
+    @property
+    def measures_contacts(self) -> bool:
+        """Whether wrench sensors see all that carries the base, so that the base's rows are the equations."""
+        return self.base == "floating" and bool(self.sensors)
+
+    @property
+    def uses_imu(self) -> bool:
+        """Whether the base's motion comes from its IMU: what is free of the world's frame needs no pose."""
+        return self.imu is not None and self.free_base and not self.measures_contacts
 
     @property
     def torque_joints(self) -> tuple[str, ...]:
@@ -153,6 +139,8 @@ class Trial:
         a: measured accelerations ``(n, n_joints)``.
         base: base pose ``(n, 7)``: x y z qx qy qz qw, world frame.
         wrenches: by sensor name, ``(n, 6)``: force [N] then moment [N·m] on the robot, in the sensor's frame.
+        contacts: by foot name, ``(n,)`` whether it carries.
+        imu: ``(n, 6)``: angular velocity [rad/s], then acceleration less gravity [m/s²], frame of the IMU's link.
         session: session name.
         start_s: when the trial began within its session [s].
         repeats: stem of the trial whose command this one repeats.
@@ -171,6 +159,8 @@ class Trial:
     a: Array | None = None
     base: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
+    contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    imu: Array | None = None
     session: str | None = None
     start_s: float | None = None
     repeats: str | None = None
@@ -198,7 +188,9 @@ class Trial:
             v=taken(self.v),
             a=taken(self.a),
             base=taken(self.base),
+            imu=taken(self.imu),
             wrenches={name: values[which] for name, values in self.wrenches.items()},
+            contacts={name: flags[which] for name, flags in self.contacts.items()},
         )
 
 

@@ -11,7 +11,8 @@ import pinocchio as pin
 from excite.errors import LogError, RobotError
 from excite.logs.bare_urdf import bare_description
 from excite.logs.header import header_path, read_header
-from excite.logs.log import Log, LogHeader, SensorHeader
+from excite.logs.header_blocks import SensorHeader
+from excite.logs.log import Log, LogHeader
 from excite.robot.catalogue import bundled_robots
 from excite.robot.links import link_placement
 from excite.robot.loading import build_robot, load_robot
@@ -75,12 +76,12 @@ def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) ->
         source: file to name in errors.
 
     Returns:
-        A robot that differs in ``model.gravity`` and ``sensors`` only.
+        A robot that differs in ``model.gravity`` and ``sensors`` only; one that hangs stands on no feet.
 
     Raises:
         LogError: base, joints, base link or sensors do not fit the robot.
     """
-    if robot.floating != (header.base != "fixed"):
+    if robot.floating != header.free_base:
         raise LogError(f"is {header.base}, unlike that of robot {robot.name!r}", source=source, field="base")
     for joint in header.joints:
         if joint not in robot.joint_names:
@@ -93,6 +94,8 @@ def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) ->
     model = robot.model.copy()
     model.gravity.linear = np.array(header.gravity)
     sensors = tuple(_sensor(robot, sensor, source) for sensor in header.sensors)
+    if header.base == "suspended":
+        return replace(robot, model=model, sensors=(), feet=())
     return replace(robot, model=model, sensors=sensors)
 
 
@@ -110,6 +113,23 @@ def base_offset(robot: Robot, header: LogHeader, source: Path | None = None) -> 
             source=source,
             field="base_link",
             remedy="log the pose of the root link, or of one fixed to it",
+        )
+    return placement
+
+
+def imu_placement(robot: Robot, header: LogHeader, source: Path | None = None) -> pin.SE3:
+    """Pose of the IMU's link in the frame of the free-flyer; raises LogError where it is not on the base."""
+    link = "" if header.imu is None else header.imu.link
+    try:
+        joint, placement = link_placement(robot.model, link, source, "imu.link")
+    except RobotError as error:
+        raise LogError(error.what, source=source, field="imu.link", remedy=error.remedy) from error
+    if joint != 1:
+        raise LogError(
+            f"link {link!r} moves against the root {robot.base_link!r}",
+            source=source,
+            field="imu.link",
+            remedy="log the IMU of the root link, or of one fixed to it",
         )
     return placement
 

@@ -147,6 +147,13 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
     return replace(motion, time=np.asarray(time, dtype=float), q=q, v=v, a=a, contacts=contacts)
 
 
+def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:
+    """Contact flags in the order of ``robot.feet``, ``(n, n_feet)``; set where the motion says nothing of a foot."""
+    every = np.ones(motion.n_samples, dtype=bool)
+    flags = [motion.contacts.get(foot.name, every) for foot in robot.feet]
+    return np.column_stack(flags) if flags else np.zeros((motion.n_samples, 0), dtype=bool)
+
+
 def _increments(motion: Motion, robot: Robot) -> Array:
     """Tangent-space step of each interval, ``(n-1, nv)``."""
     if not motion.floating:

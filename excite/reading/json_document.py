@@ -11,11 +11,14 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from excite.errors import InputError
+from excite.finding import listed
 from excite.reading.file import read_text
 
 # The largest document that is written here, the identification of a humanoid from 2000 motions, has 6 MB.
 MAX_JSON_BYTES = 256 * 1024 * 1024
 
+# Missing fields that are named in one line.
+_MOST_NAMED = 12
 # Errors whose input says nothing: the object around a field, or one that the sentence names.
 _SAID_ALREADY = frozenset({"value_error", "too_long"})
 _KINDS = {
@@ -86,13 +89,20 @@ def checked(
     remedy: str = "write it again",
     error: type[InputError] = InputError,
 ) -> _Model:
-    """Content of a document as a model of its fields; raises ``error`` that names the first field at fault."""
+    """Content of a document as a model of its fields; raises ``error`` for what is missing or the first fault."""
     try:
         return model.model_validate(content)
     except ValidationError as reason:
-        first = reason.errors(include_url=False)[0]
-        field = ".".join(str(part)[:60] for part in first["loc"])
-        raise error(_in_words(first), source=path, field=field or None, remedy=remedy) from reason
+        faults = reason.errors(include_url=False)
+        first = faults[0]
+        field = _place(first)
+        others = [_place(fault) for fault in faults[1:] if fault["type"] == "missing"]
+        more = f", and so are {listed(others, _MOST_NAMED)}" if others and first["type"] == "missing" else ""
+        raise error(_in_words(first) + more, source=path, field=field or None, remedy=remedy) from reason
+
+
+def _place(fault: Mapping[str, Any]) -> str:
+    return ".".join(str(part)[:60] for part in fault["loc"])
 
 
 def _in_words(fault: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ from scipy.linalg import solve_triangular
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.regressor.columns import measured_columns, regressor_rows
+from excite.regressor.contact_forces import stances
 from excite.regressor.factor import r_factor
 from excite.robot.robot import Robot
 
@@ -121,19 +122,23 @@ def structural_base_parameters(
         seed: of the random q, v, a at which the regressor is evaluated.
 
     Returns:
-        The base parameters; they depend on the robot's geometry alone, not on limits or contacts.
+        The base parameters; they depend on the robot's geometry alone, not on limits, nor on contacts that sensors
+        measure; else what all feet down, and one in the air, show together.
     """
     columns = measured_columns(robot, drives)
     random = np.random.default_rng(seed)
-    rows_a_sample = 6 if robot.floating else robot.n_joints
+    rows_a_sample = robot.n_equations
     n = 3 * len(columns.names) // rows_a_sample + 1
+    if robot.floating and not robot.measures_contacts:
+        # As many for each stance.
+        n *= 1 + len(robot.feet)
     q = random.uniform(-np.pi, np.pi, size=(n, robot.model.nq))
     if robot.floating:
         q[:, 3:7] = random.normal(size=(n, 4))
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
     v = random.normal(size=(n, robot.model.nv))
     a = 5.0 * random.normal(size=(n, robot.model.nv))
-    rows = regressor_rows(robot, columns, q, v, a)
+    rows = regressor_rows(robot, columns, q, v, a, stances(robot, n))
     return base_parameters(rows.reshape(-1, len(columns.names)), columns.names)
 
 

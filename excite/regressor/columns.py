@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import UnknownNameError
+from excite.regressor.contact_forces import contact_elimination
 from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
 from excite.robot.robot import Robot
 
@@ -48,12 +49,12 @@ class Columns:
 def measured_columns(robot: Robot, drives: Sequence[str] = ("viscous", "coulomb")) -> Columns:
     """The columns that a robot's own sensors see.
 
-    A floating robot is observed through its contact wrenches: internal friction does not show, and segments
-    beyond its ankle sensors are left out. An arm is observed through its joint torques.
+    A robot on wrench sensors is observed through its contact wrenches: internal friction does not show, and segments
+    beyond its ankle sensors are left out. An arm is observed through its joint torques, and so is any other robot.
 
     Args:
         robot: the robot.
-        drives: terms of each joint's drive; ignored for a floating robot.
+        drives: terms of each joint's drive; ignored for a robot on wrench sensors.
 
     Raises:
         UnknownNameError: a term that is not in ``DRIVE_TERMS``.
@@ -61,7 +62,7 @@ def measured_columns(robot: Robot, drives: Sequence[str] = ("viscous", "coulomb"
     for term in drives:
         if term not in DRIVE_TERMS:
             raise UnknownNameError("drive term", term, list(DRIVE_TERMS))
-    drives = () if robot.floating else tuple(drives)
+    drives = () if robot.measures_contacts else tuple(drives)
     hidden = {segment for sensor in robot.sensors for segment in sensor.excludes}
     seen = [segment for segment in range(len(robot.segments)) if segment not in hidden]
     names = [f"{parameter}({robot.segments[segment].name})" for segment in seen for parameter in PARAMETERS]
@@ -80,8 +81,10 @@ def measured_columns(robot: Robot, drives: Sequence[str] = ("viscous", "coulomb"
     )
 
 
-def regressor_rows(robot: Robot, columns: Columns, q: Array, v: Array, a: Array) -> Array:
-    """Regressor of what a robot measures: the base's wrench, or the joint torques.
+def regressor_rows(
+    robot: Robot, columns: Columns, q: Array, v: Array, a: Array, closed: NDArray[np.bool_] | None = None
+) -> Array:
+    """Regressor of what a robot measures: the base's wrench, or the joint torques less what contacts add to them.
 
     Args:
         robot: the robot.
@@ -89,22 +92,28 @@ def regressor_rows(robot: Robot, columns: Columns, q: Array, v: Array, a: Array)
         q: ``(n, nq)`` configurations.
         v: ``(n, nv)`` velocities.
         a: ``(n, nv)`` accelerations.
+        closed: ``(n, n_feet)`` which feet carry, where no sensor measures how; all of them if None.
 
     Returns:
         ``(n, r, n_columns)`` [SI, per unit of each parameter]: r = 6 rows (force, moment about the base's
-        origin, base frame; Jovic et al. 2015, eq. 2) for a floating robot, else one row a joint, to which
-        the drives add viscous·v + coulomb·sign(v) + offset + armature·a.
+        origin, base frame; Jovic et al. 2015, eq. 2) for a robot on wrench sensors, else one row a joint, to which
+        the drives add viscous·v + coulomb·sign(v) + offset + armature·a. Contact forces that nobody measures are
+        taken out by :func:`~excite.regressor.contact_forces.contact_elimination`.
 
     Raises:
         InputError: wrong shape.
     """
-    if robot.floating:
+    if robot.measures_contacts:
         return base_link_regressor(robot.model, q, v, a)[:, :, columns.inertial]
-    n_inertial, n_joints = len(columns.inertial), robot.n_joints
-    rows = np.zeros((len(q), n_joints, len(columns.names)))
+    n_inertial, n_joints, n_base = len(columns.inertial), robot.n_joints, robot.n_base_v
+    rows = np.zeros((len(q), n_base + n_joints, len(columns.names)))
     rows[:, :, :n_inertial] = joint_torque_regressor(robot.model, q, v, a)[:, :, columns.inertial]
+    v, a = v[:, n_base:], a[:, n_base:]
     values = {"viscous": v, "coulomb": np.sign(v), "offset": np.ones_like(v), "armature": a}
     joints = np.arange(n_joints)
     for index, term in enumerate(columns.drives):
-        rows[:, joints, n_inertial + index * n_joints + joints] = values[term]
-    return rows
+        rows[:, n_base + joints, n_inertial + index * n_joints + joints] = values[term]
+    if not robot.floating:
+        return rows
+    closed = np.ones((len(q), len(robot.feet)), dtype=bool) if closed is None else closed
+    return np.asarray(contact_elimination(robot, q, closed) @ rows)

@@ -14,6 +14,7 @@ from excite.documents.check import Check
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import Document as Model
 from excite.documents.document import read_document
+from excite.documents.human import Human
 from excite.documents.identification import Identification
 from excite.documents.plan import Plan
 from excite.documents.signals import Signals
@@ -35,6 +36,7 @@ _KINDS: dict[str, type[Model]] = {
     "campaign": Campaign,
     "signals": Signals,
     "diagnosis": Diagnosis,
+    "human": Human,
 }
 # A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
 _FARTHEST = 1e6
@@ -58,6 +60,7 @@ class Findings:
         campaign: of ``campaign.json``.
         signals: of ``signals.json``, which only ``identify --explain-signals`` writes.
         diagnosis: of ``diagnosis.json``, which only ``diagnose`` writes.
+        human: of ``human.json``, which only ``human`` writes.
         data: of ``report_data.npz``; empty where there is none.
         robot: the robot, None where it cannot be found.
         motions: the plan's chosen motions that could be read, in the plan's order.
@@ -72,6 +75,7 @@ class Findings:
     campaign: Document | None
     signals: Document | None
     diagnosis: Document | None
+    human: Document | None
     data: ReportData
     robot: Robot | None
     motions: tuple[Motion, ...]
@@ -116,7 +120,8 @@ def read_folder(folder: Path) -> Findings:
         left_out.append(f"{what} (report_data.npz)")
     if not files:
         raise InputError(
-            "holds none of plan.json, check.json, identification.json, campaign.json, diagnosis.json, report_data.npz",
+            "holds none of plan.json, check.json, identification.json, campaign.json, diagnosis.json, human.json, "
+            "report_data.npz",
             source=folder,
             remedy="give the --out folder of another command",
         )

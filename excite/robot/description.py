@@ -22,7 +22,6 @@ from excite.robot.per_joint import (
     Jerks,
     Name,
     Source,
-    TorqueNoises,
     Torques,
     Velocities,
 )
@@ -32,12 +31,16 @@ from excite.robot.quantities import (
     Gravity,
     JointValue,
     Margin,
-    Noise,
     Rate,
     Rotation3,
     Vector3,
 )
+from excite.robot.sensor_blocks import SensorsBlock
 from excite.robot.shapes.collision_block import CollisionBlock
+
+Base = Literal["fixed", "floating", "suspended", "held"]
+# Bases whose pose is part of the configuration.
+FREE_BASES: tuple[Base, ...] = ("floating", "suspended")
 
 
 class ModelFile(Block):
@@ -71,40 +74,24 @@ class LimitsBlock(Block):
 
 
 class FootBlock(Block):
-    """A foot: its link and the sole's corners in that link's frame, in order around the sole."""
+    """A foot: its link and the sole's corners in that link's frame, in order around the sole.
+
+    One corner is a point foot, which carries no moment; two are an edge, three or more a sole. A point foot that is a
+    ball has a ``radius``, and its corner is where it touches the ground at rest.
+    """
 
     name: Name
     link: str
-    sole: Annotated[tuple[Vector3, ...], Field(min_length=3)]
+    sole: Annotated[tuple[Vector3, ...], Field(min_length=1)]
+    radius: Margin = 0.0
     friction: FrictionCoefficient
     source: Source
 
-
-class WrenchSensorBlock(Block):
-    """A force-torque sensor in an ankle (``foot_ft``) or a plate in the ground (``force_plate``)."""
-
-    name: Name
-    kind: Literal["foot_ft", "force_plate"]
-    link: str
-    xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Rotation3 = (0.0, 0.0, 0.0)
-    foot: str
-    excludes: tuple[str, ...] = ()
-    noise_force: Noise
-    noise_moment: Noise
-
-
-class SensorsBlock(Block):
-    """What the robot measures, how often and how well (standard deviations of white noise)."""
-
-    rate_hz: Rate
-    noise_position: Noise
-    joint_torque: Literal["link_side", "motor_side"] | None = None
-    noise_torque: TorqueNoises | None = None
-    noise_base_position: Noise = 0.0
-    noise_base_orientation: Noise = 0.0
-    wrench: tuple[WrenchSensorBlock, ...] = ()
-    source: Source
+    @model_validator(mode="after")
+    def _ball(self) -> FootBlock:
+        if self.radius > 0.0 and len(self.sole) != 1:
+            raise ValueError(f"feet {self.name}: a radius goes with a point foot, a sole of one corner")
+        return self
 
 
 class FrictionBlock(Block):
@@ -152,13 +139,17 @@ class PostureBlock(Block):
 
 
 class RobotDescription(Block):
-    """The whole of ``robot.yaml``."""
+    """The whole of ``robot.yaml``.
+
+    ``base`` says what carries the robot: ``fixed`` to the world, ``floating`` on its feet, ``suspended`` in a harness
+    (free, no foot on the ground), ``held`` by a stand (still while the limbs move, no foot on the ground).
+    """
 
     schema_: Literal["excite.robot/1"] = Field(alias="schema")
     name: Name
     title: Name
     model: ModelFile
-    base: Literal["fixed", "floating"]
+    base: Base
     locked_joints: dict[str, JointValue] = Field(default_factory=dict)
     posture: PostureBlock
     limits: LimitsBlock
@@ -180,10 +171,17 @@ class RobotDescription(Block):
                 raise ValueError(
                     f"sensors.wrench {sensor.name}: foot {sensor.foot!r} is not among feet {sorted(feet)}"
                 )
-        if self.base == "fixed" and self.sensors.joint_torque is None:
-            raise ValueError("sensors.joint_torque: a fixed-base robot needs link_side or motor_side")
-        if self.base == "floating" and not self.sensors.wrench:
-            raise ValueError("sensors.wrench: a floating-base robot needs at least one contact wrench sensor")
+        if self.base == "floating":
+            if not self.feet:
+                raise ValueError(
+                    "feet: a floating base needs a foot to stand on; else it is suspended or held"
+                )
+            if not self.sensors.wrench and self.sensors.joint_torque is None:
+                raise ValueError(
+                    "sensors: a floating-base robot needs contact wrench sensors (wrench) or joint_torque"
+                )
+        elif self.sensors.joint_torque is None:
+            raise ValueError(f"sensors.joint_torque: a {self.base} base needs link_side or motor_side")
         return self
 
 

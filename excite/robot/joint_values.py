@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import RobotError
-from excite.robot.description import RobotDescription
+from excite.robot.description import FREE_BASES, RobotDescription
 from excite.robot.per_joint import PerJoint
 from excite.robot.quantities import MAX_TRAVEL, in_radians, looks_like_degrees
 from excite.robot.robot import Limits
@@ -89,7 +89,7 @@ def read_limits(
     model: pin.Model, description: RobotDescription, names: tuple[str, ...], path: Path
 ) -> Limits:
     """Joint limits of the model, with what the description says instead; raises RobotError."""
-    nq, nv = (7, 6) if description.base == "floating" else (0, 0)
+    nq, nv = (7, 6) if description.base in FREE_BASES else (0, 0)
     block = description.limits
     lower, upper = model.lowerPositionLimit[nq:].copy(), model.upperPositionLimit[nq:].copy()
     for joint, (low, high) in block.position.joints.items():

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.errors import RobotError
 from excite.robot.description import RobotDescription
 from excite.robot.robot import Foot, Segment, WrenchSensor
@@ -65,25 +66,54 @@ def link_placement(model: pin.Model, link: str, source: object, field: str) -> t
     )
 
 
-def read_foot(model: pin.Model, description: RobotDescription, name: str, path: Path) -> Foot:
-    """A foot with the frame of its sole; raises RobotError."""
+def read_foot(model: pin.Model, description: RobotDescription, name: str, path: Path, upright: Array) -> Foot:
+    """A foot with the frame of its sole, the robot resting at ``upright`` ``(nq,)``; raises RobotError."""
     block = next(foot for foot in description.feet if foot.name == name)
     joint, placement = link_placement(model, block.link, path, f"feet.{name}.link")
     corners = np.array([placement.act(np.array(corner)) for corner in block.sole])
     centre = corners.mean(axis=0)
+    if len(corners) == 1:
+        data = model.createData()
+        pin.forwardKinematics(model, data, upright)
+        rotation = data.oMi[joint].rotation.T
+    elif len(corners) == 2:
+        rotation = _edge_axes(corners, placement.rotation)
+    else:
+        rotation = _sole_axes(corners, placement.rotation)
+    if rotation is None:
+        what = "the sole's corners lie on a line" if len(corners) > 2 else "the sole's two corners coincide"
+        raise RobotError(
+            what, source=path, field=f"feet.{name}.sole", remedy="leave out corners between others"
+        )
+    return Foot(name, block.link, joint, corners, pin.SE3(rotation, centre), block.friction, block.radius)
+
+
+def _edge_axes(corners: Array, link: Array) -> Array | None:
+    """Axes of an edge, x along it and z as near to the link's z (or y) as that allows; None without length."""
+    along = corners[1] - corners[0]
+    length = float(np.linalg.norm(along))
+    if length < 1e-9:
+        return None
+    along /= length
+    up = link[:, 2] if abs(link[:, 2] @ along) < 0.9 else link[:, 1]
+    up = up - (up @ along) * along
+    up /= np.linalg.norm(up)
+    return np.column_stack([along, np.cross(up, along), up])
+
+
+def _sole_axes(corners: Array, link: Array) -> Array | None:
+    """Axes of a sole, z along its normal and x along the link's; None where its corners lie on a line."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
     if np.linalg.norm(normal) < 1e-9:
-        raise RobotError("the sole's corners lie on a line", source=path, field=f"feet.{name}.sole")
+        return None
     normal /= np.linalg.norm(normal)
-    x_link = placement.rotation[:, 0]
-    if normal @ placement.rotation[:, 2] < 0.0 and abs(normal @ placement.rotation[:, 2]) > 0.5:
+    if normal @ link[:, 2] < 0.0 and abs(normal @ link[:, 2]) > 0.5:
         normal = -normal
-    x_axis = x_link - (x_link @ normal) * normal
+    x_axis = link[:, 0] - (link[:, 0] @ normal) * normal
     if np.linalg.norm(x_axis) < 1e-6:
-        x_axis = placement.rotation[:, 1] - (placement.rotation[:, 1] @ normal) * normal
+        x_axis = link[:, 1] - (link[:, 1] @ normal) * normal
     x_axis /= np.linalg.norm(x_axis)
-    rotation = np.column_stack([x_axis, np.cross(normal, x_axis), normal])
-    return Foot(name, block.link, joint, corners, pin.SE3(rotation, centre), block.friction)
+    return np.column_stack([x_axis, np.cross(normal, x_axis), normal])
 
 
 def read_sensors(

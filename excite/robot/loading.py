@@ -14,9 +14,9 @@ from excite.errors import RobotError
 from excite.reading.file import read_bytes
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.catalogue import example_robot_data, find_robot
-from excite.robot.description import RobotDescription, read_description
+from excite.robot.description import FREE_BASES, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
-from excite.robot.links import read_foot, read_segments, read_sensors
+from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.robot import Foot, Robot
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import Stated, read_urdf
@@ -55,10 +55,23 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     urdf = read_urdf(model_path, _stated(description))
     root = ElementTree.fromstring(urdf)
     model = _build_model(root, description, model_path)
-    joint_names = tuple(list(model.names)[2 if description.base == "floating" else 1 :])
+    joint_names = tuple(list(model.names)[2 if description.base in FREE_BASES else 1 :])
     check_joints(description, joint_names, path)
     segments = read_segments(model, description, path)
-    feet = tuple(read_foot(model, description, block.name, path) for block in description.feet)
+    upright = _upright(model, description, joint_names)
+    feet = tuple(read_foot(model, description, block.name, path, upright) for block in description.feet)
+    sensors = read_sensors(model, description, segments, path)
+    if description.sensors.imu is not None:
+        joint, _ = link_placement(model, description.sensors.imu.link, path, "sensors.imu.link")
+        if description.base in FREE_BASES and joint != 1:
+            raise RobotError(
+                f"link {description.sensors.imu.link!r} moves against the base",
+                source=path,
+                field="sensors.imu.link",
+                remedy="name the base's link, or one fixed to it",
+            )
+    # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
+    standing = description.base in ("fixed", "floating")
     return Robot(
         name=description.name,
         description=description,
@@ -68,10 +81,10 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
         model=model,
         joint_names=joint_names,
         limits=read_limits(model, description, joint_names, path),
-        feet=feet,
-        sensors=read_sensors(model, description, segments, path),
+        feet=feet if standing else (),
+        sensors=sensors if standing else (),
         segments=segments,
-        rest=_rest(model, description, joint_names, feet),
+        rest=_rest(model, description, upright, feet),
     )
 
 
@@ -121,7 +134,7 @@ def _model_path(description: RobotDescription, path: Path) -> Path:
 def _stated(description: RobotDescription) -> Stated:
     """What the description says that changes how the URDF is read."""
     return Stated(
-        floating=description.base == "floating",
+        floating=description.base in FREE_BASES,
         locked=description.locked_joints,
         limits=description.limits.position.joints,
         acknowledged=description.model.acknowledged,
@@ -129,24 +142,28 @@ def _stated(description: RobotDescription) -> Stated:
 
 
 def _build_model(root: ElementTree.Element, description: RobotDescription, model_path: Path) -> pin.Model:
-    model = urdf_model(root, model_path, floating=description.base == "floating")
+    model = urdf_model(root, model_path, floating=description.base in FREE_BASES)
     if model.njoints == 1:
         raise RobotError("has no joint that moves", source=model_path, remedy="describe at least one")
     model.gravity.linear = np.array(description.gravity)
     return model
 
 
-def _rest(
-    model: pin.Model, description: RobotDescription, names: tuple[str, ...], feet: tuple[Foot, ...]
-) -> Array:
-    """Rest configuration; the lowest sole corner of a standing robot touches the ground."""
+def _upright(model: pin.Model, description: RobotDescription, names: tuple[str, ...]) -> Array:
+    """The posture of the description, the base oriented and at height zero."""
     q = pin.neutral(model)
-    offset = 7 if description.base == "floating" else 0
+    offset = 7 if description.base in FREE_BASES else 0
     if offset:
         q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*description.posture.base_rpy)).coeffs()
     for joint, angle in description.posture.joints.items():
         q[offset + names.index(joint)] = angle
-    if description.base == "floating":
+    return np.asarray(q)
+
+
+def _rest(model: pin.Model, description: RobotDescription, upright: Array, feet: tuple[Foot, ...]) -> Array:
+    """Rest configuration; the lowest sole corner of a standing robot touches the ground."""
+    q = upright.copy()
+    if description.base in FREE_BASES:
         if description.posture.base_height is not None:
             q[2] = description.posture.base_height
         elif feet:
@@ -154,4 +171,4 @@ def _rest(
             pin.forwardKinematics(model, data, q)
             heights = [data.oMi[foot.joint].act(corner)[2] for foot in feet for corner in foot.sole]
             q[2] -= min(heights)
-    return np.asarray(q)
+    return q

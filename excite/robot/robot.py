@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import UnknownNameError
-from excite.robot.description import RobotDescription
+from excite.robot.description import FREE_BASES, RobotDescription
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +43,13 @@ class Foot:
         name: name used in ``contact.NAME`` columns.
         link: link that the sole belongs to.
         joint: index of the model joint that carries the link.
-        sole: corners of the sole in the frame of ``joint``, ``(n_corners, 3)`` [m], in order around it.
+        sole: corners of the sole in the frame of ``joint``, ``(n_corners, 3)`` [m], in order around it; one for a
+            point foot, two for an edge.
         placement: pose of a frame on the sole in the frame of ``joint``: origin at the mean of the
-            corners, z along the sole's outward-from-ground normal, x along the link's x.
+            corners, z along the sole's outward-from-ground normal, x along the link's x. A point foot's axes are
+            the world's at rest; an edge's x runs along it.
         friction: Coulomb friction coefficient of the sole on the ground.
+        radius: of a point foot that is a ball and rolls on the ground; zero of all others [m].
     """
 
     name: str
@@ -55,6 +58,12 @@ class Foot:
     sole: Array
     placement: pin.SE3
     friction: float
+    radius: float = 0.0
+
+    @property
+    def flat(self) -> bool:
+        """Whether the sole is a surface, which keeps the link's orientation; not so a point or an edge."""
+        return len(self.sole) >= 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +131,8 @@ class Robot:
         model: pinocchio model, locked joints removed.
         joint_names: actuated joints, in model order.
         limits: joint limits.
-        feet: feet, empty for a robot that does not stand.
-        sensors: wrench sensors, empty for an arm.
+        feet: feet, empty for a robot that does not stand (an arm, or one that hangs or is held).
+        sensors: wrench sensors, empty for an arm and for a robot without force sensors.
         segments: one per model joint, in model order.
         rest: configuration at which motions start and end, ``(nq,)``.
     """
@@ -143,8 +152,8 @@ class Robot:
 
     @property
     def floating(self) -> bool:
-        """Whether the base is free."""
-        return self.description.base == "floating"
+        """Whether the base's pose is part of the configuration: it stands on feet, or hangs."""
+        return self.description.base in FREE_BASES
 
     @property
     def n_joints(self) -> int:
@@ -160,6 +169,19 @@ class Robot:
     def n_base_v(self) -> int:
         """Number of base coordinates in ``v``: 6 or 0."""
         return 6 if self.floating else 0
+
+    @property
+    def measures_contacts(self) -> bool:
+        """Whether wrench sensors see all that carries a free base, so that the base's rows are its equations.
+
+        Else the joints' rows are: of a fixed base, or with unmeasured contact forces taken out.
+        """
+        return self.floating and bool(self.sensors)
+
+    @property
+    def n_equations(self) -> int:
+        """Number of its equations a sample: 6 rows of the base, or one a joint."""
+        return 6 if self.measures_contacts else self.n_joints
 
     @property
     def base_link(self) -> str:
@@ -194,5 +216,6 @@ class Robot:
         return slice(10 * segment, 10 * segment + 10)
 
     def __repr__(self) -> str:
-        base = "floating" if self.floating else "fixed"
-        return f"Robot({self.name!r}, {base} base, {self.n_joints} joints, {self.mass:.1f} kg)"
+        return (
+            f"Robot({self.name!r}, {self.description.base} base, {self.n_joints} joints, {self.mass:.1f} kg)"
+        )

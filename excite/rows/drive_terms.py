@@ -177,6 +177,18 @@ def bending_columns(samples: JointSamples) -> Array:
     return columns
 
 
+def nominal_torques(samples: JointSamples) -> Array:
+    """Torques of the nominal bodies, ``(m, n_joints)`` [N·m or N]."""
+    whole = inverse_dynamics(samples.robot.model, samples.q, samples.v, samples.a)
+    return np.asarray(whole[:, samples.joints])
+
+
+def load_friction_columns(samples: JointSamples) -> Array:
+    """Friction that grows with the load, by the nominal bodies' torques, ``(m, n_joints, n_joints)``."""
+    load = np.abs(nominal_torques(samples))
+    return samples.own(smooth_sign(samples.v[:, samples.joints], samples.widths) * load)
+
+
 def _across(axis: Array) -> Array:
     """Two unit vectors across an axis, ``(2, 3)``; zeros for a joint that does not turn."""
     if not axis.any():
@@ -216,5 +228,12 @@ DRIVE_TERMS: dict[str, DriveTerm] = {
         DriveTerm("encoder", "rad", ("encoder_offset",), encoder_columns, spread=5e-3),
         # Cross-talk as data sheets of torque sensors state it, some tenths of a per cent.
         DriveTerm("bending", "1", (), bending_columns, axes=(".x", ".y"), spread=3e-3),
+        # What a torque is wrong by in proportion: real arms come with constants off by a tenth to two thirds.
+        DriveTerm("gain", "1", (), lambda s: s.own(nominal_torques(s)), spread=0.3),
+        # Harmonic drives of cobots lose 0.05 to 0.1 N·m per N·m of load.
+        DriveTerm("load_friction", "1", (), load_friction_columns, spread=0.05),
     )
 }
+
+EXTENSIONS = ("gain", "load_friction", "bending")
+"""Terms that the method ``adaptive`` tries beside those of the log: what drives and sensors add to rigid bodies."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -23,6 +24,7 @@ from excite.logs.signals.resample import (
 )
 from excite.logs.signals.trim import moving_span
 from excite.robot.robot import Robot
+from excite.rows.imu import imu_motion
 from excite.rows.settings import Filters, ProblemSettings
 
 
@@ -37,7 +39,7 @@ class TrialKinematics:
         v: ``(n, nv)``.
         a: ``(n, nv)``.
         valid: ``(n,)`` False in gaps and at the ends, where the filter's transient is.
-        moving: span in which a joint moves.
+        moving: span in which a joint moves; empty where none ever does.
     """
 
     time: Array
@@ -47,6 +49,15 @@ class TrialKinematics:
     a: Array
     valid: NDArray[np.bool_]
     moving: slice
+
+    @property
+    def standing(self) -> bool:
+        """Whether no joint ever moves."""
+        return bool(self.moving.start == self.moving.stop)
+
+    def at_rest(self) -> TrialKinematics:
+        """The same with no velocity and no acceleration: those of a robot that stands are its encoders' noise."""
+        return replace(self, v=np.zeros_like(self.v), a=np.zeros_like(self.a))
 
 
 def trial_kinematics(
@@ -65,30 +76,57 @@ def trial_kinematics(
         The kinematics at the trial's own rate.
 
     Raises:
-        LogError: too short for the filter, or nothing moves.
+        LogError: too short for the filter.
     """
     rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
-    grid = trial.time if is_uniform(trial.time, rate) else uniform_grid(trial.time, rate)
+    grid = trial_grid(trial, rate)
     positions = positions_on_grid(trial.time, trial.q, grid)
     if settings.differentiation == "fourier" and settings.period_s is not None:
         joints = wrapped_derivatives(positions, rate, round(settings.period_s * rate), cutoff_hz)
     else:
         joints = central_differences(lowpass(positions, rate, cutoff_hz, filters.order), rate)
-    n, model = len(grid), robot.model
-    q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
-    columns = [robot.joint_index(name) for name in header.joints]
-    q[:, [robot.n_base_q + i for i in columns]] = joints.value
-    v[:, [robot.n_base_v + i for i in columns]] = joints.first
-    a[:, [robot.n_base_v + i for i in columns]] = joints.second
-    if robot.floating and trial.base is not None:
+    n = len(grid)
+    q = in_configurations(robot, header.joints, joints.value)
+    v, a = (in_velocities(robot, header.joints, values) for values in (joints.first, joints.second))
+    if header.uses_imu and trial.imu is not None:
+        readings = lowpass(positions_on_grid(trial.time, trial.imu, grid), rate, cutoff_hz, filters.order)
+        if trial.base is not None:
+            pose = root_pose(trial.base, base_offset(robot, header))
+            q[:, :7] = base_motion(
+                positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order
+            ).pose
+        a[:, :6], v[:, 3:6] = imu_motion(robot, header, readings, q[:, 3:7], rate)
+    elif robot.floating and trial.base is not None:
         pose = root_pose(trial.base, base_offset(robot, header))
         base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
         q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
     edge = max(3, settling_samples(rate, cutoff_hz))
     valid[:edge] = valid[n - edge :] = False
-    moving = slice(0, n) if robot.floating else moving_span(joints.first, settings.standstill_velocity)
+    moves = robot.floating or bool((np.abs(joints.first) > settings.standstill_velocity).any())
+    moving = slice(0, 0) if not moves else slice(0, n)
+    if moves and not robot.floating:
+        moving = moving_span(joints.first, settings.standstill_velocity)
     return TrialKinematics(grid, rate, q, v, a, valid, moving)
+
+
+def trial_grid(trial: Trial, rate_hz: float) -> Array:
+    """Uniform times of a trial ``(n,)`` [s]: its very stamps where they are uniform."""
+    return trial.time if is_uniform(trial.time, rate_hz) else uniform_grid(trial.time, rate_hz)
+
+
+def in_configurations(robot: Robot, joints: Sequence[str], positions: Array) -> Array:
+    """Positions of a log's joints ``(n, n_joints)`` in configurations ``(n, nq)``; all else at rest."""
+    q = np.tile(robot.rest, (len(positions), 1))
+    q[:, [robot.n_base_q + robot.joint_index(name) for name in joints]] = positions
+    return q
+
+
+def in_velocities(robot: Robot, joints: Sequence[str], values: Array) -> Array:
+    """Velocities or accelerations of a log's joints ``(n, n_joints)`` in those of the model, ``(n, nv)``."""
+    v = np.zeros((len(values), robot.model.nv))
+    v[:, [robot.n_base_v + robot.joint_index(name) for name in joints]] = values
+    return v
 
 
 def trial_rate(header: LogHeader, trial: Trial) -> float:

@@ -59,7 +59,7 @@ def polygon_margin(corners: Array, points: Array) -> Array:
     at most the distance to the polygon.
 
     Args:
-        corners: ``(n, m, 2)`` [m], three or more that do not lie on a line.
+        corners: ``(n, m, 2)`` [m].
         points: ``(n, 2)`` [m].
 
     Returns:
@@ -73,6 +73,8 @@ def polygon_margin(corners: Array, points: Array) -> Array:
 
 
 def _polygon_margin(corners: Array, points: Array) -> Array:
+    if corners.shape[1] < 3:
+        return np.full(len(points), np.nan)
     start, end = np.triu_indices(corners.shape[1], 1)
     edge = corners[:, end] - corners[:, start]
     length = np.linalg.norm(edge, axis=2)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sized
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sized
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -20,102 +19,13 @@ from excite.progress import Progress, silent
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
+from excite.safety.filter_report import FilterOutcome, FilterReport, counted
 from excite.safety.repairs.draft import Draft, Rejection
 from excite.safety.repairs.registry import make_repairs
 from excite.safety.verdict import Verdict
 
 # What a caller makes of an accepted motion, in the process that made it; has to be picklable, and so has the answer.
 Keep = Callable[[Robot, Motion], Any]
-
-
-@dataclass(frozen=True, eq=False)
-class FilterOutcome:
-    """What became of one candidate.
-
-    Attributes:
-        candidate: its name.
-        generator: its generator.
-        motion: the motion, None if rejected or handed to ``keep``.
-        verdict: the independent verdict, None if no motion came out of the repairs.
-        rejection: why it was rejected, None if accepted.
-        seconds: processor time by stage [s]; stages are ``draw`` of a proposal, the repairs and ``check``.
-        kept: what ``keep`` made of an accepted motion.
-    """
-
-    candidate: str
-    generator: str
-    motion: Motion | None
-    verdict: Verdict | None
-    rejection: Rejection | None
-    seconds: Mapping[str, float]
-    kept: Any = None
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the motion may be run."""
-        return self.rejection is None
-
-
-@dataclass(frozen=True, eq=False)
-class FilterReport:
-    """What became of all candidates, in their order.
-
-    Attributes:
-        generated: number of candidates.
-        outcomes: one per candidate; none where accepted motions were handed to ``keep``, so that memory does not grow
-            with the number of candidates.
-        kept: what ``keep`` made of the accepted motions.
-        rejected: number of rejected candidates by reason, the commonest first.
-        acceptance: share of accepted candidates by generator.
-        stage_seconds: processor time by stage, over all candidates and processes [s].
-    """
-
-    generated: int
-    outcomes: tuple[FilterOutcome, ...]
-    kept: tuple[Any, ...]
-    rejected: dict[str, int]
-    acceptance: dict[str, float]
-    stage_seconds: dict[str, float]
-
-    @property
-    def motions(self) -> tuple[Motion, ...]:
-        """The accepted motions, but for those handed to ``keep``."""
-        return tuple(o.motion for o in self.outcomes if o.accepted and o.motion is not None)
-
-    def summary(self) -> str:
-        """One line for a person."""
-        reasons = ", ".join(f"{count} {reason}" for reason, count in self.rejected.items())
-        accepted = self.generated - sum(self.rejected.values())
-        return f"{accepted} of {self.generated} candidates accepted" + (
-            f"; rejected: {reasons}" if reasons else ""
-        )
-
-
-def _report(outcomes: Iterable[FilterOutcome], *, whole: bool) -> FilterReport:
-    """Count outcomes as they come; they are held where the report is to be ``whole``."""
-    held: list[FilterOutcome] = []
-    kept: list[Any] = []
-    made, accepted, reasons = Counter[str](), Counter[str](), Counter[str]()
-    seconds: dict[str, float] = {}
-    for outcome in outcomes:
-        made[outcome.generator] += 1
-        accepted[outcome.generator] += outcome.accepted
-        if outcome.rejection is not None:
-            reasons[outcome.rejection.reason] += 1
-        elif outcome.kept is not None:
-            kept.append(outcome.kept)
-        for stage, spent in outcome.seconds.items():
-            seconds[stage] = seconds.get(stage, 0.0) + spent
-        if whole:
-            held.append(outcome)
-    return FilterReport(
-        generated=made.total(),
-        outcomes=tuple(held),
-        kept=tuple(kept),
-        rejected=dict(sorted(reasons.items(), key=lambda item: (-item[1], item[0]))),
-        acceptance={name: accepted[name] / count for name, count in sorted(made.items())},
-        stage_seconds=seconds,
-    )
 
 
 class SafetyFilter:
@@ -211,7 +121,7 @@ def filter_candidates(
     outcomes = in_order(
         _work, candidates, jobs=jobs, shared=(robot, keep), total=total, stage="filter", progress=progress
     )
-    return _report(outcomes, whole=keep is None)
+    return counted(robot, outcomes, whole=keep is None)
 
 
 @lru_cache(maxsize=4)
@@ -225,7 +135,7 @@ def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:
         return None
     if verdict.violations:
         first = verdict.violations[0]
-        return draft.rejected(f"check_{first.kind}", first.where, first.time_s)
+        return draft.rejected(f"check_{first.kind}", first.where, first.time_s, first.value, first.limit)
     return draft.rejected("check_not_computed", ", ".join(verdict.not_computed))
 
 

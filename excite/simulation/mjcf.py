@@ -93,6 +93,8 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
         )
     for foot in robot.feet:
         _add_sole(bodies[foot.joint], foot, world)
+    if robot.floating and not robot.feet:
+        _hang(spec, bodies[1], robot)
     if world.watch_touches:
         add_shapes(spec, bodies, robot)
     return spec
@@ -177,15 +179,37 @@ def _add_drive(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, drives: Dri
     actuator.biasprm[:3] = [0.0, -kp, -kd]
 
 
+# Height of the harness's hook above the robot's centre of mass at rest [m]: ropes to a gantry, from the shoulders.
+_HOOK = 0.5
+
+
+def _hang(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
+    """Hang the base on a point straight above the centre of mass, about which it swings."""
+    import mujoco
+
+    data = robot.model.createData()
+    hook = np.array(pin.centerOfMass(robot.model, data, robot.rest)) + np.array([0.0, 0.0, _HOOK])
+    pose = pin.XYZQUATToSE3(robot.rest[:7])
+    equality = spec.add_equality(
+        name="harness",
+        type=mujoco.mjtEq.mjEQ_CONNECT,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        name1=base.name,
+        name2="world",
+    )
+    equality.data[:3] = pose.actInv(hook)
+
+
 def _add_sole(body: mujoco.MjsBody, foot: Foot, world: World) -> None:
     import mujoco
 
+    radius = foot.radius or SOLE_RADIUS
     for number, corner in enumerate(foot.sole):
         body.add_geom(
             name=f"{foot.name}.sole.{number}",
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[SOLE_RADIUS, 0.0, 0.0],
-            pos=corner + SOLE_RADIUS * foot.placement.rotation[:, 2],
+            size=[radius, 0.0, 0.0],
+            pos=corner + radius * foot.placement.rotation[:, 2],
             contype=0,
             conaffinity=1,
             priority=1,

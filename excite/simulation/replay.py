@@ -117,14 +117,16 @@ def watched_run(virtual: VirtualRobot, motion: Motion, session_s: float = 0.0) -
     robot = virtual.robot
     planned = _planned(robot, motion)
     watched = replace(virtual, world=replace(virtual.world, watch_touches=True))
-    run = execute(watched, motion, stop=_Fall(planned) if robot.floating else None, session_s=session_s)
+    run = execute(
+        watched, motion, stop=_Fall(planned) if robot.floating and robot.feet else None, session_s=session_s
+    )
     return WatchedRun(run, _judge(virtual, planned, run))
 
 
 def _judge(virtual: VirtualRobot, planned: Motion, run: Recording) -> Replay:
     robot = virtual.robot
     tilt, sink = np.zeros(1), np.zeros(1)
-    if robot.floating:
+    if robot.floating and robot.feet:
         tilt, sink = _departure(run.q, planned.q[: len(run.q)])
     lost = (tilt > FALL_TILT_RAD) | (sink > FALL_HEIGHT_M)
     # A robot that has not come upright again when the motion ends is on its way down.

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.logs.log import LogHeader, SensorHeader, Trial, TrialHeader
+from excite.logs.header_blocks import FootHeader, ImuHeader, SensorHeader, TrialHeader
+from excite.logs.log import LogHeader, Trial
+from excite.motion.motion import Motion
 from excite.robot.joint_values import per_joint
+from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.simulation.drives import nominal_drives
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot
+
+# Share of the weight above which a foot counts as carrying: what it carries below that is lost in the torques' noise.
+CONTACT_SHARE = 0.005
 
 
 def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random.Generator) -> Trial:
@@ -24,8 +31,8 @@ def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random
         rng: source of the noise; numbers are drawn in a fixed order whatever the level of noise.
 
     Returns:
-        The trial: joint positions and commands; for a floating base its pose and the contact wrenches; joint
-        torques where the robot measures them.
+        The trial: joint positions and commands; for a free base its pose, IMU where it has one, and the contact
+        wrenches or flags; joint torques where the robot measures them.
     """
     for reading in virtual.readings:
         recording = reading(recording)
@@ -41,6 +48,10 @@ def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random
             sensors.noise_base_position * noise[:, :3],
             sensors.noise_base_orientation * noise[:, 3:],
         )
+    imu = None
+    if sensors.imu is not None and robot.floating:
+        sigma = np.repeat([sensors.imu.noise_gyro, sensors.imu.noise_acceleration], 3)
+        imu = imu_readings(robot, recording) + level * sigma * rng.standard_normal((n, 6))
     for sensor in robot.sensors:
         sigma = np.repeat([sensor.noise_force, sensor.noise_moment], 3)
         wrenches[sensor.name] = recording.wrenches[sensor.name] + level * sigma * rng.standard_normal((n, 6))
@@ -57,7 +68,31 @@ def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random
         q_cmd=recording.q_cmd,
         base=base,
         wrenches=wrenches,
+        imu=imu,
+        contacts={} if robot.measures_contacts else contact_flags(robot, recording),
     )
+
+
+def imu_readings(robot: Robot, recording: Recording | Motion) -> Array:
+    """Angular velocity [rad/s] and acceleration less gravity [m/s²] at the IMU, in its frame, ``(n, 6)``."""
+    placement = pin.SE3.Identity()
+    if robot.description.sensors.imu is not None:
+        link = robot.description.sensors.imu.link
+        _, placement = link_placement(robot.model, link, robot.source, "sensors.imu.link")
+    readings = np.empty((len(recording.time), 6))
+    gravity = np.array(robot.description.gravity)
+    for i, (q, v, a) in enumerate(zip(recording.q, recording.v, recording.a, strict=True)):
+        twist, acceleration = placement.actInv(pin.Motion(v[:6])), placement.actInv(pin.Motion(a[:6]))
+        turn = pin.Quaternion(q[3:7]).matrix() @ placement.rotation
+        readings[i, :3] = twist.angular
+        readings[i, 3:] = acceleration.linear + np.cross(twist.angular, twist.linear) - turn.T @ gravity
+    return readings
+
+
+def contact_flags(robot: Robot, recording: Recording) -> dict[str, NDArray[np.bool_]]:
+    """Whether the ground presses on each foot, as a switch in it would say, ``(n,)`` by foot name."""
+    threshold = CONTACT_SHARE * robot.mass * float(np.linalg.norm(robot.description.gravity))
+    return {foot.name: recording.contacts[foot.name][:, 2] > threshold for foot in robot.feet}
 
 
 def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
@@ -77,7 +112,7 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
     return LogHeader(
         schema="excite.log/1",
         robot="robot.urdf",
-        base="floating" if robot.floating else "fixed",
+        base=description.base,
         gravity=description.gravity,
         rate_hz=description.sensors.rate_hz,
         joints=robot.joint_names,
@@ -93,7 +128,9 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
         },
         base_link=robot.base_link if robot.floating else None,
         wrench="on_robot_in_sensor_frame" if robot.sensors else None,
-        sensors=_sensor_headers(robot),
+        sensors=_sensor_headers(robot) if robot.sensors else (),
+        feet=() if robot.measures_contacts else _foot_headers(robot),
+        imu=_imu_header(robot),
         modelled=tuple(modelled),
         trials=trials,
     )
@@ -114,6 +151,18 @@ def _sensor_headers(robot: Robot) -> tuple[SensorHeader, ...]:
         )
         for block in robot.description.sensors.wrench
     )
+
+
+def _foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
+    blocks = {block.name: block for block in robot.description.feet}
+    return tuple(
+        FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole, radius=f.radius) for f in robot.feet
+    )
+
+
+def _imu_header(robot: Robot) -> ImuHeader | None:
+    block = robot.description.sensors.imu
+    return ImuHeader(**block.model_dump()) if block is not None and robot.floating else None
 
 
 def _noisy_pose(pose: Array, position: Array, rotation: Array) -> Array:

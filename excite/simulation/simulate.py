@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.errors import InputError
-from excite.logs.log import Log, Role, Trial, TrialHeader
+from excite.logs.header_blocks import Role, TrialHeader
+from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs

@@ -15,7 +15,8 @@ from excite.campaign.prediction import predict
 from excite.identification.noise.equation_noise import equation_noise
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import build_problem
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.simulation.sensing import log_header

@@ -21,7 +21,7 @@ def help_of(name: str) -> str:
 
 @pytest.mark.parametrize("name", ["identify", "campaign", "human"])
 def test_every_method_is_named_with_what_it_is_for(name: str) -> None:
-    table = " ".join(help_of(name).split("Methods:")[1].split())
+    table = " " + " ".join(help_of(name).split("Methods:")[1].split())
     for item in method_summaries():
         assert f"{item.title}. For {item.use}." in table
     # A person's segments are identified by the method that is named, or not at all.

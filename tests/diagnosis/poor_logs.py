@@ -10,7 +10,8 @@ from excite.arrays import Array
 from excite.blind.arm import Arm, arm_of
 from excite.blind.forms import OWN_TERMS, hide
 from excite.blind.hidden import HiddenEffect
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, Trial
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot

@@ -19,7 +19,7 @@ from excite.diagnosis.search.gates import Gates
 from excite.diagnosis.search.hypotheses import Search
 from excite.diagnosis.search.scoring import Scorer
 from excite.logs.files import load_log, save_log
-from excite.logs.log import TrialHeader
+from excite.logs.header_blocks import TrialHeader
 from excite.logs.robot import nominal_robot
 from tests.diagnosis.two_joints import moved, two_joint_log
 

@@ -12,7 +12,8 @@ import pytest
 
 from excite.diagnosis.diagnose import diagnose
 from excite.logs.files import save_log
-from excite.logs.log import Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Trial
 from tests.diagnosis.two_joints import COULOMB, NOISE, RATE_HZ, URDF, VISCOUS, two_joint_log
 
 _STEPS, _RUN_IN_S, _SECONDS = 10, 2.0, 10.0

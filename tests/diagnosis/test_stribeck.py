@@ -12,7 +12,8 @@ import pytest
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.friction.stribeck import Stribeck
 from excite.logs.files import save_log
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, Trial
 from tests.diagnosis.test_one_joint import URDF, axis_header
 
 RATE_HZ, NOISE = 200, 0.3

@@ -9,6 +9,9 @@ import pytest
 
 from excite.doctor.examine import examine
 from excite.finding import Finding
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.robot import nominal_robot
 from excite.robot.loading import load_robot
 from tests.identification.practice_log import arm_log, changed
 
@@ -128,3 +131,46 @@ def test_joints_declared_without_torque_raise_no_suspicion(panda, log) -> None:
     quiet = changed(log, lambda t: replace(t, tau=np.delete(t.tau, 3, 1).dot(np.delete(np.eye(7), 3, 0))))
     header = quiet.header.model_copy(update={"no_torque": (JOINTS[3],)})
     assert suspicions(panda, replace(quiet, header=header)) == ()
+
+
+_DAMPER = """<robot name="damper"><link name="frame"/>
+  <link name="rod"><inertial><mass value="1e-3"/>
+    <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="stroke" type="prismatic"><parent link="frame"/><child link="rod"/><axis xyz="1 0 0"/>
+    <limit lower="-0.1" upper="0.1" effort="5000" velocity="1"/></joint></robot>
+"""
+
+
+def _damped(name: str, role: str, phase: float) -> Trial:
+    """Dry friction that builds up over 8 mm after each reversal (Dahl 1968), seen at a rod without weight."""
+    time = np.arange(0.0, 10.0, 2e-3)
+    q = 0.03 * np.sin(2.0 * np.pi * 0.8 * time + phase) + 0.01 * np.sin(2.0 * np.pi * 0.3 * time)
+    force, state = np.zeros_like(q), 0.0
+    for i, way in enumerate(np.diff(q, prepend=q[0])):
+        state += (way - abs(way) * state) / 0.008 if abs(way) < 0.008 else 0.0
+        force[i] = 1e3 * state
+    return Trial(name=name, role=role, time=time, q=q[:, None], tau=force[:, None])
+
+
+def test_friction_that_builds_up_over_a_way_is_not_late(tmp_path) -> None:
+    """It follows the velocity some 50 ms late, and no weight or inertia says that time has to do with it."""
+    trials = (_damped("a", "identification", 0.3), _damped("b", "validation", 1.0))
+    files = [{"file": f"{trial.name}.parquet", "role": trial.role} for trial in trials]
+    said = {"schema": "excite.log/1", "robot": "damper.urdf", "base": "fixed", "rate_hz": 500}
+    said |= {"joints": ["stroke"], "torque": "link_side", "modelled": ["rigid_body_fixed"], "trials": files}
+    log = load_log(
+        save_log(Log(LogHeader.model_validate(said), trials, robot_text=_DAMPER), tmp_path / "log")
+    )
+    chart = examine(nominal_robot(log), log)
+    assert {item.kind for item in chart.findings} <= {"quantised", "too_few_rows"}
+    assert not chart.doubts
+
+
+def test_torques_that_are_too_large_each_by_a_factor_of_its_own_have_no_unit(panda, log) -> None:
+    """What an arm with a load and uncalibrated torque constants had; of one factor for all they keep together."""
+    apart = np.array([1.13, 1.44, 1.28, 2.18, 1.86, 1.65, 1.65])
+    assert "torque_scale" not in {
+        item.kind for item in suspicions(panda, changed(log, lambda t: replace(t, tau=t.tau * apart)))
+    }
+    (found,) = suspicions(panda, changed(log, lambda t: replace(t, tau=t.tau * 1.8)))
+    assert found.kind == "torque_scale" and found.figures["factor"] == pytest.approx(1.8, rel=0.1)

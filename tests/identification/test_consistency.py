@@ -91,3 +91,12 @@ class TestProjection:
 def test_correlation_of_a_constant_is_not_known():
     assert correlation(np.full(10, 3.0), np.arange(10.0)) is None
     assert correlation(np.arange(10.0), -2.0 * np.arange(10.0)) == pytest.approx(-1.0)
+
+
+def test_links_between_the_axes_of_a_joint_are_no_bodies():
+    body = np.array([2.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.02, 0.0, 0.0, 0.02])
+    both = check_consistency(np.concatenate([np.zeros(10), body]), ("between", "body"))
+    assert both == check_consistency(body, ("body",))
+    assert both.mass_positive and both.triangle_inequality
+    nothing = check_consistency(np.zeros(10), ("between",))
+    assert not nothing.mass_positive

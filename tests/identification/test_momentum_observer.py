@@ -10,7 +10,8 @@ import pytest
 
 from excite.errors import InputError, LogError
 from excite.identification.momentum_observer import momentum_and_rate, momentum_residual, observe
-from excite.logs.log import Log, LogHeader, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, LogHeader, Trial
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 

@@ -256,7 +256,8 @@ def test_faults_are_named(panda: Robot, g1: Robot) -> None:
     with pytest.raises(LogError, match="has no torques"):
         build_problem(panda, arm_log(panda, torque="none"))
     still = replace(log.trials[0], q=np.zeros_like(log.trials[0].q))
-    with pytest.raises(LogError, match="no joint is ever faster"):
+    # A posture is one row a joint.
+    with pytest.raises(LogError, match="rows"):
         build_problem(panda, replace(log, trials=(still,)))
     short = replace(log.trials[0], time=TIME[:30], q=log.trials[0].q[:30], tau=log.trials[0].tau[:30])
     with pytest.raises(LogError, match="too few"):

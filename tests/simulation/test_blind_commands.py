@@ -11,7 +11,8 @@ import pytest
 from excite.blind.arm import arm_of
 from excite.blind.commands import Servo
 from excite.blind.hidden import Answer, HiddenEffect
-from excite.logs.log import Log, Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Log, Trial
 from excite.robot.loading import load_robot
 from excite.simulation.execution import execute
 from excite.simulation.sensing import log_header

@@ -15,7 +15,8 @@ from excite.blind.floating.record import trial_of
 from excite.blind.floating.site import Site
 from excite.blind.floating.stand import Stand, _mounted, standing_robot
 from excite.blind.floating.truth import Truth, happens, truth_of
-from excite.logs.log import LogHeader, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import LogHeader
 from excite.logs.robot import robot_in_log
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot

@@ -7,7 +7,8 @@ import pinocchio as pin
 from scipy.signal import butter, sosfiltfilt
 
 from excite.arrays import Array
-from excite.logs.log import Trial, TrialHeader
+from excite.logs.header_blocks import TrialHeader
+from excite.logs.log import Trial
 from excite.robot.robot import Robot
 from excite.simulation.recording import Recording
 

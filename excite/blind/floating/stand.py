@@ -10,7 +10,8 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.blind.floating.programme import RATE_HZ, programme
-from excite.logs.log import LogHeader, SensorHeader, TrialHeader
+from excite.logs.header_blocks import SensorHeader, TrialHeader
+from excite.logs.log import LogHeader
 from excite.logs.robot import robot_in_log
 from excite.motion.motion import Motion
 from excite.robot.loading import build_robot, load_robot

@@ -8,14 +8,15 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import Any
 
 import excite
 from excite.atomic import completed
-from excite.errors import ExciteError
+from excite.errors import ExciteError, NothingSafeError
 from excite.finding import Finding
 from excite.folders import unwritable
 from excite.json_document import to_json
@@ -38,6 +39,8 @@ class Failure:
         remedy: what to do.
         line: all of it in one line.
         findings: of a log that cannot be used, worst first.
+        best: fields of ``{"error": …}`` that say what was found instead of a solution.
+        table: the same for a person, a few lines.
     """
 
     code: int
@@ -47,9 +50,13 @@ class Failure:
     remedy: str | None = None
     line: str = ""
     findings: tuple[Finding, ...] = ()
+    best: Mapping[str, Any] = dataclass_field(default_factory=dict)
+    table: str = ""
 
     def show(self, *, as_json: bool) -> None:
-        """One line on stderr; with ``--json`` a document on stdout too."""
+        """One line on stderr; before it on stdout what was found instead, with ``--json`` a document."""
+        if self.table and not as_json:
+            print(self.table, flush=True)
         print(f"excite: {self.line or self.message}", file=sys.stderr)
         if as_json:
             print(to_json({"error": self.to_json()}))
@@ -63,11 +70,13 @@ class Failure:
             "file": self.file,
             "field": self.field,
             "remedy": self.remedy,
+            **self.best,
         }
 
 
 def of_error(error: ExciteError) -> Failure:
     """A failure that excite foresaw."""
+    refusals: Any = error.best if isinstance(error, NothingSafeError) else None
     what = one_line(getattr(error, "what", None) or str(error))
     source, field, remedy = (getattr(error, name, None) for name in ("source", "field", "remedy"))
     return Failure(
@@ -78,7 +87,15 @@ def of_error(error: ExciteError) -> Failure:
         remedy=None if remedy is None else one_line(str(remedy)),
         line=one_line(str(error)),
         findings=getattr(error, "findings", ()),
+        best={} if refusals is None else _said_of(refusals),
+        table="" if refusals is None else refusals.table(),
     )
+
+
+def _said_of(refusals: Any) -> dict[str, Any]:
+    """What refuses candidates; the remedy of an error is its text, what it was counted from stands beside it."""
+    document = refusals.to_json()
+    return {"refused": document["refused"], "change": document["remedy"]}
 
 
 def of_system(error: OSError) -> Failure:

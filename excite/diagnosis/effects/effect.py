@@ -16,6 +16,7 @@ from excite.diagnosis.effects.note import Beyond, Note, Noted
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import OwnTerm
+from excite.doctor.doubt import Doubt
 
 Theta = tuple[float, ...]
 
@@ -79,6 +80,7 @@ class Effect(ABC):
         mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
         note: what a model leaves to its runner; None where that is nothing.
         term: the term of a baseline's drives that it is; None where it is none.
+        told_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
         spans: what its columns are made of, in words; empty where no other effect's are.
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
@@ -106,6 +108,7 @@ class Effect(ABC):
     smooths: ClassVar[bool] = False
     note: ClassVar[type[Note] | None] = None
     term: ClassVar[OwnTerm | None] = None
+    told_by: ClassVar[frozenset[Doubt]] = frozenset()
     spans: ClassVar[tuple[str, ...]] = ()
     nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False

@@ -18,10 +18,16 @@ from excite.logs.log import Log, Trial
 from excite.logs.signals.butterworth import lowpass, settling_samples
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.differentiate import central_differences
-from excite.logs.signals.resample import is_uniform, resample_noisy, resample_smooth, uniform_grid
 from excite.logs.signals.sections import both_ways, butterworth_sections
 from excite.robot.robot import Robot
-from excite.rows.kinematics import trial_rate
+from excite.rows.kinematics import (
+    forces_on_grid,
+    in_configurations,
+    in_velocities,
+    positions_on_grid,
+    trial_grid,
+    trial_rate,
+)
 
 _ORDER = 4
 
@@ -159,11 +165,9 @@ def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | 
     """
     bands = bands or Bands()
     header = log.header
-    moved = tuple(name for name in robot.joint_names if name in header.joints)
-    joints = tuple(name for name in moved if name in header.torque_joints)
+    joints = tuple(name for name in robot.joint_names if name in header.torque_joints)
     places = _Places(
-        tuple(header.joints.index(name) for name in moved),
-        tuple(robot.joint_index(name) for name in moved),
+        header.joints,
         tuple(header.joints.index(name) for name in joints),
         coupling_matrix(joints, header.coupling),
     )
@@ -187,12 +191,11 @@ class _Places:
     """Where a log's columns belong.
 
     Attributes:
-        logged: columns of ``q``, in the robot's order; ``moved``, the joints' indices in the model.
+        logged: joints of the columns of ``q``.
         torques: columns of ``tau`` of those with torque, in the robot's order; ``coupling``, of their motors.
     """
 
-    logged: tuple[int, ...]
-    moved: tuple[int, ...]
+    logged: tuple[str, ...]
     torques: tuple[int, ...]
     coupling: Array
 
@@ -207,21 +210,18 @@ def _arm_trial(
 ) -> ArmTrial:
     if trial.tau is None:
         raise LogError("has no torques", source=trial.name, field="tau", remedy="log tau.* for a diagnosis")
-    uniform = is_uniform(trial.time, rate)
-    grid = trial.time if uniform else uniform_grid(trial.time, rate)
-    q_log = trial.q if uniform else resample_smooth(trial.time, trial.q, grid)
+    grid = trial_grid(trial, rate)
     motor = trial.tau[:, list(places.torques)]
-    tau = joint_torques(motor if uniform else resample_noisy(trial.time, motor, grid), places.coupling)
-    d = central_differences(lowpass(q_log, rate, bands.kinematics_hz), rate)
+    tau = joint_torques(forces_on_grid(trial.time, motor, grid), places.coupling)
+    positions = positions_on_grid(trial.time, trial.q, grid)
+    d = central_differences(lowpass(positions, rate, bands.kinematics_hz), rate)
     n = len(grid)
-    q, v, a = np.tile(robot.rest, (n, 1)), np.zeros((n, robot.model.nv)), np.zeros((n, robot.model.nv))
-    columns, order = list(places.moved), list(places.logged)
-    q[:, columns], v[:, columns], a[:, columns] = d.value[:, order], d.first[:, order], d.second[:, order]
+    q = in_configurations(robot, places.logged, d.value)
+    v, a = (in_velocities(robot, places.logged, values) for values in (d.first, d.second))
     commanded = None
     if trial.q_cmd is not None:
-        q_cmd = trial.q_cmd if uniform else resample_smooth(trial.time, trial.q_cmd, grid)
-        commanded = np.tile(robot.rest, (n, 1))
-        commanded[:, columns] = q_cmd[:, order]
+        q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)
+        commanded = in_configurations(robot, places.logged, q_cmd)
     edge = max(3, settling_samples(rate, bands.rows_hz))
     step = max(1, round(rate / bands.rate_hz))
     first, last = span_of_motion(v, 4 * edge)

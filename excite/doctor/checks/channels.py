@@ -6,56 +6,69 @@ import numpy as np
 
 from excite.doctor.check import Check, Outcome
 from excite.doctor.misreadings import LEAST_GAIN, Misreading, misreadings
-from excite.doctor.mistakes.registry import OF_TORQUES
+from excite.doctor.mistakes.registry import OF_TORQUES, OF_WRENCHES
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import torque_samples
+from excite.doctor.wrench_samples import wrench_samples
 from excite.finding import Finding
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 
 
 class Channels(Check):
-    """Signs, order, units, zeros, clock, delay and gravity by which the model explains the torques far better."""
+    """Signs, order, units, zeros, clock, delay, poses by which the model explains torques or wrenches far better."""
 
-    kinds = tuple(mistake.name for mistake in OF_TORQUES)
+    kinds = tuple(
+        dict.fromkeys((*(mistake.name for mistake in OF_TORQUES), *(mistake.name for mistake in OF_WRENCHES)))
+    )
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
-        if log.header.base != "fixed" or log.header.torque in {None, "none"}:
-            return Outcome(log)
-        samples = torque_samples(robot, log)
-        if samples is None:
-            return Outcome(log)
-        reading, found = misreadings(samples, Reading.as_stated(log), OF_TORQUES)
+        reading, found, what = _read(robot, log)
         if not found:
             return Outcome(log)
-        imitated = tuple(
-            name for item in found if not item.correction.certain for name in item.mistake.imitates
+        doubts = frozenset(
+            doubt for item in found if not item.correction.certain for doubt in item.mistake.leaves
         )
-        mended = any(item.correction.surprise is None for item in found)
+        mended = not all(item.correction.as_logged for item in found)
         log = _without_scale(reading, found).of(log) if mended else log
-        return Outcome(log, tuple(_finding(item) for item in found), imitated)
+        return Outcome(log, tuple(_finding(item, what) for item in found), doubts)
+
+
+def _read(robot: Robot, log: Log) -> tuple[Reading, tuple[Misreading, ...], str]:
+    """The likeliest reading of the log, what was found on the way, and what was measured."""
+    stated = Reading.as_stated(log)
+    if log.header.free_base:
+        wrenches = wrench_samples(robot, log) if log.header.sensors else None
+        if wrenches is not None:
+            return *misreadings(wrenches, stated, OF_WRENCHES), wrenches.measured_name
+    elif log.header.torque not in {None, "none"}:
+        torques = torque_samples(robot, log)
+        if torques is not None:
+            return *misreadings(torques, stated, OF_TORQUES), torques.measured_name
+    return stated, (), ""
 
 
 def _without_scale(reading: Reading, found: tuple[Misreading, ...]) -> Reading:
-    """The reading with torques in the unit in which they were logged: which one it is a person knows."""
+    """The reading with torques and wrenches in the unit in which they were logged: which one it is a person knows."""
     for item in found:
-        if item.correction.surprise is not None:
+        if item.correction.as_logged:
             factor = item.correction.figures["factor"]
             reading = reading.with_torque(range(len(reading.torque_factor)), factor)
+            reading = reading.with_wrenches(range(len(reading.sensor_of)), factor * np.eye(6))
     return reading
 
 
-def _finding(item: Misreading) -> Finding:
+def _finding(item: Misreading, what: str) -> Finding:
     correction = item.correction
     before, after = (min(100.0, 100.0 * share) for share in (item.before, item.after))
-    text = f"{correction.text} (likely bodies leave {before:.2g} % of the torques' power as it is, {after:.2g} % then)"
-    repaired = correction.surprise is None
+    text = f"{correction.text} (likely bodies leave {before:.2g} % of the {what}' power as it is, {after:.2g} % then)"
+    repaired = not correction.as_logged
     if not repaired:
         remedy = "find the unit; what follows is in the log's"
     elif correction.certain:
         remedy = "it was put right for what follows; correct the log"
     else:
-        remedy = "it was put right as far as the torques tell; correct the log"
+        remedy = f"it was put right as far as the {what} tell; correct the log"
     gain = correction.surprise if correction.surprise is not None else item.gain / correction.changes
     return Finding(
         correction.kind,

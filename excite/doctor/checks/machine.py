@@ -27,7 +27,7 @@ class OtherMachine(Check):
     kinds = ("other_machine",)
 
     def examine(self, robot: Robot, log: Log) -> Outcome:
-        if log.header.base != "fixed" or log.header.torque in {None, "none"}:
+        if log.header.free_base or log.header.torque in {None, "none"}:
             return Outcome(log)
         judges = tuple(trial.name for trial in log.role("validation"))
         parts = [log.role("identification"), log.role("validation"), log.trials]

@@ -91,7 +91,7 @@ class TorqueSide(Check):
 
 
 def _samples(robot: Robot, log: Log) -> TorqueSamples | None:
-    if log.header.base != "fixed" or log.header.torque in {None, "none"}:
+    if log.header.free_base or log.header.torque in {None, "none"}:
         return None
     return torque_samples(robot, log)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.doctor.check import Check, Outcome
+from excite.doctor.doubt import Doubt
 from excite.finding import Finding, listed
 from excite.logs.log import Log
 from excite.logs.signals.butterworth import lowpass, settling_samples
@@ -72,7 +73,7 @@ class Velocities(Check):
         )
         trials = tuple(replace(t, time=t.time[0] + tick * (t.time - t.time[0])) for t in log.trials)
         header = log.header.model_copy(update={"rate_hz": log.header.rate_hz / tick})
-        return Outcome(replace(log, header=header, trials=trials), (finding,), ("torque_gain",))
+        return Outcome(replace(log, header=header, trials=trials), (finding,), frozenset({Doubt.CLOCK}))
 
 
 def _ratios(log: Log) -> tuple[Array, Array, NDArray[np.bool_]] | None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 
@@ -20,7 +21,7 @@ class Clock(Mistake[Samples]):
     """Weights do not know the clock, inertial forces do: they grow with its square."""
 
     name = "clock"
-    imitates = ("torque_gain", "armature", "viscous_friction", "actuator_lag", "link_inertia")
+    leaves = frozenset({Doubt.CLOCK})
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         if reading.tick != 1.0:

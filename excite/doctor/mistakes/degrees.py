@@ -15,7 +15,6 @@ class Degrees(Mistake[Samples]):
     """Joints turn 57 times further than they can."""
 
     name = "degrees"
-    imitates = ("encoder_offset", "joint_spring")
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         if reading.unit == 1.0:

@@ -13,7 +13,6 @@ class Direction(Mistake[TorqueSamples]):
     """The model's axis and the robot's point opposite ways."""
 
     name = "direction"
-    imitates = ("joint_spring", "encoder_offset", "torque_gain")
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         for j, joint in enumerate(samples.channels):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 
@@ -23,7 +24,7 @@ class Gravity(Mistake[Samples]):
     """The direction in which gravity explains the torques best."""
 
     name = "gravity"
-    imitates = ("base_tilt", "base_orientation_bias", "joint_spring", "torque_bias")
+    leaves = frozenset({Doubt.GRAVITY})
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]

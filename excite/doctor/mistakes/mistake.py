@@ -7,7 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Generic, Protocol, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from excite.arrays import Array
+from excite.doctor.doubt import Doubt
 from excite.doctor.reading import Reading
 
 
@@ -19,11 +23,18 @@ class Samples(Protocol):
         """The log's joints."""
 
     @property
+    def measured_name(self) -> str:
+        """What was measured, in a word."""
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """What is predicted: joints with a torque, or components of the wrench on the base."""
 
     def slides(self, joint: int) -> bool:
         """Whether a joint, by its index among ``joints``, slides instead of turning."""
+
+    def tells(self, reading: Reading) -> NDArray[np.bool_]:
+        """Which channels the model's bodies make a good share of, ``(n_channels,)``; the rest is friction."""
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of the share of each channel's power that nothing explains, ``(n_channels,)``."""
@@ -48,6 +59,8 @@ class Correction:
         changes: how many things were changed at will: each has to bring its share.
         surprise: how unlikely the numbers are without the mistake [nat], where likely bodies could make them too;
             None where the fit decides.
+        as_logged: whether the log is left as it is, in the unit that it has: which one it is a person knows;
+            ``figures`` then holds the ``factor``.
         certain: whether the log is mended with exactly what was found; an estimate leaves a rest.
     """
 
@@ -58,6 +71,7 @@ class Correction:
     figures: Mapping[str, float] = field(default_factory=dict)
     changes: int = 1
     surprise: float | None = None
+    as_logged: bool = False
     certain: bool = True
 
 
@@ -66,11 +80,13 @@ class Mistake(ABC, Generic[S]):
 
     Attributes:
         name: kind of its findings.
-        imitates: effects of a diagnosis that it would be taken for where it is not undone.
+        may_surprise: whether it has corrections that are believed though likely bodies explain the log as it is.
+        leaves: what is known only about where it could not be undone exactly.
     """
 
     name: ClassVar[str]
-    imitates: ClassVar[tuple[str, ...]] = ()
+    leaves: ClassVar[frozenset[Doubt]] = frozenset()
+    may_surprise: ClassVar[bool] = False
 
     @abstractmethod
     def corrections(self, samples: S, reading: Reading) -> Iterable[Correction]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from excite.arrays import Array
-from excite.doctor.mistakes.mistake import Correction, Mistake
+from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
 from excite.finding import listed
@@ -24,7 +24,6 @@ class TorqueOrder(Mistake[TorqueSamples]):
     """Torques stand under another joint's name, positions do not."""
 
     name = "torque_order"
-    imitates = ("torque_gain", "joint_spring", "payload")
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         rows, order = linear_sum_assignment(samples.across(reading))
@@ -54,7 +53,6 @@ class Order(Mistake[TorqueSamples]):
     """Whole joints, or their positions alone, stand under another joint's name."""
 
     name = "order"
-    imitates = ("torque_gain", "joint_spring", "payload", "link_inertia")
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         n = len(samples.channels)
@@ -75,6 +73,21 @@ class Order(Mistake[TorqueSamples]):
                 moved,
                 {"joints": float(len(moved))},
                 changes=max(1, len(moved) - 1),
+            )
+
+
+class PositionOrder(Mistake[Samples]):
+    """Two joints' positions stand under each other's name."""
+
+    name = "order"
+
+    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
+        joints = samples.joints
+        for i, j in combinations(range(len(joints)), 2):
+            order = _exchanged(reading.position_of, i, j)
+            text = f"positions of {joints[i]} and {joints[j]} look exchanged"
+            yield Correction(
+                self.name, replace(reading, position_of=order), text, (joints[i], joints[j]), {"joints": 2.0}
             )
 
 

@@ -12,7 +12,6 @@ class PositionSign(Mistake[Samples]):
     """A joint's position has its sign turned, its torque has not."""
 
     name = "position_sign"
-    imitates = ("joint_spring", "encoder_offset")
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         for j, joint in enumerate(samples.joints):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 
@@ -22,14 +23,19 @@ class TorqueLate(Mistake[Samples]):
     """The shift at which the torques agree with the motion."""
 
     name = "torque_late"
-    imitates = ("time_delay", "actuator_lag", "viscous_friction", "backlash")
+    leaves = frozenset({Doubt.DELAY})
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         if reading.late_s != 0.0:
             return
 
+        # Friction that builds up over a way after each reversal looks late, too; weights and inertia do not.
+        tells = samples.tells(reading)
+        if not tells.any():
+            return
+
         def left(late: float) -> float:
-            return float(samples.left(replace(reading, late_s=float(late))).sum())
+            return float(samples.left(replace(reading, late_s=float(late)))[tells].sum())
 
         scores = [left(late) for late in _GRID_S]
         best = float(_GRID_S[int(np.argmin(scores))])
@@ -41,7 +47,12 @@ class TorqueLate(Mistake[Samples]):
         if -_EARLY_S < best < _LATE_S:
             return
         which = "late" if best > 0.0 else "early"
-        text = f"torques look {1e3 * abs(best):.0f} ms {which} beside the positions"
+        text = f"{samples.measured_name} look {1e3 * abs(best):.0f} ms {which} beside the positions"
         yield Correction(
-            self.name, replace(reading, late_s=best), text, ("torque",), {"late_s": best}, certain=False
+            self.name,
+            replace(reading, late_s=best),
+            text,
+            (samples.measured_name,),
+            {"late_s": best},
+            certain=False,
         )

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import TorqueSamples
@@ -16,15 +17,17 @@ _ONE_OFF = 2.5
 # Joints whose model makes so large a share of the torque tell the factor.
 _TELLS = 0.05
 # Factors of the joints that tell lie so near to their median, as logarithm. Wrong masses and loads give every joint a
-# factor of its own.
-_AGREES = 0.35
+# factor of its own, so what they differ by is also at most this share of what they have in common: the load that a
+# real arm carried made factors of 1.1 to 2.2, whose median is no unit.
+_AGREES, _STANDS_OUT = 0.35, 0.5
 
 
 class TorqueScale(Mistake[TorqueSamples]):
     """All torques, or one joint's, larger or smaller than the nominal masses need."""
 
     name = "torque_scale"
-    imitates = ("torque_gain", "payload", "link_inertia")
+    may_surprise = True
+    leaves = frozenset({Doubt.SIZE})
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         gains, shares = samples.gains(reading)
@@ -34,7 +37,8 @@ class TorqueScale(Mistake[TorqueSamples]):
         if 2 * told.sum() >= len(joints) and (told.sum() > 1 or len(joints) == 1):
             factor = float(np.median(gains[told]))
             spread = float(np.abs(np.log(gains[told] / factor)).max()) if factor > 0.0 else np.inf
-            if spread < _AGREES and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
+            alike = spread < min(_AGREES, _STANDS_OUT * abs(np.log(factor)))
+            if alike and not 1.0 / _SCALE_OFF < factor < _SCALE_OFF:
                 cause = (
                     "currents, another unit, or torques before the gear"
                     if factor < 1.0
@@ -52,6 +56,7 @@ class TorqueScale(Mistake[TorqueSamples]):
                     joints,
                     {"factor": factor},
                     surprise=abs(float(np.log(factor))),
+                    as_logged=True,
                     certain=False,
                 )
         if len(joints) == 1:

@@ -19,7 +19,6 @@ class TorqueSign(Mistake[TorqueSamples]):
     """Friction takes power out and weights pull down: a turned torque can be neither."""
 
     name = "torque_sign"
-    imitates = ("joint_spring", "torque_gain", "torque_bias", "viscous_friction", "coulomb_friction")
 
     def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         joints = samples.channels

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from excite.doctor.doubt import Doubt
 from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
 from excite.doctor.reading import Reading
 
@@ -26,7 +27,11 @@ class ZeroPosition(Mistake[Samples]):
     """Gravity, and what joints do to each other, tell where a joint really is."""
 
     name = "zero_position"
-    imitates = ("encoder_offset", "joint_spring", "base_tilt")
+    leaves = frozenset({Doubt.POSITION})
+
+    def __init__(self, together: int = _TOGETHER) -> None:
+        """Joints at most so far apart along the chain are tried in pairs, too."""
+        self._together = together
 
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         start = float(samples.left(reading).sum())
@@ -35,7 +40,7 @@ class ZeroPosition(Mistake[Samples]):
             found = self._best(samples, reading, j, start)
             if found is not None:
                 yield found
-        for j, k in ((j, k) for j in turning for k in turning if 0 < k - j <= _TOGETHER):
+        for j, k in ((j, k) for j in turning for k in turning if 0 < k - j <= self._together):
             for a, b in product((1, -1, 2), repeat=2):
                 moved = reading.with_position(j, zero=a * _QUARTER).with_position(k, zero=b * _QUARTER)
                 yield self._said(samples, moved, {j: a * _QUARTER, k: b * _QUARTER})

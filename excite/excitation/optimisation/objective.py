@@ -152,7 +152,7 @@ class Objective:
         self._columns: Columns = measured_columns(robot, drives)
         self._criterion = criterion
         self.independent, size = _base(layout, self._columns, independent)
-        n_rows = 6 if robot.floating else robot.n_joints
+        n_rows = robot.n_equations
         noise = row_noise(robot) if criterion.weighted else np.ones(n_rows)
         self._weights = 1.0 / noise
         rate = robot.description.sensors.rate_hz
@@ -219,7 +219,7 @@ def _base(
     """Base columns when only the layout's joints move, and the sizes of their parameters."""
     robot = layout.robot
     random = np.random.default_rng(0)
-    n_rows = 6 if robot.floating else robot.n_joints
+    n_rows = robot.n_equations
     n = 3 * len(columns.names) // n_rows + 1
     q = np.tile(robot.rest, (n, 1))
     v, a = np.zeros((2, n, robot.model.nv))

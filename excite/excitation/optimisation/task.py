@@ -54,6 +54,12 @@ class ExcitationTask:
             )
         if self.robot.floating and not self.robot.feet:
             raise InputError("a floating robot without feet", source=self.robot.name, remedy="name its feet")
+        if self.robot.floating and not self.robot.measures_contacts:
+            raise InputError(
+                "a free base without contact wrench sensors has no optimised series",
+                source=self.robot.name,
+                remedy="plan with the other generators, or say that its base is held",
+            )
 
     @property
     def joint_limits(self) -> JointLimits:

@@ -64,9 +64,14 @@ def model_constraints(rows: Regression, settings: SymmetrySettings) -> ModelCons
     return replace(bodies, linear=stack([bodies.linear, pairs], problem.n_params))
 
 
+# A total mass is known when its standard deviation is below this share of it: forces under the feet have a tenth of
+# that, and what joint torques say of the mass may be worth nothing.
+_KNOWN = 0.01
+
+
 def known_total_mass(rows: Regression, settings: EstimatorSettings) -> float | None:
     """The weighed mass, else what the measured forces determine, else None [kg]."""
     if settings.total_mass is not None:
         return settings.total_mass
     measured = measured_total_mass(rows)
-    return measured.value if measured.identifiable else None
+    return measured.value if measured.identifiable and measured.std < _KNOWN * abs(measured.value) else None

@@ -75,6 +75,8 @@ class Estimator(ABC, Generic[SettingsT]):
         use: when to take it, in a line.
         settings_class: its settings, all that it knows and none that it ignores.
         consistent: whether its parameters are those of bodies that can exist.
+        adapts: whether :func:`~excite.identification.identify.identify` chooses the nominal model's weight, and terms
+            beside rigid bodies, by blocks of the log that are left out.
         guarantees: what holds for every result that is returned, recomputed from the parameters themselves.
         exempt: checks of the shared battery in the tests that it does not claim to pass, with the reason.
     """
@@ -84,6 +86,7 @@ class Estimator(ABC, Generic[SettingsT]):
     use: ClassVar[str]
     settings_class: ClassVar[type[EstimatorSettings]] = EstimatorSettings
     consistent: ClassVar[bool] = False
+    adapts: ClassVar[bool] = False
     guarantees: ClassVar[str] = ""
     exempt: ClassVar[Mapping[str, str]] = {}
 

@@ -39,9 +39,17 @@ def check_consistency(parameters: Array, names: tuple[str, ...]) -> Consistency:
         names: names of the segments.
 
     Returns:
-        The verdicts; a segment with no mass has no centre of mass and fails the triangle inequality.
+        The verdicts; a segment with moments and no mass has no centre of mass and fails the triangle
+        inequality; one with neither is no body.
     """
-    masses = np.asarray(parameters).reshape(-1, 10)[:, 0]
+    # Links between the axes of one joint have neither mass nor moments: there is no body to judge.
+    ten = np.asarray(parameters, dtype=float).reshape(-1, 10)
+    there = np.asarray(ten.any(axis=1))
+    if not there.all() and there.any():
+        return check_consistency(
+            ten[there].ravel(), tuple(name for name, is_body in zip(names, there, strict=True) if is_body)
+        )
+    masses = ten[:, 0]
     inertia = np.linalg.eigvalsh(inertia_matrices(parameters))
     central = central_inertia_matrices(parameters)
     known = np.isfinite(central).all(axis=(1, 2))

@@ -10,22 +10,19 @@ the least-squares estimate free of the attenuation that currents in the regresso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from excite.arrays import Array
 from excite.errors import InputError, LogError
 from excite.identification.load.load_pair import Condensed, LoadPair, load_pair, together
-from excite.identification.regression import minimum_norm
+from excite.identification.load.projection import LoadSolution, solve_load
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
-
-_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +35,8 @@ class DriveGains:
         gains_std: ``(n_joints,)`` standard deviations, from leaving out one stretch of the logs at a time.
         load: ``(10,)`` the load's parameters about the last joint's frame, pinocchio's order [SI].
         load_std: ``(10,)`` standard deviations; zero where known.
+        load_seen: ``(10,)`` share of each that the motions let be told from all else, 1 for all of it.
+        gains_left_out: ``(n_stretches, n_joints)`` the gains with one stretch of the logs left out after the other.
         residual: ``(n_joints,)`` root mean square of what is left of the currents [A], or torques.
         signal: ``(n_joints,)`` standard deviation of the currents [A], or torques.
         unit: of the gains.
@@ -48,6 +47,8 @@ class DriveGains:
     gains_std: Array
     load: Array
     load_std: Array
+    load_seen: Array
+    gains_left_out: Array
     residual: Array
     signal: Array
     unit: str = "N·m/A"
@@ -84,10 +85,9 @@ def identify_drive_gains(
         InputError: the mass is not positive.
         LogError: the logs do not both hold currents, or torques, the joints differ, or a joint does not feel the load.
     """
-    if not 0.0 < load_mass < np.inf:
-        raise InputError(f"is {load_mass!r}", source="load", field="mass", remedy="weigh it [kg]")
+    _check_mass(load_mass)
     pair = load_pair(robot, unloaded, loaded, settings)
-    return _with_spread(pair, lambda condensed: _solve(condensed, load_mass, None))
+    return _with_spread(pair, lambda condensed: solve_load(condensed, load_mass, None))
 
 
 @one_blas_thread
@@ -108,83 +108,84 @@ def identify_load(
     if missing:
         raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
     known = np.array([gains[name] for name in pair.joints])
-    return _with_spread(pair, lambda condensed: _solve(condensed, None, known))
+    return _with_spread(pair, lambda condensed: solve_load(condensed, None, known))
 
 
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    gains: Array
-    load: Array
-    residual: Array
+@one_blas_thread
+def identify_load_by_calibration(
+    robot: Robot,
+    unloaded: Log,
+    calibration: tuple[Log, float],
+    loaded: Log,
+    settings: ProblemSettings | None = None,
+) -> DriveGains:
+    """A load of unknown mass, the gains from a third log with a load of known mass.
+
+    Args:
+        robot: the robot without load.
+        unloaded: log of currents or torques.
+        calibration: a log with another load on the last link, and that one's mass [kg].
+        loaded: the log with the load in question.
+        settings: filters and drive terms; its drive gains are not used.
+
+    Returns:
+        The load. A stretch of the unloaded log is left out of both steps at once, so that the deviations know what
+        gains and load share.
+
+    Raises:
+        InputError: the mass is not positive.
+        LogError: as of :func:`identify_drive_gains`.
+    """
+    known, mass = calibration
+    _check_mass(mass)
+    first, second = (load_pair(robot, unloaded, log, settings) for log in (known, loaded))
+    shared = first.n_unloaded
+
+    def solved(left_first: int | None, left_second: int | None) -> LoadSolution:
+        blocks = [
+            [k for k in range(len(pair.factors)) if k != left]
+            for pair, left in ((first, left_first), (second, left_second))
+        ]
+        gains = solve_load(together(first, blocks[0]), mass, None).gains
+        return solve_load(together(second, blocks[1]), None, gains)
+
+    left_out: list[tuple[int | None, int | None]] = [(k, k) for k in range(shared)]
+    left_out += [(k, None) for k in range(shared, len(first.factors))]
+    left_out += [(None, k) for k in range(shared, len(second.factors))]
+    return _of_solutions(second, solved(None, None), [solved(*left) for left in left_out])
 
 
-def _with_spread(pair: LoadPair, solve: Callable[[Condensed], _Solution]) -> DriveGains:
+def _check_mass(mass: float) -> None:
+    if not 0.0 < mass < np.inf:
+        raise InputError(f"is {mass!r}", source="load", field="mass", remedy="weigh it [kg]")
+
+
+def _with_spread(pair: LoadPair, solve: Callable[[Condensed], LoadSolution]) -> DriveGains:
     """The solution, with standard deviations by leaving out one stretch at a time (the jackknife)."""
     whole = solve(together(pair, range(len(pair.factors))))
     n = len(pair.factors)
     rest = [solve(together(pair, [k for k in range(n) if k != left])) for left in range(n)]
 
-    def spread(values: Array) -> Array:
-        return np.asarray(np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0)))
+    return _of_solutions(pair, whole, rest)
 
+
+def _of_solutions(pair: LoadPair, whole: LoadSolution, rest: Sequence[LoadSolution]) -> DriveGains:
+    gains = np.array([item.gains for item in rest])
     return DriveGains(
         joints=pair.joints,
         gains=whole.gains,
-        gains_std=spread(np.array([item.gains for item in rest])),
+        gains_std=jackknife_std(gains),
         load=whole.load,
-        load_std=spread(np.array([item.load for item in rest])),
+        load_std=jackknife_std(np.array([item.load for item in rest])),
+        load_seen=whole.seen,
+        gains_left_out=gains,
         residual=whole.residual,
         signal=pair.signal,
         unit=pair.unit,
     )
 
 
-def _solve(condensed: Condensed, load_mass: float | None, gains: Array | None) -> _Solution:
-    """Least squares on the currents; gains are searched, all else is linear given them (variable projection)."""
-    n = len(condensed.factors)
-    std = np.ones(n)
-    inverse = np.full(n, 0.1) if gains is None else 1.0 / gains
-    for _ in range(_ROUNDS):
-        if gains is None:
-            # Gains are positive and of any size: search their logarithms.
-            found = least_squares(
-                lambda x, std=std: _linear(condensed, np.exp(x), std, load_mass).rest, np.log(inverse)
-            )
-            inverse = np.exp(found.x)
-        inner = _linear(condensed, inverse, std, load_mass)
-        left = inner.rest.reshape(n, -1) * std[:, None]
-        rms = np.sqrt((left**2).sum(axis=1) / np.maximum(condensed.counts, 1))
-        std = np.maximum(rms, 1e-6 * rms.max())
-    return _Solution(1.0 / inverse, inner.load, rms)
-
-
-@dataclass(frozen=True, eq=False)
-class _Linear:
-    rest: Array
-    load: Array
-
-
-def _linear(condensed: Condensed, inverse: Array, std: Array, load_mass: float | None) -> _Linear:
-    """Base parameters, load and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
-    factors, base = condensed.factors, condensed.n_base
-    n, width, _ = factors.shape
-    n_drive = width - 1 - base - 10
-    # Load first: its mass is known or not; then base parameters; then each joint's drive by itself.
-    matrix = np.zeros((n * width, 10 + base + n * n_drive))
-    target = np.zeros(n * width)
-    for c in range(n):
-        rows = slice(c * width, (c + 1) * width)
-        r = factors[c] / std[c]
-        matrix[rows, :10] = inverse[c] * r[:, base : base + 10]
-        matrix[rows, 10 : 10 + base] = inverse[c] * r[:, :base]
-        start = 10 + base + c * n_drive
-        matrix[rows, start : start + n_drive] = r[:, base + 10 : -1]
-        target[rows] = r[:, -1]
-    known = 0
-    if load_mass is not None:
-        target, known = target - load_mass * matrix[:, 0], 1
-    free = matrix[:, known:]
-    scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-    solution = minimum_norm(free / scale, target) / scale
-    load = solution[:10] if load_mass is None else np.concatenate([[load_mass], solution[:9]])
-    return _Linear(target - free @ solution, load)
+def jackknife_std(values: Array) -> Array:
+    """Standard deviations of ``(n_left_out, k)`` estimates that each leave out one part of the data, ``(k,)``."""
+    n = len(values)
+    return np.asarray(np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0)))

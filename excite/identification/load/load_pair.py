@@ -30,6 +30,7 @@ class LoadPair:
         joints: names.
         factors: ``(n_blocks, n_joints, w, w)``.
         counts: ``(n_blocks, n_joints)`` rows.
+        n_unloaded: number of blocks of the log without load, which come first.
         n_base: number of base columns.
         signal: ``(n_joints,)`` standard deviation of the currents or torques.
         unit: of the gains.
@@ -38,6 +39,7 @@ class LoadPair:
     joints: tuple[str, ...]
     factors: Array
     counts: Array
+    n_unloaded: int
     n_base: int
     signal: Array
     unit: str
@@ -91,6 +93,7 @@ def load_pair(robot: Robot, unloaded: Log, loaded: Log, settings: ProblemSetting
     names = problems[0].parameter_names[:inertial]
     own = base_parameters(rows, names, RANK_TOLERANCE).independent
     factors, counts = [], []
+    n_unloaded = 0
     for problem, carries in zip(problems, (False, True), strict=True):
         for block in _stretches(problem):
             parts = [
@@ -98,11 +101,15 @@ def load_pair(robot: Robot, unloaded: Log, loaded: Log, settings: ProblemSetting
             ]
             factors.append(np.stack(parts))
             counts.append([int((block & (problem.channel == c)).sum()) for c in range(len(ones))])
+            n_unloaded += not carries
     currents = np.concatenate([problem.y for problem in problems])
     channel = np.concatenate([problem.channel for problem in problems])
-    signal = np.array([currents[channel == c].std() for c in range(len(ones))])
+    # A joint that never moves has no rows.
+    signal = np.array(
+        [np.std(currents[channel == c]) if (channel == c).any() else 1.0 for c in range(len(ones))]
+    )
     unit = "N·m/A" if unloaded.header.torque == "current" else "(true per logged torque)"
-    return LoadPair(tuple(ones), np.stack(factors), np.array(counts), len(own), signal, unit)
+    return LoadPair(tuple(ones), np.stack(factors), np.array(counts), n_unloaded, len(own), signal, unit)
 
 
 def _stretches(problem: IdentificationProblem) -> list[NDArray[np.bool_]]:

@@ -46,10 +46,11 @@ class NoiseModel:
 
     def spectrum(self, n_fft: int) -> Array:
         """Spectral matrices of the scaled noise, ``(n_fft//2 + 1, n_channels, n_channels)``, all PSD."""
-        n_lags = len(self.autocovariance)
-        padded = np.zeros((n_fft, *self.autocovariance.shape[1:]))
-        padded[:n_lags] += self.autocovariance.transpose(0, 2, 1)
-        padded[n_fft - n_lags + 1 :] += self.autocovariance[:0:-1]
+        # A trial in which a robot stands can be a single row: lags beyond it are none of its own.
+        lags = self.autocovariance[: (n_fft + 1) // 2]
+        padded = np.zeros((n_fft, *lags.shape[1:]))
+        padded[: len(lags)] += lags.transpose(0, 2, 1)
+        padded[n_fft - len(lags) + 1 :] += lags[:0:-1]
         spectrum = np.fft.rfft(padded, axis=0)
         values, vectors = np.linalg.eigh(0.5 * (spectrum + spectrum.conj().transpose(0, 2, 1)))
         return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.conj().transpose(0, 2, 1))
@@ -76,7 +77,7 @@ def estimate_noise(
     std = np.array([_rms(residual[problem.channel == c]) for c in range(n_channels)])
     std = np.where(std > 0.0, std, 1.0)
     scaled = residual / std[problem.channel]
-    shortest = min(grid.n_samples for grid in grids)
+    shortest = min((grid.n_samples for grid in grids if grid.n_samples > 1), default=1)
     memory = int(np.ceil(_FILTER_MEMORY / min(1.0, problem.noise_bandwidth)))
     limit = max(1, min(4 * memory, int(_LARGEST_SHARE * shortest)))
     covariance = _pooled_autocovariance(problem, grids, scaled, limit + 1)

@@ -11,37 +11,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.identification.noise.correlated import fft_length
+from excite.identification.noise.sensor_sources import NoiseSource, noise_sources
 from excite.identification.noise.trial_grid import TrialGrid
 from excite.identification.problem import IdentificationProblem
 from excite.motion.motion import Motion, interpolate
-from excite.regressor.wrench import base_wrench
-from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
 from excite.rows.settings import Filters
 
 _FREQUENCIES = 4096
 # Parts of a spectrum with less than this share of its greatest amplitude are left out.
 _AUDIBLE = 3e-3
-
-
-@dataclass(frozen=True, eq=False)
-class NoiseSource:
-    """White noise of a group of sensors and the way it takes to the rows.
-
-    Attributes:
-        std: ``(n_sensors,)`` standard deviation of each at the rate of the log [SI].
-        gains: by order of time derivative, ``(n_samples, n_channels, n_sensors)``.
-        positions: whether it goes through the filter of the kinematics too.
-    """
-
-    std: Array
-    gains: tuple[Array, ...]
-    positions: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +141,7 @@ def equation_noise(
         log_hz: rate at which the sensors are read [Hz].
 
     Raises:
-        InputError: an arm whose description does not state the noise of its torques.
+        InputError: joint torques whose description does not state the noise of its torques.
     """
     sources = []
     for grid in grids:
@@ -166,60 +149,8 @@ def equation_noise(
         motion = motions[problem.trial_names[int(problem.trial[grid.rows[0]])]]
         time = np.clip(start + grid.step_s * np.arange(grid.n_samples), motion.time[0], motion.time[-1])
         sampled = interpolate(motion, robot, time)
-        force = _wrench_source(robot, sampled) if robot.floating else _torque_source(robot, sampled)
-        sources.append((force, _position_source(robot, problem, sampled)))
+        sources.append(noise_sources(robot, problem, sampled))
     return EquationNoise(problem, tuple(grids), tuple(sources), log_hz)
-
-
-def _torque_source(robot: Robot, motion: Motion) -> NoiseSource:
-    block = robot.description.sensors.noise_torque
-    std = per_joint(block, robot.joint_names, np.full(robot.n_joints, np.nan))
-    if np.isnan(std).any():
-        raise InputError(
-            f"no noise of joint {robot.joint_names[int(np.argmax(np.isnan(std)))]!r}",
-            source=robot.source,
-            field="sensors.noise_torque",
-            remedy="state its standard deviation",
-        )
-    gain = np.broadcast_to(np.eye(robot.n_joints), (motion.n_samples, robot.n_joints, robot.n_joints))
-    return NoiseSource(std, (gain,), positions=False)
-
-
-def _wrench_source(robot: Robot, motion: Motion) -> NoiseSource:
-    n = motion.n_samples
-    gain, std = np.zeros((n, 6, 6 * len(robot.sensors))), np.zeros(6 * len(robot.sensors))
-    for place, sensor in enumerate(robot.sensors):
-        std[6 * place : 6 * place + 6] = np.repeat([sensor.noise_force, sensor.noise_moment], 3)
-        for axis in range(6):
-            unit = np.tile(np.eye(6)[axis], (n, 1))
-            gain[:, :, 6 * place + axis] = base_wrench(robot, motion.q, {sensor.name: unit})
-    return NoiseSource(std, (gain,), positions=False)
-
-
-def _position_source(robot: Robot, problem: IdentificationProblem, motion: Motion) -> NoiseSource:
-    """Derivatives of the inverse dynamics of the nominal model and its drives."""
-    sensors, model = robot.description.sensors, robot.model
-    std = np.full(model.nv, sensors.noise_position)
-    if robot.floating:
-        std[:6] = np.repeat([sensors.noise_base_position, sensors.noise_base_orientation], 3)
-    rows = 6 if robot.floating else model.nv
-    gains = np.empty((3, motion.n_samples, rows, model.nv))
-    data = model.createData()
-    for t in range(motion.n_samples):
-        found = pin.computeRNEADerivatives(model, data, motion.q[t], motion.v[t], motion.a[t])
-        for order, matrix in enumerate(found):
-            gains[order, t] = np.asarray(matrix)[:rows]
-        # pinocchio fills the upper triangle of the mass matrix only.
-        upper = np.triu(np.asarray(found[2]))
-        gains[2, t] = (upper + np.triu(upper, 1).T)[:rows]
-    drives = dict(
-        zip(problem.parameter_names[problem.n_inertial :], problem.prior[problem.n_inertial :], strict=True)
-    )
-    for order, term in ((1, "viscous"), (2, "armature")):
-        for index, joint in enumerate(robot.joint_names):
-            if not robot.floating:
-                gains[order, :, index, index] += drives.get(f"{term}.{joint}", 0.0)
-    return NoiseSource(std, tuple(gains), positions=True)
 
 
 def _filtered(problem: IdentificationProblem) -> tuple[Filters, float]:

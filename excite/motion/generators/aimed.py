@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.motion.generators.bodyparts import leg_joints, upper_body
+from excite.motion.generators.bodyparts import leg_joints, stands_on_either, upper_body
 from excite.motion.generators.candidate import Candidate, Draws, SupportPhase
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.leg_swing import swinging
@@ -38,12 +38,12 @@ class Aimed(Generator):
     summary: ClassVar[str] = "one joint from end to end of its range, its neighbours along, the rest slowly"
 
     def applies(self, robot: Robot) -> bool:
-        """Always."""
-        return True
+        """For a robot with joints that it can aim at."""
+        return bool(self.aims(robot))
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
-        """Every joint; those of legs only of a robot with two feet, which can stand on the other."""
-        possible = upper_body(robot) | (len(robot.feet) == 2)
+        """Every joint; those of legs only of a robot that can stand on its other one of two."""
+        possible = upper_body(robot) | stands_on_either(robot)
         return tuple(
             name for name, is_possible in zip(robot.joint_names, possible, strict=True) if is_possible
         )

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
 
 from excite.arrays import Array
 from excite.robot.robot import Foot, Robot
+
+# Share of a support polygon's inradius that the centre of mass keeps from its edges while a foot is in the air: it has
+# to keep away from two edges at once, and a load on the trunk that the model does not know moves it.
+_DEEP = 0.75
+# Half the margin that the balance check asks for on either side [m]: nothing narrower can be safe.
+_NARROW = 0.015
 
 
 def pelvis_joint(robot: Robot) -> int:
@@ -49,6 +59,61 @@ def free_upper_body(robot: Robot) -> NDArray[np.bool_]:
     if robot.feet:
         free[[joint - 2 for joint in robot.model.supports[pelvis_joint(robot)] if joint >= 2]] = False
     return free
+
+
+def support_corners(robot: Robot, feet: Sequence[Foot]) -> Array:
+    """Corners of soles at rest, seen from above, ``(n_corners, 2)`` [m]."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    corners = [data.oMi[foot.joint].act(corner)[:2] for foot in feet for corner in foot.sole]
+    return np.array(corners).reshape(-1, 2)
+
+
+def has_area(corners: Array) -> bool:
+    """Whether points ``(n, 2)`` span a polygon, wider than :data:`_NARROW`, on which a robot could stand."""
+    if len(corners) < 3:
+        return False
+    # Twice the spread across the narrowest direction is about the polygon's half width.
+    return bool(np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[-1] > _NARROW)
+
+
+def stands_on_either(robot: Robot) -> bool:
+    """Whether a robot has two feet, and soles on each of which it can stand."""
+    return len(robot.feet) == 2 and all(has_area(support_corners(robot, [foot])) for foot in robot.feet)
+
+
+def _edges(corners: Array) -> Array:
+    """Edges of the hull of points ``(n, 2)`` as rows ``n_x, n_y, c``: ``n·x + c ≤ 0`` inside, n of length one."""
+    return np.asarray(ConvexHull(corners).equations)
+
+
+def support_reach(robot: Robot, feet: Sequence[Foot]) -> float:
+    """Distance at rest of the centre of mass from the edge of a support polygon, seen from above [m]."""
+    centre = np.array(pin.centerOfMass(robot.model, robot.model.createData(), robot.rest))[:2]
+    edges = _edges(support_corners(robot, feet))
+    return float(-(edges[:, :2] @ centre + edges[:, 2]).max())
+
+
+def support_centre(robot: Robot, feet: Sequence[Foot], near: Array) -> Array:
+    """Where the centre of mass shall be over a support polygon, ``(2,)`` [m].
+
+    The first point on the straight way from ``near`` to the middle of the largest circle inside that is at least
+    :data:`_DEEP` of the circle's radius away from every edge.
+    """
+    edges = _edges(support_corners(robot, feet))
+    widest = linprog(
+        [0.0, 0.0, -1.0],
+        A_ub=np.column_stack([edges[:, :2], np.ones(len(edges))]),
+        b_ub=-edges[:, 2],
+        bounds=[(None, None), (None, None), (0.0, None)],
+    ).x
+    inside = edges[:, 2] + _DEEP * widest[2]
+    way = widest[:2] - near
+    # From ``near`` straight towards the middle until every edge is far enough.
+    along, off = edges[:, :2] @ way, edges[:, :2] @ near + inside
+    near_edges = off > 0.0
+    share = float((off[near_edges] / -along[near_edges]).max(initial=0.0))
+    return np.asarray(near + min(share, 1.0) * way)
 
 
 def rest_joints(robot: Robot) -> Array:

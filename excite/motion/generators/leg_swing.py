@@ -15,6 +15,7 @@ from excite.motion.generators.bodyparts import (
     pelvis_height,
     pelvis_joint,
     rest_joints,
+    stands_on_either,
 )
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
@@ -56,11 +57,11 @@ class LegSwing(Generator):
 
     name: ClassVar[str] = "leg_swing"
     summary: ClassVar[str] = "one-leg stance, random swings of the free leg"
-    needs: ClassVar[str] = "it needs exactly two feet"
+    needs: ClassVar[str] = "it needs exactly two feet, with soles"
 
     def applies(self, robot: Robot) -> bool:
-        """For a robot with exactly two feet."""
-        return len(robot.feet) == 2
+        """For a robot with exactly two feet, on each of which it can stand."""
+        return stands_on_either(robot)
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """The joints of the legs, legs alternating."""

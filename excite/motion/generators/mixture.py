@@ -7,6 +7,8 @@ from itertools import chain
 
 import numpy as np
 
+from excite.errors import RobotError
+from excite.motion.generators.bodyparts import has_area, support_corners
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.proposal import Proposal
@@ -16,9 +18,11 @@ from excite.robot.robot import Robot
 # Shares of a plan. Leg swings are what completes the rank of the base-link regressor.
 STANDING_MIX: Mapping[str, float] = {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}
 ARM_MIX: Mapping[str, float] = {"random_joint": 0.5, "fourier": 0.5}
+MANY_FEET_MIX: Mapping[str, float] = {"random_joint": 0.2, "sway": 0.4, "foot_swing": 0.4}
 # The same where joints are aimed at. Squats load legs as no swing does.
 AIMED_STANDING_MIX: Mapping[str, float] = {"aimed": 0.8, "squat": 0.2}
 AIMED_ARM_MIX: Mapping[str, float] = {"aimed": 1.0}
+AIMED_MANY_FEET_MIX: Mapping[str, float] = {"aimed": 0.4, "sway": 0.2, "foot_swing": 0.4}
 
 
 def draw(robot: Robot, proposal: Proposal) -> Candidate:
@@ -40,7 +44,8 @@ def plan_candidates(
         robot: the robot.
         count: how many in total.
         seed: the candidates of generator ``name`` come from the child that the registry's order gives it.
-        mix: share by generator name; by default a mixture for standing robots or for arms, without or with targets.
+        mix: share by generator name; by default a mixture for arms, two feet or more, without or with targets, less
+            what does not apply to the robot.
         targets: joints to aim at; each generator takes those that it can aim at, and a generator that can
             aim at none of them is left out. Empty: all joints.
 
@@ -63,8 +68,7 @@ def plan_proposals(
     targets: Sequence[str] = (),
 ) -> Iterator[Proposal]:
     """What :func:`plan_candidates` draws, not drawn yet; same arguments and errors."""
-    usual = (AIMED_STANDING_MIX, AIMED_ARM_MIX) if targets else (STANDING_MIX, ARM_MIX)
-    shares = dict(mix if mix is not None else usual[0] if robot.feet else usual[1])
+    shares = dict(mix if mix is not None else usual_mix(robot, aimed=bool(targets)))
     for joint in targets:
         robot.joint_index(joint)
     aims = {name: _aims(make_generator(name), robot, targets) for name in shares}
@@ -77,6 +81,37 @@ def plan_proposals(
         child = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, position))
         drawn.append(make_generator(name).proposals(robot, int(number), child, aims[name]))
     return chain.from_iterable(drawn)
+
+
+def usual_mix(robot: Robot, *, aimed: bool) -> dict[str, float]:
+    """The shares of a plan for a robot, those left out that do not apply to it; ``aimed`` at some of its joints.
+
+    Raises:
+        RobotError: none applies, or its feet have no area between them.
+    """
+    if robot.feet and not has_area(support_corners(robot, robot.feet)):
+        raise RobotError(
+            "its feet have no area between them, on which it could stand",
+            source=robot.source,
+            field="feet",
+            remedy="describe more feet or corners, or say that its base is suspended or held",
+        )
+    if len(robot.feet) > 2:
+        usual = AIMED_MANY_FEET_MIX if aimed else MANY_FEET_MIX
+    elif robot.feet:
+        usual = AIMED_STANDING_MIX if aimed else STANDING_MIX
+    else:
+        usual = AIMED_ARM_MIX if aimed else ARM_MIX
+    shares = {name: share for name, share in usual.items() if make_generator(name).applies(robot)}
+    if not shares:
+        needs = "; ".join(f"{name}: {make_generator(name).needs}" for name in usual)
+        raise RobotError(
+            f"no generator of motions applies to it ({needs})",
+            source=robot.source,
+            field="feet",
+            remedy="say that its base is suspended or held",
+        )
+    return shares
 
 
 def _aims(generator: Generator, robot: Robot, targets: Sequence[str]) -> tuple[str, ...]:

@@ -58,10 +58,11 @@ class RandomJoint(Generator):
 
     name: ClassVar[str] = "random_joint"
     summary: ClassVar[str] = "random positions in 10–90 % of each joint's range, upper body or arm"
+    needs: ClassVar[str] = "all its joints are in legs"
 
     def applies(self, robot: Robot) -> bool:
-        """Always."""
-        return True
+        """For a robot with joints that are in no leg."""
+        return bool(upper_body(robot).any())
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """Every joint that is in no leg."""

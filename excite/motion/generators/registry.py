@@ -19,6 +19,8 @@ GENERATORS: Registry[Generator] = Registry(
         "squat": "excite.motion.generators.squat:Squat",
         "walking": "excite.motion.generators.walking:Walking",
         "aimed": "excite.motion.generators.aimed:Aimed",
+        "sway": "excite.motion.generators.sway:Sway",
+        "foot_swing": "excite.motion.generators.foot_swing:FootSwing",
     },
 )
 

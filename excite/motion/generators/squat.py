@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.motion.generators.bodyparts import leg_joints, pelvis_height
+from excite.motion.generators.bodyparts import has_area, leg_joints, pelvis_height, support_corners
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
@@ -25,11 +25,11 @@ class Squat(Generator):
 
     name: ClassVar[str] = "squat"
     summary: ClassVar[str] = "squats, sways and pelvis turns on both feet"
-    needs: ClassVar[str] = "it needs at least two feet"
+    needs: ClassVar[str] = "it needs at least two feet with an area between them"
 
     def applies(self, robot: Robot) -> bool:
-        """For a robot with at least two feet."""
-        return len(robot.feet) >= 2
+        """For a robot with at least two feet that span an area."""
+        return len(robot.feet) >= 2 and has_area(support_corners(robot, robot.feet))
 
     def aims(self, robot: Robot) -> tuple[str, ...]:
         """The joints of the legs."""

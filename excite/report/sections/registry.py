@@ -16,6 +16,7 @@ from excite.report.sections.masses import Masses
 from excite.report.sections.motions import Motions
 from excite.report.sections.overview import Overview
 from excite.report.sections.parameters import Parameters
+from excite.report.sections.person import Person
 from excite.report.sections.safety import Safety
 from excite.report.sections.section import Section
 from excite.report.sections.signals import Signals
@@ -35,6 +36,7 @@ SECTIONS: tuple[Section, ...] = (
     Certainty(),
     Forces(),
     Masses(),
+    Person(),
     Differences(),
     Parameters(),
     Signals(),

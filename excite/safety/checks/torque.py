@@ -34,7 +34,9 @@ class JointTorqueCheck(Check):
         time = sweep.fine.time[samples]
         violations = first_violations("joint_torque", robot.joint_names, time, np.abs(tau), limits, bad)
         computed = np.isfinite(tau).all() and not (
-            robot.floating and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
+            bool(robot.feet)
+            and robot.floating
+            and (sweep.contact_forces[0].residual > RESIDUAL_TOLERANCE).any()
         )
         return CheckResult(float((limits - np.abs(tau)).min()) if computed else None, violations)
 

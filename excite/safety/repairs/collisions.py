@@ -49,12 +49,19 @@ class CollisionProbe:
 
     def culprit(self, q: Array) -> str:
         """Names of the two closest bodies of a configuration, as ``LINK - LINK``."""
+        return self.closest(q)[0]
+
+    def closest(self, q: Array) -> tuple[str, float, float]:
+        """The two bodies of a configuration that lack most of their distance: ``LINK - LINK``, what it is, and what
+        it has to be [m]."""
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, q)
-        spare = [
-            pin.computeDistance(self._geometry, self._state, k).min_distance
-            - self._state.collisionRequests[k].security_margin
-            for k in range(len(self._geometry.collisionPairs))
-        ]
-        pair = self._geometry.collisionPairs[int(np.argmin(spare))]
+        n_pairs = len(self._geometry.collisionPairs)
+        distance = np.array(
+            [pin.computeDistance(self._geometry, self._state, k).min_distance for k in range(n_pairs)]
+        )
+        required = np.array([self._state.collisionRequests[k].security_margin for k in range(n_pairs)])
+        worst = int(np.argmin(distance - required))
+        pair = self._geometry.collisionPairs[worst]
         names = (self._geometry.geometryObjects[i].name for i in (pair.first, pair.second))
-        return " - ".join(name.rsplit("_", 1)[0] for name in names)
+        where = " - ".join(name.rsplit("_", 1)[0] for name in names)
+        return where, float(distance[worst]), float(required[worst])

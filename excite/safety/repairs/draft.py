@@ -25,12 +25,18 @@ class Rejection:
         reason: short and countable, such as ``self_collision`` or ``zmp``.
         where: joint, foot or pair of links.
         time_s: time in the motion [s], None where it has no time law yet.
+        value: the quantity that refuses it, None where there is no number.
+        limit: what it must not pass, same unit.
+        unit: of both, where that is not the usual one of the reason.
     """
 
     candidate: str
     reason: str
     where: str
     time_s: float | None = None
+    value: float | None = None
+    limit: float | None = None
+    unit: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +57,17 @@ class Draft:
     law: TimeLaw | None = None
     motion: Motion | None = None
 
-    def rejected(self, reason: str, where: str, time_s: float | None = None) -> Rejection:
+    def rejected(
+        self,
+        reason: str,
+        where: str,
+        time_s: float | None = None,
+        value: float | None = None,
+        limit: float | None = None,
+        unit: str | None = None,
+    ) -> Rejection:
         """A rejection of this draft's candidate."""
-        return Rejection(self.candidate.name, reason, where, time_s)
+        return Rejection(self.candidate.name, reason, where, time_s, value, limit, unit)
 
 
 class Repair(ABC):

@@ -19,6 +19,7 @@ _SLOPE = 12.0
 # Width of the kernel that smooths the time law, and the step of its samples [s].
 _KERNEL = 0.14
 _STEP = 0.0025
+TORQUE_SHARE = "of what it may use"
 
 
 class Retiming(Repair):
@@ -43,8 +44,23 @@ class Retiming(Repair):
             return replace(draft, limits=limits, law=law)
         rate = fastest_rate(draft.path.s, limits.rows(draft.path.s), limits.speed_bound())
         if rate is None:
-            return draft.rejected("no_time_law", "path")
+            return draft.rejected(*_standing_still(limits.rows(draft.path.s)))
         return replace(draft, limits=limits, law=smoothed_law(draft.path.s, rate))
+
+
+def _standing_still(rows: Rows) -> tuple[str, str, None, float | None, float | None, str | None]:
+    """Why a path has no speed at all: what is beyond its limit by most while the robot stands on it."""
+    worst = np.unravel_index(int(np.argmax(rows.static)), rows.static.shape)
+    excess = float(rows.static[worst])
+    if excess <= 0.0:
+        return ("no_time_law", "path", None, None, None, None)
+    reason, where = rows.labels[int(worst[1])]
+    if reason == "joint_torque":
+        return (reason, where, None, 1.0 + excess, 1.0, TORQUE_SHARE)
+    if reason == "zmp":
+        # Rows are relative to the weight, which the ground carries here: what is left is a distance.
+        return (reason, where, None, -excess, 0.0, "m inside the edge")
+    return (reason, where, None, excess, 0.0, "of its weight")
 
 
 def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:

@@ -14,9 +14,10 @@ from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import Candidate
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
+from excite.safety.repairs.load import take_off_contacts
 from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.shares import Shares
-from excite.safety.repairs.support import Support, friction_rows, load_shares, support_of, zmp_rows
+from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
 
 # An edge faces the free foot within this cosine of the angle to it.
 _FACING = 0.7
@@ -94,33 +95,12 @@ class PathLimits:
             wrench[..., :3] = np.einsum("nij,nkj->nki", rotation, tau[..., :3])
             moment = np.einsum("nij,nkj->nki", rotation, tau[..., 3:6])
             wrench[..., 3:] = moment + np.cross(knots.q[:, None, :3], wrench[..., :3])
-            self._carry(tau, wrench)
+            take_off_contacts(self.candidate, self.path, self._soles, tau, wrench)
         armature = per_joint(robot.description.drives.armature, robot.joint_names, np.zeros(robot.n_joints))
         n_base = robot.n_base_v
         tau[:, 1, n_base:] += armature * knots.curvature[:, n_base:]
         tau[:, 2, n_base:] += armature * knots.twist[:, n_base:]
         return tau[..., n_base:], wrench
-
-    def _carry(self, tau: Array, wrench: Array) -> None:
-        """Take the contact forces' torques off ``tau``, the load shared by the nearness of the feet."""
-        robot, knots = self._robot, self.path.knots
-        data = robot.model.createData()
-        centres = {name: corners.mean(axis=0) for name, corners in self._soles.items()}
-        point = np.column_stack([-wrench[:, 0, 4], wrench[:, 0, 3]]) / wrench[:, 0, 2:3]
-        carried = np.column_stack([self.candidate.supports(knots.s, foot.name) for foot in robot.feet])
-        share = load_shares(point, np.array([centres[foot.name] for foot in robot.feet]), carried)
-        middle = share @ np.array([centres[foot.name] for foot in robot.feet])
-        about_middle = wrench[..., 3:] - np.cross(middle[:, None], wrench[..., :3])
-        for k, foot in enumerate(robot.feet):
-            force = share[:, k, None, None] * wrench[..., :3]
-            moment = share[:, k, None, None] * about_middle
-            for i in np.flatnonzero(share[:, k] > 0.0):
-                pin.forwardKinematics(robot.model, data, knots.q[i])
-                jacobian = pin.computeJointJacobian(robot.model, data, knots.q[i], foot.joint)
-                pose = data.oMi[foot.joint]
-                shifted = moment[i] + np.cross(centres[foot.name] - pose.translation, force[i])
-                local = np.hstack([force[i] @ pose.rotation, shifted @ pose.rotation])
-                tau[i] -= local @ jacobian
 
     def speed_bound(self) -> Array:
         """Largest ``ṡ`` at the knots that joint velocities and phases allow, ``(n,)``; may be infinite."""

@@ -48,8 +48,9 @@ class Sampling(Repair):
             for part in (there, back):
                 collision = self.probe.first(part.q)
                 if collision is not None:
+                    pair, distance, required = self.probe.closest(part.q[collision])
                     return draft.rejected(
-                        "self_collision", f"transfer, {self.probe.culprit(part.q[collision])}"
+                        "self_collision", f"transfer, {pair}", value=distance, limit=required
                     )
             q, v, a = _joined(there, (q, v, a), back)
             time = np.arange(len(q)) / rate

@@ -20,7 +20,8 @@ class Support:
         offsets: ``(m,)`` [m].
         centre: mean of the corners, ``(2,)`` [m].
         inradius: distance of the centre from the nearest edge [m].
-        radius: mean distance of the corners from their foot's centre [m], the lever arm of torsional friction.
+        radius: mean distance of the corners from their foot's centre [m], the lever arm of torsional friction; of
+            point feet and edges the distance from the centre of all.
         friction: coefficient.
     """
 
@@ -44,12 +45,14 @@ def support_of(soles: Sequence[Array], friction: float) -> Support:
     # Qhull's equations: outward unit normal and offset, n·x + c ≤ 0 inside; one for each edge.
     equations = np.unique(np.round(ConvexHull(together).equations, 9), axis=0)
     centre = together.mean(axis=0)
+    flat = all(len(sole) >= 3 for sole in corners)
+    apart = [c - (c.mean(axis=0) if flat else centre) for c in corners]
     return Support(
         normals=equations[:, :2],
         offsets=equations[:, 2],
         centre=centre,
         inradius=float(-(equations[:, :2] @ centre + equations[:, 2]).max()),
-        radius=float(np.mean([np.linalg.norm(c - c.mean(axis=0), axis=1).mean() for c in corners])),
+        radius=float(np.mean([np.linalg.norm(c, axis=1).mean() for c in apart])),
         friction=friction,
     )
 
@@ -84,15 +87,3 @@ def friction_rows(w: Array, support: Support, share: float) -> Array:
     parts = np.stack([w[..., 0], w[..., 1], vertical / support.radius], axis=-1)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     return np.asarray(parts @ signs.T - share * support.friction * w[..., 2:3])
-
-
-def load_shares(point: Array, centres: Array, carried: Array) -> Array:
-    """Share of the load on each foot, ``(n, n_feet)``, from where it acts between two feet's centres."""
-    if len(centres) == 2:
-        line = centres[1, :2] - centres[0, :2]
-        second = np.clip((point - centres[0, :2]) @ line / (line @ line), 0.0, 1.0)
-        share = np.column_stack([1.0 - second, second])
-    else:
-        share = np.full(carried.shape, 1.0 / len(centres))
-    share = np.where(carried, np.maximum(share, 1e-9), 0.0)
-    return np.asarray(share / share.sum(axis=1, keepdims=True))

@@ -16,6 +16,9 @@ from excite.safety.repairs.time_law import TimeLaw
 # Speed factors that are worth it: below the first the motion would hardly excite anything.
 _SLOWEST, _FASTEST = 0.3, 1.6
 _PHASE_SLACK = 1.25
+SPEED_SHARE = "of its speed"
+# How rates grow with the speed.
+_POWERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 # Samples per sample of the robot at which the limits are evaluated.
 _FINER, _HIGHEST_RATE_HZ = 2, 400.0
 
@@ -57,10 +60,23 @@ class TimeScaling(Repair):
             return replace(draft, law=draft.law.faster(draft.law.duration * rate / samples))
         scaling = largest_factor(draft.limits, draft.law, min(_FINER * rate, _HIGHEST_RATE_HZ))
         if scaling.factor < _SLOWEST:
-            return draft.rejected(scaling.reason, scaling.where, scaling.time)
+            return draft.rejected(scaling.reason, scaling.where, scaling.time, *self._excess(scaling))
         fastest = 1.0 if draft.candidate.speed is not None else _FASTEST
         samples = int(np.ceil(draft.law.duration / min(scaling.factor, fastest) * rate))
         return replace(draft, law=draft.law.faster(draft.law.duration * rate / samples))
+
+    def _excess(self, scaling: Scaling) -> tuple[float, float, str | None]:
+        """Value and limit at the slowest speed that is worth it, and their unit where that is not the limit's own.
+
+        Limits that hold of rates alone are compared with those; for all others the value is the speed at which they
+        hold, as a share of the speed asked for.
+        """
+        kind = scaling.reason.removeprefix("joint_")
+        if kind not in _POWERS or scaling.factor <= 0.0:
+            return scaling.factor, _SLOWEST, SPEED_SHARE
+        joint = self.robot.joint_names.index(scaling.where)
+        limit = float(getattr(self.shares, kind) * getattr(self.robot.limits, kind)[joint])
+        return limit * (_SLOWEST / scaling.factor) ** _POWERS[kind], limit, None
 
 
 def largest_factor(limits: PathLimits, law: TimeLaw, rate_hz: float) -> Scaling:

@@ -29,9 +29,12 @@ class Waypoints(Repair):
     """
 
     name: ClassVar[str] = "waypoints"
+    # Posture that the last search found to collide.
+    _last: Array | None = None
 
     def repair(self, draft: Draft) -> Draft | Rejection:
         """A draft whose posture does not collide, or the rejection ``self_collision``."""
+        self._last = None
         candidate = draft.candidate
         if isinstance(candidate.posture, SplineCurve) and candidate.draws is not None:
             walk = _Walk(self, candidate, candidate.posture, candidate.draws)
@@ -39,8 +42,15 @@ class Waypoints(Repair):
         else:
             posture = self._shrink(candidate)
         if posture is None:
-            return draft.rejected("self_collision", "control points")
+            return self._refused(draft)
         return replace(draft, candidate=replace(candidate, posture=posture))
+
+    def _refused(self, draft: Draft) -> Rejection:
+        """The rejection, by the pair that lacked most of its distance in the last posture that was tried."""
+        if self._last is None:
+            return draft.rejected("self_collision", "control points")
+        pair, distance, required = self.probe.closest(self._last)
+        return draft.rejected("self_collision", pair, value=distance, limit=required)
 
     def _shrink(self, candidate: Candidate) -> Curve | None:
         curve = candidate.posture
@@ -54,7 +64,10 @@ class Waypoints(Repair):
         """Whether joint positions ``(n, n_joints)`` do not collide with the base at rest."""
         q = np.tile(self.robot.rest, (len(joints), 1))
         q[:, self.robot.n_base_q :] = joints
-        return self.probe.first(q) is None
+        row = self.probe.first(q)
+        if row is not None:
+            self._last = q[row]
+        return row is None
 
 
 class _Walk:

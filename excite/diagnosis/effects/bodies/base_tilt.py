@@ -16,6 +16,7 @@ from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.equations.horizontal import level_axes
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.units import slides
+from excite.doctor.doubt import Doubt
 
 _G = 9.81
 # Distance of link 1's centre of mass from its axis that nobody knew of, with the whole robot's mass in it [m].
@@ -42,6 +43,7 @@ class BaseTilt(Effect):
     """
 
     name = "base_tilt"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gravity_x", "m/s²", -5.0, 5.0),
         Parameter("gravity_y", "m/s²", -5.0, 5.0),

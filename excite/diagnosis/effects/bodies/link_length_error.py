@@ -7,6 +7,7 @@ import numpy as np
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
+from excite.doctor.doubt import Doubt
 
 _STEP = 1e-4
 
@@ -15,6 +16,7 @@ class LinkLengthError(Effect):
     """The joint's placement in its parent shifted: change of all torques per metre along three axes."""
 
     name = "link_length_error"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(Parameter(f"shift_{axis}", "m", -0.3, 0.3) for axis in "xyz")
     confusable_with = ("link_inertia", "payload", "encoder_offset")
     separating_motion = "fast motion of the joints before it, in several postures"

@@ -11,6 +11,7 @@ from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import ARMATURE
+from excite.doctor.doubt import Doubt
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.links import carried_link
 
@@ -36,6 +37,7 @@ class Payload(Effect):
     """The regressor's columns of one body: mass, first moments, inertia (Atkeson, An, Hollerbach 1986)."""
 
     name = "payload"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     linear = tuple(
         Parameter(n, u, width=w)
         for n, u, w in zip(

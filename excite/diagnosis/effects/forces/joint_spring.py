@@ -14,6 +14,7 @@ from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 from excite.diagnosis.effects.note import Beyond, JointStep, Note
+from excite.doctor.doubt import Doubt
 
 # A spring whose torque hardly changes over the joint's motion is a constant.
 _CHANGES = 0.05
@@ -57,6 +58,7 @@ class JointSpring(Effect):
     """``τ = k q + τ_0``: stiffness and the torque at zero position."""
 
     name = "joint_spring"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear: ClassVar[tuple[Parameter, ...]] = (
         Parameter("stiffness", "N·m/rad"),
         Parameter("torque_at_zero", "N·m"),

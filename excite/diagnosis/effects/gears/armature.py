@@ -6,12 +6,14 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.equations.own_columns import ARMATURE
+from excite.doctor.doubt import Doubt
 
 
 class Armature(Effect):
     """``τ = I_a a``: the rotor's inertia times the gear ratio squared, felt by its own joint alone."""
 
     name = "armature"
+    told_by = frozenset({Doubt.CLOCK})
     linear = (Parameter("inertia", "kg·m²", 0.0),)
     confusable_with = ("link_inertia", "payload", "joint_elasticity")
     separating_motion = "fast motion of that joint in two postures with different link inertia"

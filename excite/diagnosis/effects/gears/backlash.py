@@ -15,6 +15,7 @@ from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
 from excite.diagnosis.effects.gears.soft_play import SoftPlay, add_soft_play
 from excite.diagnosis.effects.note import Beyond, Note
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.doctor.doubt import Doubt
 
 # Share of the widest play that a search has to end below.
 _SETTLED = 0.9
@@ -47,6 +48,7 @@ class Backlash(GearEffect):
     """The link flies freely through a dead band between two contacts (Nordin, Gutman 2002, section 2)."""
 
     name = "backlash"
+    told_by = frozenset({Doubt.DELAY})
     searched: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width", "rad", 2e-4, 0.08),
         Parameter("contact_hz", "Hz", 4.0, 150.0),

@@ -12,6 +12,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.effects.note import Beyond, Note
+from excite.doctor.doubt import Doubt
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4
@@ -39,6 +40,7 @@ class ActuatorLag(Effect):
     """The log holds the command u, the joints get τ with ``T τ̇ + τ = u``: ``u = τ + T τ̇``, linear in T."""
 
     name = "actuator_lag"
+    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.5),)
     confusable_with = ("time_delay", "viscous_friction")
     separating_motion = "a chirp to 5 … 15 Hz"

@@ -13,6 +13,7 @@ from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.effects.note import Beyond, Note
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.doctor.doubt import Doubt
 
 _WIDEST = 0.3
 _SMALL = 2e-3
@@ -44,6 +45,7 @@ class EncoderOffset(Effect):
     """
 
     name = "encoder_offset"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     linear = (Parameter("offset", "rad", -0.5, 0.5),)
     searched = (Parameter("secant", "1", math.exp(-_WIDEST), math.exp(_WIDEST)),)
     confusable_with = ("torque_bias", "base_tilt", "joint_spring")

@@ -11,6 +11,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.note import Beyond, Note
+from excite.doctor.doubt import Doubt
 
 # Less than this share of a sample is a matter of when within it a logger reads its channels.
 _SAMPLE = 0.4
@@ -43,6 +44,7 @@ class TimeDelay(Effect):
     """
 
     name = "time_delay"
+    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     linear = (Parameter("delay", "s", 0.0, 0.15),)
     searched = (Parameter("secant", "s", 4e-4, 0.15),)
     confusable_with = ("actuator_lag", "viscous_friction", "load_dependent_friction")

@@ -10,6 +10,7 @@ from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
 from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, coulomb_level
+from excite.doctor.doubt import Doubt
 
 _ASYMMETRY = "coulomb_asymmetry"
 # Where friction differs between directions, half the difference is no more than its level; a fit is off by a little.
@@ -20,6 +21,7 @@ class TorqueBias(Effect):
     """``τ_logged = τ + b``."""
 
     name = "torque_bias"
+    told_by = frozenset({Doubt.GRAVITY})
     linear = (Parameter("bias", "N·m"),)
     confusable_with = ("coulomb_asymmetry", "encoder_offset", "base_tilt", "joint_spring")
     separating_motion = "a reading at zero torque"

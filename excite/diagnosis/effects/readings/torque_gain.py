@@ -7,12 +7,14 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
 from excite.diagnosis.equations.joint_torque import Fit
+from excite.doctor.doubt import Doubt
 
 
 class TorqueGain(Effect):
     """``τ_logged = g τ``; the column is the predicted torque, the parameter ``g − 1``."""
 
     name = "torque_gain"
+    told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     linear = (Parameter("gain_error", "1", -0.7, 2.0),)
     confusable_with = ("payload", "link_inertia", "load_dependent_friction")
     separating_motion = "the same motion with and without a known payload"

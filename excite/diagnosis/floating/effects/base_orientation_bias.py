@@ -11,6 +11,7 @@ from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 
 
 class BaseOrientationBias(FloatingEffect):
@@ -20,6 +21,7 @@ class BaseOrientationBias(FloatingEffect):
     """
 
     name: ClassVar[str] = "base_orientation_bias"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as: ClassVar[str] = "constant horizontal sensor bias or external force; bending forward and turning"
     confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias", "external_force")
     says = Beyond.MOTION

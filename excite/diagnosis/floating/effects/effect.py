@@ -14,6 +14,7 @@ from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.form import Beyond, Part, StandingNote
 from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 
 # How far from a link's origin forces act on it [m].
 _REACH = 0.1
@@ -45,6 +46,7 @@ class FloatingEffect(ABC):
         reads_as: what it is confused with, and what tells it apart.
         confusable_with: effects that can look alike, by name.
         leaves: effects as which an approximate form of it leaves its own rest, at the same place.
+        told_by: quantities of a log that it is measured by: where these are in doubt it cannot be named.
         says: the part of a MuJoCo model that has it, or why none can.
         mujoco: the same in words; empty where it is noted beside the model.
         least_shrink: share of the noise's power that it must take away as well, however significant it looks:
@@ -59,6 +61,7 @@ class FloatingEffect(ABC):
     reads_as: ClassVar[str]
     confusable_with: ClassVar[tuple[str, ...]] = ()
     leaves: ClassVar[tuple[str, ...]] = ()
+    told_by: ClassVar[frozenset[Doubt]] = frozenset()
     says: ClassVar[Part | Beyond]
     mujoco: ClassVar[str] = ""
     least_shrink: ClassVar[float] = 0.1

@@ -10,12 +10,14 @@ from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, 
 from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.joint_turns import joint_turn
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 
 
 class EncoderOffset(FloatingEffect):
     """True position = logged + offset."""
 
     name: ClassVar[str] = "encoder_offset"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY})
     reads_as: ClassVar[str] = (
         "link length and inertia beyond the joint; postures that turn it against gravity"
     )

@@ -11,6 +11,7 @@ from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, links, segment_of
 from excite.diagnosis.floating.effects.form import Part
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 
 _NAMES = ("mass", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _UNITS = ("kg", "kg·m", "kg·m", "kg·m") + ("kg·m²",) * 6
@@ -20,6 +21,7 @@ class LinkInertia(FloatingEffect):
     """True parameters = the model's + error; also what a payload does, which is a positive error."""
 
     name: ClassVar[str] = "link_inertia"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as: ClassVar[str] = "constant sensor bias, and the neighbouring links where they move as one"
     confusable_with: ClassVar[tuple[str, ...]] = ("sensor_bias",)
     says = Part.BODIES

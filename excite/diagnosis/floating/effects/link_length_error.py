@@ -11,12 +11,14 @@ from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, 
 from excite.diagnosis.floating.effects.form import Part
 from excite.diagnosis.floating.equations.moved_branch import moved_branch
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 
 
 class LinkLengthError(FloatingEffect):
     """True placement of the joint = the model's + error, in the parent's frame."""
 
     name: ClassVar[str] = "link_length_error"
+    told_by = frozenset({Doubt.POSITION, Doubt.GRAVITY, Doubt.CLOCK, Doubt.SIZE})
     reads_as: ClassVar[str] = "sensor frame at the leg's end; inertia of what the joint carries"
     confusable_with: ClassVar[tuple[str, ...]] = ("sensor_frame_offset", "link_inertia")
     says = Part.LENGTHS

@@ -9,6 +9,7 @@ from excite.diagnosis.answer.candidate import Estimate
 from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 from excite.logs.columns import WRENCH_AXES
 
 
@@ -16,6 +17,7 @@ class SensorGain(FloatingEffect):
     """Logged = gain × true, on one axis or on all six."""
 
     name: ClassVar[str] = "sensor_gain"
+    told_by = frozenset({Doubt.CLOCK, Doubt.SIZE})
     reads_as: ClassVar[str] = "with free inertials a gain common to all sensors is invisible"
     confusable_with: ClassVar[tuple[str, ...]] = ("link_inertia",)
     says = Beyond.READINGS

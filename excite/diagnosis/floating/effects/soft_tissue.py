@@ -11,6 +11,7 @@ from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter, 
 from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.joint_turns import joint_turn
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 
 _CUTOFF_HZ = 3.0
 
@@ -23,6 +24,7 @@ class SoftTissue(FloatingEffect):
     """
 
     name: ClassVar[str] = "soft_tissue"
+    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as: ClassVar[str] = "elasticity, where the joint's load is the segment's own inertia"
     confusable_with: ClassVar[tuple[str, ...]] = ("joint_elasticity",)
     says = Beyond.MOTION

@@ -12,12 +12,14 @@ from excite.diagnosis.floating.effects.effect import FloatingEffect, Parameter
 from excite.diagnosis.floating.effects.form import Beyond
 from excite.diagnosis.floating.equations.record import FloatingRecord
 from excite.diagnosis.floating.equations.state import State
+from excite.doctor.doubt import Doubt
 
 
 class TimeDelay(FloatingEffect):
     """reading(t) = true(t − delay), all sensors."""
 
     name: ClassVar[str] = "time_delay"
+    told_by = frozenset({Doubt.CLOCK, Doubt.DELAY})
     reads_as: ClassVar[str] = "nothing else follows the wrench's rate"
     says = Beyond.READINGS
 

@@ -48,6 +48,7 @@ class FloatingRecord:
             rate, learnt above the motion's band.
         full_rate_hz: that rate [Hz].
         inertials_free: whether ``modelled`` asks for the rigid body's parameters to be identified.
+        modelled: words of ``modelled``: effects that are not to be tried.
     """
 
     robot: Robot
@@ -66,6 +67,7 @@ class FloatingRecord:
     sensor_noise: Array
     full_rate_hz: float
     inertials_free: bool
+    modelled: tuple[str, ...] = ()
 
     @property
     def n_samples(self) -> int:
@@ -143,6 +145,7 @@ def prepare_record(log: Log, robot: Robot | None = None) -> FloatingRecord:
         sensor_noise=robust_covariance(np.concatenate([part.above_band for part in parts])),
         full_rate_hz=header.rate_hz,
         inertials_free="rigid_body" in header.modelled,
+        modelled=tuple(header.modelled),
     )
 
 

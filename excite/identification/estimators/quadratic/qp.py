@@ -44,8 +44,8 @@ class QuadraticProgram(Estimator[QpSettings]):
     name: ClassVar[str] = "qp"
     title: ClassVar[str] = "constrained quadratic program of Jovic et al. 2015"
     use: ClassVar[str] = (
-        "most logs: standard parameters near the nominal model, from short motions too; bodies that cannot exist are "
-        "named in the result"
+        "comparison with the paper: standard parameters near the nominal model, from short motions too; bodies that "
+        "cannot exist are named in the result"
     )
     settings_class: ClassVar[type[EstimatorSettings]] = QpSettings
     guarantees: ClassVar[str] = (

@@ -1,0 +1,200 @@
+"""The verb ``capture``: from a plan to the sheet that somebody takes to the robot."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from pathlib import Path
+
+from excite.atomic import write_text
+from excite.conversion.capture_sheet import Capture, Run
+from excite.documents.document import read_document
+from excite.documents.plan import Plan
+from excite.errors import InputError
+from excite.logs.header_blocks import Role
+from excite.motion.files import load_motion
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+
+# Grease and seals settle within minutes of motion; friction of cold drives is up to twice that of warm ones
+# (Bittencourt and Gunnarsson 2012), and no identification shall mix both [s].
+_WARM_UP_S = 300.0
+# A second of rest gives a torque's noise; ten give its mean to a third of a per cent of it [s].
+_STILL_S = 10.0
+# Motions of which a repeat is asked for: the noise floor needs one, two show whether it drifts.
+_REPEATED = 2
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet that was written.
+
+    Attributes:
+        path: the file.
+        capture: what it says.
+    """
+
+    path: Path
+    capture: Capture
+
+
+def capture(robot: Robot, plan: str | Path, out: str | Path | None = None) -> Sheet:
+    """Write the sheet of a plan, Markdown or, if ``out`` ends with ``.html``, a page.
+
+    Args:
+        robot: the robot.
+        plan: folder of a plan, with ``plan.json`` and ``motions/``.
+        out: the file; ``capture.md`` in the plan's folder if None.
+
+    Raises:
+        InputError: the plan is of another robot, or a motion of it is missing.
+    """
+    folder = Path(plan) if Path(plan).is_dir() else Path(plan).parent
+    document = read_document(folder / "plan.json", Plan)
+    if document.robot != robot.name:
+        raise InputError(
+            f"is a plan of {document.robot!r}, not of {robot.name!r}",
+            source=folder / "plan.json",
+            field="robot",
+            remedy="name the robot that it was made for",
+        )
+    planned: list[tuple[str, Role]] = [(item.motion, "identification") for item in document.selected]
+    planned += [(item, "validation") for item in document.validation]
+    motions = [(load_motion(folder / name, robot), name, role) for name, role in planned]
+    sheet = Capture(
+        robot=robot.name,
+        rate_hz=robot.description.sensors.rate_hz,
+        joints=robot.joint_names,
+        runs=tuple(_runs(robot, motions)),
+    )
+    path = Path(out) if out is not None else folder / "capture.md"
+    text = sheet_text(sheet, robot)
+    write_text(path, _page(text, sheet) if path.suffix == ".html" else text)
+    return Sheet(path, sheet)
+
+
+def _runs(robot: Robot, motions: list[tuple[Motion, str, Role]]) -> list[Run]:
+    runs = [
+        Run(name="warm_up", kind="warm_up", duration_s=_WARM_UP_S, motion=motions[0][1] if motions else None)
+    ]
+    runs += [Run(name="zero_torque", kind="zero_torque", duration_s=_STILL_S)]
+    for motion, name, role in motions:
+        runs.append(_run(robot, motion, name, role, motion.name, None))
+    chosen = [item for item in motions if item[2] == "identification"]
+    for motion, name, role in chosen[:_REPEATED]:
+        runs.append(_run(robot, motion, name, role, f"{motion.name}_again", motion.name))
+    for k, (motion, name, _) in enumerate(chosen[:3]):
+        runs.append(
+            Run(
+                name=f"static_{k + 1}",
+                kind="static",
+                duration_s=_STILL_S,
+                motion=name,
+                start=_start(robot, motion),
+            )
+        )
+    return runs
+
+
+def _run(robot: Robot, motion: Motion, file: str, role: Role, name: str, repeats: str | None) -> Run:
+    return Run(
+        name=name,
+        kind="motion",
+        duration_s=round(float(motion.time[-1] - motion.time[0]), 3),
+        motion=file,
+        role=role,
+        repeats=repeats,
+        start=_start(robot, motion),
+    )
+
+
+def _start(robot: Robot, motion: Motion) -> dict[str, float]:
+    row = motion.q[0, robot.n_base_q :]
+    return {joint: round(float(value), 4) for joint, value in zip(robot.joint_names, row, strict=True)}
+
+
+def sheet_text(sheet: Capture, robot: Robot) -> str:
+    """The sheet in Markdown; its last block is for `excite convert --capture`."""
+    total = sum(run.duration_s for run in sheet.runs)
+    lines = [
+        f"# Recording {sheet.robot}",
+        "",
+        f"{len(sheet.logged)} motions, {total / 60.0:.0f} minutes of recording with warm-up. "
+        "Name each recording as its run is called.",
+        "",
+        "## Before",
+        "",
+        "- Re-check on the day: `excite check "
+        + sheet.robot
+        + " motions/`; emergency stop within reach, space clear.",
+        "- Note the load, the temperature, the controller's gains and the firmware.",
+        f"- Warm up: {_WARM_UP_S / 60.0:.0f} minutes of the first motion, not recorded for identification.",
+        "",
+        "## Order",
+        "",
+        "| run | what | role | s | done |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for run in sheet.runs:
+        lines.append(f"| {run.name} | {_what(run)} | {run.role or ''} | {run.duration_s:.0f} | ☐ |")
+    lines += [
+        "",
+        "## Record",
+        "",
+        *_topics(sheet, robot),
+        "",
+        "## After the first motion, before going on",
+        "",
+        *_checks(sheet),
+    ]
+    return "\n".join(
+        [*lines, "", "## For `excite convert --capture`", "", "```yaml", sheet.text().rstrip(), "```", ""]
+    )
+
+
+def _what(run: Run) -> str:
+    return {
+        "warm_up": f"{run.motion} over and over",
+        "zero_torque": "torques off (or brakes on), nothing touches it: offsets and noise of torques and currents",
+        "static": f"hold still where {run.motion} begins: gravity and stiction alone",
+        "motion": f"{run.motion}" + (f", again ({run.repeats}): the noise floor" if run.repeats else ""),
+    }[run.kind]
+
+
+def _topics(sheet: Capture, robot: Robot) -> list[str]:
+    joints = f"{len(sheet.joints)} joints"
+    lines = [
+        f"- {joints}: measured position, measured torque or current, commanded position; all at "
+        f"{sheet.rate_hz:g} Hz or faster,",
+        "  with the time of measurement in every row. Record before any filter.",
+        "- ROS: `/joint_states` and the controller's state; Unitree: `rt/lowstate` and `rt/lowcmd`; UR: RTDE at "
+        "500 Hz; "
+        "Franka: `q dq tau_J q_d` at 1 kHz.",
+    ]
+    if robot.floating:
+        sensors = ", ".join(sensor.name for sensor in robot.sensors) or "the feet"
+        lines.append(
+            f"- Pose of the base (link {robot.base_link}) and contact wrenches ({sensors}) on the same clock."
+        )
+    return lines
+
+
+def _checks(sheet: Capture) -> list[str]:
+    first = next((run.name for run in sheet.logged), "the first motion")
+    return [
+        f"- `excite convert {first}.* --robot {sheet.robot} --out first --capture capture.md`: every joint is "
+        "found, its unit is right, nothing is asked.",
+        "- `excite doctor first`: no finding that spoils; no turned torque, no clipping, "
+        "rate as asked, delay below a sample or two.",
+        "- Every joint moves, and its torque changes when it does.",
+    ]
+
+
+def _page(text: str, sheet: Capture) -> str:
+    """The sheet as a page that prints: its text as it is."""
+    before = text.partition("```yaml\n")[0]
+    return (
+        f'<!doctype html><meta charset="utf-8"><title>Recording {html.escape(sheet.robot)}</title>'
+        f'<pre style="white-space:pre-wrap">{html.escape(before)}</pre>\n'
+        f'<pre class="capture">\n{sheet.text().rstrip()}\n</pre>\n'
+    )

@@ -1,0 +1,99 @@
+"""Why a plan has few motions, or none: what refuses its candidates, and the change that lets most of them pass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from excite.errors import NothingSafeError
+from excite.motion.generators.candidate import Candidate
+from excite.motion.generators.proposal import Proposal
+from excite.parallel.jobs import Jobs
+from excite.robot.robot import Robot
+from excite.safety.filter_report import FilterReport
+from excite.safety.refusals import Refused, refusals_table
+from excite.safety.remedy import TRIED, Remedy, find_remedy
+
+# Where less than this share of the candidates is safe, what refuses the rest costs more than it leaves: it is said.
+_FEW = 0.5
+
+
+class FirstOf(Iterable[Candidate | Proposal]):
+    """Candidates as they are read, of which the first are remembered, so that refused ones can be tried again."""
+
+    # Among these are as many refused ones as are tried, where few are safe.
+    _HELD = 64
+
+    def __init__(self, candidates: Iterable[Candidate | Proposal]) -> None:
+        self._candidates = candidates
+        self.held: list[Candidate | Proposal] = []
+
+    def __iter__(self) -> Iterator[Candidate | Proposal]:
+        """The candidates, once."""
+        for candidate in self._candidates:
+            if len(self.held) < self._HELD:
+                self.held.append(candidate)
+            yield candidate
+
+
+@dataclass(frozen=True)
+class Refusals:
+    """What refuses a plan's candidates.
+
+    Attributes:
+        generated: number of candidates.
+        refused: by pair of links, joint, contact or limit, the commonest first.
+        few: whether so few are safe that a person is told.
+        remedy: the change with which most of the refused ones pass, None where there is none or enough are safe.
+    """
+
+    generated: int = 0
+    refused: tuple[Refused, ...] = ()
+    few: bool = False
+    remedy: Remedy | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The fields ``refused`` and ``remedy`` of a document."""
+        return {
+            "refused": [item.to_json() for item in self.refused],
+            "remedy": None if self.remedy is None else self.remedy.to_json(),
+        }
+
+    @property
+    def change(self) -> str:
+        """What to do, in words."""
+        if self.remedy is not None:
+            return str(self.remedy)
+        return "see what refuses them: no single limit lifted lets any of those pass that were tried again"
+
+    def table(self) -> str:
+        """A few lines for a person; empty where nothing was refused."""
+        return refusals_table(self.refused, self.generated)
+
+    def summary(self) -> str:
+        """The table and the change, where few candidates are safe; else empty."""
+        return f"{self.table()}\nmost likely to help: {self.change}" if self.few and self.refused else ""
+
+
+def refusals_of(robot: Robot, report: FilterReport, first: FirstOf, jobs: Jobs, *, accepted: int) -> Refusals:
+    """What refuses a plan's candidates; where few are safe, changes are tried on some of them."""
+    few = accepted < _FEW * report.generated
+    remedy = None
+    if few:
+        again = [first.held[index] for index in report.first_refused if index < len(first.held)]
+        remedy = find_remedy(robot, report.refused, again[:TRIED], jobs=jobs)
+    return Refusals(report.generated, report.refused, few, remedy)
+
+
+def none_is_safe(robot: Robot, refusals: Refusals) -> NothingSafeError:
+    """The error of a plan without any safe candidate: in one line the first cause and the change."""
+    cause = ""
+    if refusals.refused:
+        first = refusals.refused[0]
+        cause = f": {first.candidates} are refused by {first}"
+    return NothingSafeError(
+        f"none of {refusals.generated} candidates is safe for {robot.name}{cause}",
+        best=refusals,
+        remedy=refusals.change if refusals.refused else "ask for more candidates",
+    )

@@ -1,0 +1,100 @@
+"""JSON schemas of the files that people write and read, generated from the models that check them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from excite.conversion.mapping import Map
+from excite.documents.registry import DOCUMENTS
+from excite.errors import UnknownNameError
+from excite.identification.physical.bounds_file import SCHEMA as BOUNDS_SCHEMA
+from excite.identification.physical.coordinates import NAMES
+from excite.logs.log import LogHeader
+from excite.motion.files import MotionDocument
+from excite.robot.description import RobotDescription
+
+_MODELS: dict[str, type[BaseModel]] = {
+    "log": LogHeader,
+    "robot": RobotDescription,
+    "map": Map,
+    "motion": MotionDocument,
+}
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def schema_names() -> list[str]:
+    """Names that :func:`file_schema` knows: of files written by hand, of each result, and ``results``."""
+    return sorted([*_MODELS, "bounds", "results", *(_short(name) for name in DOCUMENTS)])
+
+
+def file_schema(name: str) -> dict[str, Any]:
+    """The JSON schema of a file; ``results`` is that of any result.
+
+    Raises:
+        UnknownNameError: no such file.
+    """
+    if name in _MODELS:
+        found = _MODELS[name].model_json_schema(by_alias=True)
+    elif name == "bounds":
+        found = _bounds()
+    elif name == "results":
+        found = {
+            "title": "results",
+            "oneOf": [kind.model_json_schema(by_alias=True) for kind in DOCUMENTS.values()],
+        }
+    else:
+        kinds = {_short(full): kind for full, kind in DOCUMENTS.items()}
+        if name not in kinds:
+            raise UnknownNameError("schema", name, schema_names())
+        found = kinds[name].model_json_schema(by_alias=True)
+    return {"$schema": _DIALECT, **found}
+
+
+def _short(schema: str) -> str:
+    """``plan`` of ``excite.plan/1``."""
+    return schema.removeprefix("excite.").partition("/")[0]
+
+
+def _bounds() -> dict[str, Any]:
+    """Of ``bounds.yaml``, whose reader names links and drives of the robot at hand."""
+    pair = {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
+    positive = {"type": ["number", "string", "null"]}
+    return {
+        "title": "bounds",
+        "description": "What is known of a robot's physical parameters, each [lower, upper] in SI.",
+        "type": "object",
+        "required": ["schema"],
+        "additionalProperties": False,
+        "properties": {
+            "schema": {"const": BOUNDS_SCHEMA},
+            "source": {"type": "string", "description": "where the numbers come from"},
+            "total_mass": {**pair, "description": "mass of all links together [kg]"},
+            "rules": {
+                "type": "object",
+                "description": "rules between the moments of inertia of a link",
+                "additionalProperties": False,
+                "properties": {
+                    **dict.fromkeys(("diagonal_ratio", "off_diagonal_share", "slenderness"), positive),
+                    "slender": {"type": "object", "additionalProperties": {"enum": ["x", "y", "z"]}},
+                    "principal_triangle": {"type": "boolean"},
+                },
+            },
+            "links": {
+                "type": "object",
+                "description": "by link: mass, centre of mass, inertias about it along the joint frame's axes",
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": False,
+                    "properties": dict.fromkeys(NAMES, pair),
+                },
+            },
+            "drives": {"type": "object", "description": "by TERM.JOINT", "additionalProperties": pair},
+            "parameters": {
+                "type": "object",
+                "description": "the same in one level, by LINK.NAME",
+                "additionalProperties": {"anyOf": [pair, {"type": "object"}]},
+            },
+        },
+    }

@@ -1,0 +1,37 @@
+"""``excite capture``: the sheet for the minutes at the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import excite
+from excite.cli.session.options import JobsOption, JsonOption, RobotArgument, SeedOption
+from excite.cli.session.output import emit
+
+NAME = "capture"
+
+
+def command(
+    robot: RobotArgument,
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Folder of a plan (plan.json and motions/).")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The sheet (.md or .html); PLAN/capture.md if left out."),
+    ] = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = None,
+) -> None:
+    """Write the sheet for the minutes at the robot: order of motions, repeats, what to record and to check."""
+    sheet = excite.capture(excite.load_robot(robot), plan, out)
+    document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
+    minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
+    emit(
+        f"wrote {sheet.path}: {len(sheet.capture.logged)} recordings, {minutes:.0f} minutes with warm-up\n"
+        f"then: excite convert RECORDING… --robot {robot} --out log --capture {sheet.path}",
+        document,
+        as_json=as_json,
+    )

@@ -1,0 +1,76 @@
+"""``excite convert``: any recording to a log folder."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import excite
+from excite.cli.session.options import JobsOption, JsonOption, SeedOption
+from excite.cli.session.output import emit
+
+if TYPE_CHECKING:
+    from excite.conversion.convert import Conversion
+
+NAME = "convert"
+
+
+def command(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE…", help="Recordings: text tables, Parquet, npz, HDF5, JSON, .mat, bags, MCAP …"
+        ),
+    ],
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="Bundled robot, or path to a robot.yaml or URDF.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="LOG", help="Log folder that is written.")],
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="map.yaml that says what the recording does not tell."),
+    ] = None,
+    capture: Annotated[
+        Path | None,
+        typer.Option(
+            "--capture", metavar="SHEET", help="Sheet of `excite capture` that the log is checked against."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = None,
+) -> None:
+    """Make a log folder of any recording: columns, units and trials are found, and what was guessed is said."""
+    found = excite.convert(sources, robot, out, mapping, capture)
+    if not as_json:
+        _show_guesses(found)
+    emit(_summary(found), found.to_json(), as_json=as_json)
+
+
+def _show_guesses(found: Conversion) -> None:
+    """The table of what was guessed, with reasons."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("what", "from", "because")
+    for row in found.guesses:
+        table.add_row(*row)
+    for name, role, because in found.trials:
+        table.add_row(f"trial {name}", role, because)
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else 160, markup=False).print(table)
+
+
+def _summary(found: Conversion) -> str:
+    lines = [f"note: {note}" for note in found.notes]
+    if found.unused:
+        shown = ", ".join(found.unused[:8]) + (" …" if len(found.unused) > 8 else "")
+        lines.append(f"note: nothing was made of {shown}")
+    if found.chart is not None:
+        lines += ["", found.chart.summary(), ""]
+    lines.append(
+        f"wrote {found.folder}; map.yaml in it repeats this without guessing: correct it and use --map"
+    )
+    return "\n".join(lines)

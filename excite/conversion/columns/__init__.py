@@ -1,0 +1,1 @@
+"""What single columns are: their names, joints, clocks and units."""

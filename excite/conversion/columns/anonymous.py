@@ -1,0 +1,162 @@
+"""Columns whose names say nothing, told apart by physics: derivatives of each other, commands, torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from excite.arrays import Array
+from excite.conversion.columns.families import Family
+from excite.conversion.columns.joints import Placed
+from excite.conversion.machine import Machine
+
+# Samples that the comparison uses.
+_MOST_ROWS = 20_000
+# Correlations of smoothed signals: a command and its position, a derivative and its velocity.
+_TWIN, _DERIVATIVE = 0.98, 0.9
+
+
+@dataclass(frozen=True)
+class Understood:
+    """Columns by channel, as indices in the order of the joints.
+
+    Attributes:
+        joints: names.
+        channels: ``q``, ``v``, ``tau``, ``q_cmd`` with their columns' indices.
+        reasons: why, by channel.
+    """
+
+    joints: tuple[str, ...]
+    channels: dict[str, list[int]]
+    reasons: dict[str, str]
+
+    def families(self, names: list[str]) -> dict[str, Family]:
+        """As families of columns with these names."""
+        return {
+            channel: Family(
+                target=channel,
+                quantity=channel.partition("_")[0],
+                placed=Placed(
+                    {joint: names[k] for joint, k in zip(self.joints, columns, strict=True)},
+                    f"the columns' order ({self.reasons[channel]})",
+                ),
+                columns=tuple(names[k] for k in columns),
+                unit="",
+                stated=False,
+                stem="",
+            )
+            for channel, columns in self.channels.items()
+        }
+
+
+def understand(values: Array, time: Array, machine: Machine, joints: tuple[str, ...]) -> Understood | None:
+    """Tell positions, velocities, commands and torques apart; None where that does not come out even.
+
+    Args:
+        values: ``(n, m)`` columns in any units.
+        time: ``(n,)`` [s].
+        machine: the robot.
+        joints: those that the recording should have, in the columns' order.
+    """
+    n = len(joints)
+    forward = np.diff(time)
+    dt = float(np.median(forward[forward > 0.0]))
+    part = values[:_MOST_ROWS]
+    moving = [k for k in range(values.shape[1]) if np.ptp(part[:, k]) > 0.0]
+    smooth, rate = _smoothed(part, dt)
+    twins = _twins(smooth, moving)
+    heads = [group[0] for group in twins]
+    match = _derivatives(smooth, rate, heads)
+    positions = _positions(heads, match, smooth, dt, n)
+    if positions is None:
+        return None
+    rows, partners = linear_sum_assignment(
+        -match[np.ix_([heads.index(p) for p in positions], range(len(heads)))]
+    )
+    velocity = {positions[r]: heads[c] for r, c in zip(rows, partners, strict=True)}
+    derived = all(match[heads.index(p), heads.index(velocity[p])] > _DERIVATIVE for p in positions)
+    channels = {"q": positions}
+    reasons = {"q": "the smoothest columns" if not derived else "other columns are their derivatives"}
+    if derived:
+        channels["v"] = [velocity[p] for p in positions]
+        reasons["v"] = "derivatives of the positions"
+    used = {k for columns in channels.values() for k in columns}
+    groups = {group[0]: group for group in twins}
+    commands = [[k for k in groups[p] if k != p] for p in positions]
+    if all(commands):
+        channels["q"], channels["q_cmd"] = _measured_first(positions, [c[0] for c in commands], part, dt)
+        reasons["q_cmd"] = "twins of the positions, which follow them"
+    used |= {k for p in positions for k in groups[p]} | {
+        k for v in channels.get("v", []) for k in groups.get(v, [])
+    }
+    rest = [k for k in range(values.shape[1]) if k not in used]
+    if len(rest) == n:
+        channels["tau"], reasons["tau"] = rest, "the columns that are left"
+    elif len(rest) > n and derived:
+        kept = [k for k in rest if k in moving][:n]
+        if len(kept) == n:
+            channels["tau"], reasons["tau"] = kept, "the first columns that are left"
+    return Understood(joints, channels, reasons)
+
+
+def _smoothed(values: Array, dt: float) -> tuple[Array, Array]:
+    """Columns over some hundredths of a second, scaled to power one, and their derivatives."""
+    window = max(3, int(0.04 / dt))
+    kernel = np.ones(window) / window
+    smooth = np.column_stack([np.convolve(column, kernel, mode="valid") for column in values.T])
+    rate = np.gradient(smooth, dt, axis=0)
+    return smooth - smooth.mean(axis=0), rate - rate.mean(axis=0)
+
+
+def _correlations(a: Array, b: Array) -> Array:
+    norm = np.maximum(np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)[None], 1e-300)
+    return np.asarray(a.T @ b / norm)
+
+
+def _twins(smooth: Array, moving: list[int]) -> list[list[int]]:
+    """Groups of columns that are the same but for noise and a short delay, of about the same size."""
+    same = _correlations(smooth, smooth)
+    size = smooth.std(axis=0)
+    groups: list[list[int]] = []
+    for k in moving:
+        for group in groups:
+            if same[group[0], k] > _TWIN and 0.8 < size[k] / max(size[group[0]], 1e-300) < 1.25:
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return groups
+
+
+def _derivatives(smooth: Array, rate: Array, heads: list[int]) -> Array:
+    """Correlation of each column's derivative with each column, ``(m, m)``; zero where one falls as the other rises."""
+    match = _correlations(rate[:, heads], smooth[:, heads])
+    np.fill_diagonal(match, 0.0)
+    return np.where(match > 0.0, match, 0.0)
+
+
+def _positions(heads: list[int], match: Array, smooth: Array, dt: float, n: int) -> list[int] | None:
+    """Columns that hold positions: whose derivative is there and which are no derivative, or the n smoothest."""
+    has = [k for k in range(len(heads)) if match[k].max(initial=0.0) > _DERIVATIVE]
+    derived_from = {int(np.argmax(match[k])) for k in has}
+    first = [heads[k] for k in has if k not in derived_from]
+    if len(first) == n:
+        return first
+    if len(heads) < n:
+        return None
+    rough = np.std(np.diff(smooth, axis=0), axis=0) / np.maximum(smooth.std(axis=0), 1e-300)
+    order = sorted(heads, key=lambda k: rough[k])[:n]
+    return sorted(order)
+
+
+def _measured_first(a: list[int], b: list[int], values: Array, dt: float) -> tuple[list[int], list[int]]:
+    """Which of twins was measured: the one that comes later, or that is rougher."""
+    late = 0.0
+    for x, y in zip(a, b, strict=True):
+        rate = np.gradient(values[:, x], dt)
+        power = float(rate @ rate)
+        late += float(rate @ (values[:, x] - values[:, y])) / power if power > 0.0 else 0.0
+    # x(t) = y(t - d) makes x - y = -d·rate: what is late has a negative weight.
+    return (a, b) if late < 0.0 else (b, a)

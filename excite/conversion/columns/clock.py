@@ -1,0 +1,75 @@
+"""Which column is the time, and in which unit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.conversion.columns.words import Clue
+from excite.conversion.recording import Stream
+
+TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# Rates that robots are recorded at [Hz]. Three powers of ten lie between units, so that at most two of them fit.
+_SLOWEST_HZ, _FASTEST_HZ = 4.0, 20_000.0
+# Share of intervals that have to be positive: loggers repeat stamps, and write some rows out of order.
+_FORWARD = 0.9
+
+
+def is_clock(values: Array) -> bool:
+    """Whether a column's numbers go forward evenly enough to be times."""
+    values = values[np.isfinite(values)]
+    if len(values) < 3:
+        return False
+    steps = np.diff(values)
+    forward = steps[steps > 0.0]
+    if len(forward) < 0.3 * len(steps) or (steps >= 0.0).mean() < _FORWARD:
+        return False
+    # A joint that turns one way goes forward too, but not at one pace from the first sample to the last.
+    middle = np.median(forward)
+    return bool(np.percentile(forward, 25) > 0.3 * middle and np.percentile(forward, 75) < 3.0 * middle)
+
+
+def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | None:
+    """The column that holds a stream's times, and why; None where there is none."""
+    named = [c for c in stream.columns if clues[c.name].quantity == "time" and is_clock(c.values)]
+    if named:
+        # Of several clocks the one of the machine itself, which comes first, unless another one is finer.
+        best = max(named, key=lambda c: len(np.unique(c.values)))
+        return best.name, "its name, and it goes forward evenly"
+    for column in stream.columns:
+        said = clues[column.name]
+        if said.quantity in ("", "skip") or (
+            said.quantity in ("q", "i", "a", "v") and not said.exact and said.number is None
+        ):
+            if is_clock(column.values) and _steady(column.values):
+                return column.name, "it goes forward evenly from row to row, as no joint does"
+    return None
+
+
+def _steady(values: Array) -> bool:
+    steps = np.diff(values[np.isfinite(values)])
+    fit = np.polyfit(np.arange(len(values[np.isfinite(values)])), values[np.isfinite(values)], 1)
+    rest = values[np.isfinite(values)] - np.polyval(fit, np.arange(len(steps) + 1))
+    return bool(fit[0] > 0.0 and rest.std() < 0.05 * np.ptp(values[np.isfinite(values)]))
+
+
+def tick(values: Array, stated: str) -> tuple[float | None, str]:
+    """Seconds per unit of a clock, and why; None where it cannot be told.
+
+    Args:
+        values: the times as they stand in the file.
+        stated: the unit that name or header state; empty for none.
+    """
+    steps = np.diff(values[np.isfinite(values)])
+    step = float(np.median(steps[steps > 0.0]))
+    possible = [unit for unit, tick in TICKS.items() if _SLOWEST_HZ <= 1.0 / (step * tick) <= _FASTEST_HZ]
+    if stated in TICKS and (stated in possible or not possible):
+        return TICKS[stated], f"{stated} by its name: {1.0 / (step * TICKS[stated]):.4g} Hz"
+    if not possible:
+        return None, f"rows are {step:.4g} apart"
+    if stated in TICKS:
+        return TICKS[possible[0]], (
+            f"{possible[0]}, though its name says {stated}: that would be {1.0 / (step * TICKS[stated]):.3g} Hz"
+        )
+    unit = possible[0]
+    return TICKS[unit], f"{unit}: rows are {step:.4g} apart, {1.0 / (step * TICKS[unit]):.4g} Hz"

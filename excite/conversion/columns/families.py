@@ -1,0 +1,115 @@
+"""Columns of one recording as families: a quantity of all joints, measured or commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from excite.conversion.columns.joints import Placed, first_number, place
+from excite.conversion.columns.vocabulary import UNITS
+from excite.conversion.columns.words import Clue, clue
+from excite.conversion.recording import Column, Recording
+
+# What a log folder has a channel for, by quantity and whether it was commanded.
+TARGETS = {
+    ("q", False): "q",
+    ("q", True): "q_cmd",
+    ("v", False): "v",
+    ("a", False): "a",
+    ("tau", False): "tau",
+    ("tau", True): "tau_cmd",
+    ("i", False): "i",
+}
+_STATED = {"q_cmd": ("q", True), "tau_cmd": ("tau", True)}
+
+
+@dataclass(frozen=True)
+class Family:
+    """Columns that hold one quantity.
+
+    Attributes:
+        target: channel of the log, empty for what a log has no channel for.
+        quantity: ``q``, ``v``, ``a``, ``tau``, ``i``, ``volt``.
+        placed: its columns by joint.
+        columns: all its columns.
+        unit: as its names state it, empty for none.
+        stated: whether the format says what it is.
+        stem: what its names have in common.
+    """
+
+    target: str
+    quantity: str
+    placed: Placed
+    columns: tuple[str, ...]
+    unit: str
+    stated: bool
+    stem: str
+
+
+def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
+    """What the name of every column says, or its format."""
+    left_out = set(ignored)
+    return {
+        column.name: _clue(column, joints)
+        for stream in recording.streams
+        for column in stream.columns
+        if column.name not in left_out
+    }
+
+
+def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
+    """Families among the columns, those of more joints first."""
+    groups: dict[tuple[str, str, bool, str], list[Column]] = {}
+    for stream in recording.streams:
+        for column in stream.columns:
+            said = clues.get(column.name)
+            if said is None or said.quantity in ("", "time", "skip", "base", "wrench"):
+                continue
+            # Labels of joints differ within a family; the stem is what is left of the quantity's own words.
+            stem = _stem(said)
+            groups.setdefault((stream.name, said.quantity, said.commanded, stem), []).append(column)
+    first = first_number(list(clues.values()))
+    found = []
+    for (_, quantity, commanded, stem), columns in groups.items():
+        names = [column.name for column in columns]
+        units = [clues[name].unit for name in names]
+        found.append(
+            Family(
+                target=TARGETS.get((quantity, commanded), ""),
+                quantity=quantity,
+                placed=place(names, clues, joints, first),
+                columns=tuple(names),
+                unit=units[0] if len(set(units)) == 1 else "",
+                stated=all(column.channel for column in columns),
+                stem=stem,
+            )
+        )
+    return sorted(
+        found, key=lambda family: (-len(family.placed.columns), not family.stated, len(family.stem))
+    )
+
+
+def _stem(said: Clue) -> str:
+    words = said.stem.split("_")
+    labels = set(said.label.split("_"))
+    return "_".join(word for word in words if word not in labels)
+
+
+def _clue(column: Column, joints: Sequence[str]) -> Clue:
+    prefix, _, rest = column.name.rpartition("/")[2].partition(".")
+    channel, label = column.channel, column.label
+    if not channel and rest in joints and (prefix, False) in TARGETS | {(key, False): "" for key in _STATED}:
+        channel, label = prefix, rest
+    if not channel:
+        return clue(column.name, joints, column.unit)
+    quantity, commanded = _STATED.get(channel, (channel, False))
+    inner = clue(label, joints)
+    return Clue(
+        quantity=quantity,
+        commanded=commanded,
+        number=inner.number,
+        label=label,
+        unit=UNITS.get(column.unit.lower(), column.unit),
+        exact=label if label in joints else "",
+        stem=channel,
+    )

@@ -1,0 +1,196 @@
+"""Factors from a recording's numbers to SI, channel by channel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.conversion.columns.units import TO_SI, position_unit, ratio_unit
+from excite.conversion.columns.vocabulary import UNITS
+from excite.conversion.columns.words import clue
+from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.machine import Machine
+from excite.conversion.mapping import Map
+from excite.conversion.recording import Column, Recording
+
+_VELOCITIES = {
+    "rad/s": 1.0,
+    "deg/s": TO_SI["deg/s"],
+    "rpm": TO_SI["rpm"],
+    "rev/s": 2.0 * np.pi,
+    "mrad/s": 1e-3,
+    "in/s": 0.0254,
+}
+# Torques beyond a joint's limit by this are in another unit: gears and servos are not exceeded by an order.
+_BEYOND_LIMIT = 30.0
+
+
+def convert_units(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> list[Mapped]:
+    """The channels with their factors; what cannot be told is added to ``found.questions``."""
+    columns = {c.name: c for stream in recording.streams for c in stream.columns}
+    done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
+    angles = _positions(found, columns, machine, mapping)
+    for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench"):
+        items = found.of(channel)
+        if not items:
+            continue
+        stated = _map_unit(mapping, channel)
+        named = _named_unit(items, columns)
+        if stated:
+            unit, because = stated, "unit stated in the map"
+        elif channel in ("q", "q_cmd"):
+            unit, because = angles[channel]
+        elif channel in ("v", "a"):
+            unit, because = _rates(found, items, columns, recording, angles["q"][0], named, channel)
+        elif channel in ("tau", "tau_cmd"):
+            unit, because = _torques(items, columns, machine, named)
+        else:
+            unit, because = (
+                named or {"i": "A"}.get(channel, "SI"),
+                "unit as named" if named else "no unit stated",
+            )
+        factor = _VELOCITIES.get(unit, TO_SI.get(unit, 1.0))
+        done += [_scaled(item, mapping, factor, f"{item.because}; {because}") for item in items]
+    return done
+
+
+def _map_unit(mapping: Map, channel: str) -> str:
+    return str(mapping.units.get(channel, ""))
+
+
+def _scaled(item: Mapped, mapping: Map, factor: float, because: str) -> Mapped:
+    scale = mapping.scale.get(item.channel, 1.0) * mapping.scale.get(item.target, 1.0)
+    offset = mapping.offset.get(item.target, mapping.offset.get(item.channel, 0.0))
+    return replace(item, factor=factor * scale, because=because, offset=offset)
+
+
+def _named_unit(items: list[Mapped], columns: dict[str, Column]) -> str:
+    units = set()
+    for item in items:
+        column = columns[item.source]
+        unit = (
+            UNITS.get(column.unit.strip().lower(), "")
+            or clue(item.source, [item.target.partition(".")[2]]).unit
+        )
+        units.add(unit)
+    return units.pop() if len(units) == 1 else ""
+
+
+def _values(items: list[Mapped], columns: dict[str, Column]) -> Array:
+    rows = min(len(columns[item.source].values) for item in items)
+    return np.column_stack([columns[item.source].values[:rows] for item in items])
+
+
+def _positions(
+    found: Guesses, columns: dict[str, Column], machine: Machine, mapping: Map
+) -> dict[str, tuple[str, str]]:
+    """Unit and reason for measured and commanded positions."""
+    result: dict[str, tuple[str, str]] = {}
+    for channel in ("q", "q_cmd"):
+        items = found.of(channel)
+        if not items:
+            continue
+        places = [machine.joints.index(item.target.partition(".")[2]) for item in items]
+        unit, why, sure = position_unit(
+            _values(items, columns),
+            machine.lower[places],
+            machine.upper[places],
+            machine.slides[places],
+            _named_unit(items, columns),
+        )
+        if not sure and channel == "q_cmd" and "q" in result:
+            unit, why = result["q"][0], "as the measured positions"
+        if mapping.motors:
+            # Motors turn beyond what joints do.
+            unit, why = _named_unit(items, columns) or "rad", "motors' positions"
+        elif channel in mapping.units:
+            unit = mapping.units[channel]
+        if not unit:
+            found.ask(
+                f"the unit of {items[0].source} … cannot be told: {why}",
+                f"units: {{{channel}: deg}}, or motors: [[RATIO, 0 …], …] where they are motors' positions",
+            )
+            unit = "rad"
+        result[channel] = (unit, why)
+    return result
+
+
+def _rates(
+    found: Guesses,
+    items: list[Mapped],
+    columns: dict[str, Column],
+    recording: Recording,
+    angle: str,
+    named: str,
+    channel: str,
+) -> tuple[str, str]:
+    """Unit of velocities or accelerations: what makes them the positions' derivative."""
+    if channel == "a":
+        return (
+            (named, "unit as named")
+            if named
+            else ({"deg": "deg/s2"}.get(angle, "rad/s2"), "as the positions")
+        )
+    expected = named or {"deg": "deg/s", "m": "m/s", "mm": "mm/s"}.get(angle, "rad/s")
+    ratio = _ratio(found, items, columns, recording, angle)
+    if ratio is None:
+        return (
+            expected,
+            "unit as named" if named else "as the positions, with which they do not share a clock",
+        )
+    unit, value, agreement = ratio
+    if unit is None and not np.isfinite(value):
+        return expected, "they are not the positions' derivative, to which nothing agrees"
+    if unit is None:
+        return (
+            expected,
+            f"they differ from the positions' derivative by a factor of {value / TO_SI.get(expected, 1.0):.3g}",
+        )
+    if named and abs(np.log(_VELOCITIES[unit] / TO_SI.get(named, 1.0))) < 0.1:
+        return named, f"as named; they are the positions' derivative (correlation {agreement:.2f})"
+    said = f", though its name says {named}" if named else ""
+    return unit, f"{unit}: so they are the positions' derivative (correlation {agreement:.2f}){said}"
+
+
+def _ratio(
+    found: Guesses, items: list[Mapped], columns: dict[str, Column], recording: Recording, angle: str
+) -> tuple[str | None, float, float] | None:
+    positions = {item.target[2:]: item for item in found.of("q")}
+    pairs = [(positions[i.target[2:]], i) for i in items if i.target[2:] in positions]
+    stream = next(
+        (s for s in recording.streams if pairs and pairs[0][0].source in {c.name for c in s.columns}), None
+    )
+    if stream is None or any(item.source not in {c.name for c in stream.columns} for _, item in pairs):
+        return None
+    clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
+    time = next((c.values * clock[c.name] for c in stream.columns if c.name in clock), stream.time)
+    if time is None:
+        return None
+    forward = np.diff(time)
+    dt = float(np.median(forward[forward > 0.0]))
+    q = _values([position for position, _ in pairs], columns) * TO_SI[angle]
+    v = _values([item for _, item in pairs], columns)
+    whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+    if whole.sum() < 20:
+        return None
+    return ratio_unit(q[whole], v[whole], dt, _VELOCITIES)
+
+
+def _torques(
+    items: list[Mapped], columns: dict[str, Column], machine: Machine, named: str
+) -> tuple[str, str]:
+    """Unit of torques: as named, or N·mm where they exceed every limit by orders."""
+    places = [machine.joints.index(item.target.partition(".")[2]) for item in items]
+    largest = np.nanmax(np.abs(_values(items, columns)), axis=0)
+    limits = machine.torque[places]
+    if named:
+        return named, "unit as named"
+    known = np.isfinite(limits)
+    if known.any() and float(np.median(largest[known] / limits[known])) > _BEYOND_LIMIT:
+        return (
+            "N·mm",
+            f"N·mm: as N·m they would exceed the joints' limits by {np.median(largest[known] / limits[known]):.0f}",
+        )
+    return ("N" if machine.slides[places].all() else "N·m"), "no unit stated, within what the joints can do"

@@ -1,0 +1,111 @@
+"""Units of positions, velocities and torques: by their names, by ranges, by the derivative of the positions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from excite.arrays import Array
+
+TO_SI = {
+    "rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3,
+    "rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3,
+    "rad/s2": 1.0, "deg/s2": math.pi / 180.0,
+    "N·m": 1.0, "N·mm": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3,
+    "lb": 4.4482216, "kip": 4448.2216, "in": 0.0254, "in/s": 0.0254,
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+}  # fmt: skip
+# A joint's stated range may be a little off, and people drive beyond it by calibration's errors [rad or m].
+_BEYOND = 0.2
+# Turns that joints without stated range make: three turns are more than any arm's.
+_WIDE = 6.0 * math.pi
+# How near a ratio of velocity and derivative has to be to that of two units, as a factor.
+_NEAR = 1.15
+
+
+def position_unit(
+    values: Array, lower: Array, upper: Array, slides: Array, stated: str
+) -> tuple[str, str, bool]:
+    """Unit of positions (empty where names and ranges contradict each other), why, and whether it is sure.
+
+    Args:
+        values: ``(n, k)`` as they stand in the file, columns of joints that turn or slide.
+        lower: ``(k,)`` ends of the joints' ranges, ``upper`` too [rad or m]; infinite where they are not known.
+        slides: ``(k,)`` which joints slide.
+        stated: what names say; empty for nothing.
+    """
+    small, large = ("m", "mm") if slides.all() else ("rad", "deg")
+    turning = np.logical_not(slides) if not slides.all() else slides
+    low, high = (np.nanmin(values[:, turning], axis=0), np.nanmax(values[:, turning], axis=0))
+    factor = TO_SI[large]
+    outside = _outside(low, high, lower[turning], upper[turning])
+    outside_large = _outside(low * factor, high * factor, lower[turning], upper[turning])
+    span = float(np.max(high - low))
+    if stated in (small, large):
+        said_outside = outside if stated == small else outside_large
+        other = outside_large if stated == small else outside
+        if said_outside > 20.0 * max(other, _BEYOND):
+            return (
+                "",
+                f"as {stated}, which their names say, joints leave their ranges by {said_outside:.3g}",
+                True,
+            )
+        return stated, f"{stated} by its name", True
+    if stated in TO_SI:
+        return stated, f"{stated} by its name", True
+    if outside > _BEYOND and outside_large <= _BEYOND:
+        return large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
+    if min(outside, outside_large) > 4.0 * math.pi and np.isfinite(lower[turning]).any():
+        return (
+            "",
+            f"joints leave their ranges by {outside:.3g} in {small} and by {outside_large:.3g} in {large}",
+            True,
+        )
+    if outside <= _BEYOND and (outside_large > _BEYOND or span * factor < 0.02):
+        return small, f"{small}: within the joints' ranges", True
+    if span > (_WIDE if small == "rad" else 10.0):
+        return large, f"{large}: the columns span {span:.3g}", False
+    return small, f"{small}: the columns span {span:.3g}", False
+
+
+def _outside(low: Array, high: Array, lower: Array, upper: Array) -> float:
+    return float(max(np.max(lower - low), np.max(high - upper), 0.0))
+
+
+def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> tuple[str | None, float, float]:
+    """The unit in which a column is the derivative of a position.
+
+    Args:
+        q: ``(n, k)`` positions [rad or m]; ``v`` the columns as they stand in the file.
+        dt: between rows [s].
+        units: candidates, factor to SI by name.
+
+    Returns:
+        The unit (None for none), the ratio of derivative to column (median over joints), the least correlation.
+    """
+    ratios, agreements = [], []
+    for k in range(q.shape[1]):
+        slope, agreement = derivative_of(q[:, k], v[:, k], dt)
+        if agreement > 0.5:
+            ratios.append(slope)
+            agreements.append(agreement)
+    if not ratios:
+        return None, float("nan"), 0.0
+    ratio = float(np.median(np.abs(ratios)))
+    near = min(units, key=lambda unit: abs(math.log(ratio / units[unit])))
+    found = near if abs(math.log(ratio / units[near])) < math.log(_NEAR) else None
+    return found, ratio, float(np.min(agreements))
+
+
+def derivative_of(q: Array, v: Array, dt: float) -> tuple[float, float]:
+    """Slope of ``dq/dt`` over ``v`` and their correlation, both smoothed alike; zeros where one stands still."""
+    window = max(3, int(0.05 / dt)) if dt < 0.05 else 3
+    kernel = np.ones(window) / window
+    rate = np.gradient(np.convolve(q, kernel, mode="valid"), dt)
+    other = np.convolve(v, kernel, mode="valid")
+    rate, other = rate - rate.mean(), other - other.mean()
+    power, cross = float(other @ other), float(rate @ other)
+    if power <= 0.0 or float(rate @ rate) <= 0.0:
+        return 0.0, 0.0
+    return cross / power, abs(cross) / math.sqrt(power * float(rate @ rate))

@@ -1,0 +1,169 @@
+"""What the name of a column says: which quantity, whether commanded, of which joint, in which unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from excite.conversion.columns.vocabulary import (
+    COMMANDED,
+    KNOWN,
+    MEASURED,
+    NOISE,
+    OF_WORD,
+    QUANTITY_OF_UNIT,
+    UNITS,
+)
+
+
+@dataclass(frozen=True)
+class Clue:
+    """What a name says.
+
+    Attributes:
+        quantity: ``q``, ``v``, ``a``, ``tau``, ``i``, ``volt``, ``time``, ``skip``, or empty where it says nothing.
+        commanded: whether it is what was asked for rather than what was measured.
+        number: the joint's number as written, None for none.
+        label: words that are left, for the joint's name; empty for none.
+        unit: as written, in this package's spelling; empty for none.
+        exact: the robot's joint whose name stands in it; empty for none.
+        stem: the name with joint and number taken out: columns of one family share it.
+    """
+
+    quantity: str
+    commanded: bool
+    number: int | None
+    label: str
+    unit: str
+    exact: str
+    stem: str
+
+
+def clue(name: str, joints: Sequence[str], unit: str = "") -> Clue:
+    """What a column's name says of it, beside the names of the robot's joints and the unit that the file states."""
+    text, bracketed = _without_unit(name)
+    exact, rest = _without_joint(text, joints)
+    tokens = _tokens(rest)
+    numbers = [int(token) for token in tokens if token.isdigit()]
+    words = [token for token in tokens if not token.isdigit()]
+    found = UNITS.get(unit.strip().lower()) or bracketed
+    # The letter before a number belongs to it: A1 is an axis, no ampere.
+    if not found and len(words) > 1 and (not tokens[-1].isdigit() or len(words[-1]) > 1):
+        words, found = _trailing_unit(words)
+    words = _joined(words)
+    quantity = _quantity(words, found, bool(exact or numbers))
+    left = [w for w in words if w not in OF_WORD and w not in COMMANDED | MEASURED | NOISE]
+    return Clue(
+        quantity=quantity,
+        commanded=_is_commanded(words, quantity),
+        number=numbers[-1] if numbers else None,
+        label="_".join(left),
+        unit=found,
+        exact=exact,
+        stem="_".join(words),
+    )
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A name without the unit in its brackets, and the unit."""
+    match = re.search(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$", name)
+    if match and not match[1].strip().isdigit():
+        unit = UNITS.get(match[1].strip().lower(), "")
+        if unit:
+            return name[: match.start()], unit
+    match = re.search(r"[/_ ](rad/s\^?2?|deg/s\^?2?|m/s)$", name)
+    if match:
+        return name[: match.start()], UNITS.get(match[1].lower(), "")
+    return name, ""
+
+
+def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
+    """The robot's joint that is named, the longest that is, and the name without it."""
+    low = name.lower()
+    for joint in sorted(joints, key=len, reverse=True):
+        key = joint.lower()
+        if len(key) < 2:
+            continue
+        match = re.search(rf"(?<![a-z0-9]){re.escape(key)}(?![0-9])", low)
+        if match:
+            return joint, f"{name[: match.start()]} {name[match.end() :]}"
+    return "", name
+
+
+def _tokens(text: str) -> list[str]:
+    """Words and numbers of a name, lower case; a change of case or from letters to digits parts them."""
+    text = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", text)
+    text = re.sub(r"(?<=[A-Za-zµ°])(?=\d)|(?<=\d)(?=[A-Za-zµ°])", " ", text)
+    return [token.lower() for token in re.split(r"[^A-Za-z0-9µ°]+", text) if token]
+
+
+def _trailing_unit(words: list[str]) -> tuple[list[str], str]:
+    """The unit that a name ends with, where another word says the quantity."""
+    for count in (2, 1):
+        if len(words) > count:
+            unit = UNITS.get("_".join(words[-count:]), "")
+            others = set(words[:-count]) & (frozenset(OF_WORD) | COMMANDED | MEASURED)
+            if unit == "in" and not {OF_WORD.get(word) for word in words[:-count]} & {"q"}:
+                # Of anything but a length, ``in`` is an input.
+                continue
+            if unit and (others or count == 2 or len(words[-1]) > 1):
+                return words[:-count], unit
+    return words, ""
+
+
+def _joined(words: list[str]) -> list[str]:
+    """Words that mean something only together: ``q dot`` is a velocity, ``d q`` too."""
+    found: list[str] = []
+    for word in [part for whole in words for part in _parts(whole)]:
+        before = found[-1] if found else ""
+        if before in {"q", "theta", "pos", "joint"} and word in {"dot", "ddot"}:
+            found[-1:] = ["qdot" if word == "dot" else "qddot"]
+        elif word == "q" and before in {"d", "dd"}:
+            found[-1:] = ["dq" if before == "d" else "ddq"]
+        else:
+            found.append(word)
+    return found
+
+
+def _parts(word: str) -> list[str]:
+    """A word that is written together (``qdes``, ``jointtorque``, ``cmdpos``) taken apart; as it is where it is one."""
+    if word in KNOWN:
+        return [word]
+    for at in range(len(word) - 1, 0, -1):
+        first, rest = word[:at], word[at:]
+        # Both have to mean something, and together more than two single letters do.
+        if first in KNOWN and rest in KNOWN and len(word) > 2:
+            return [first, rest]
+    for at in range(len(word) - 2, 2, -1):
+        if word[:at] in KNOWN and len(others := _parts(word[at:])) > 1:
+            return [word[:at], *others]
+    return ["q", "m"] if word == "qm" else [word]
+
+
+def _is_commanded(words: list[str], quantity: str) -> bool:
+    if set(words) & MEASURED - {"sensor", "est"} and not set(words) & (
+        COMMANDED - {"d", "in", "input", "nominal"}
+    ):
+        return False
+    return bool(set(words) & COMMANDED) and quantity != ""
+
+
+def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
+    # Controllers call axes A1, A2 …
+    letters = {"a"} if set(words) & {"axis", "ax", "axes"} else set()
+    words = [word for word in words if word not in letters]
+    said = [OF_WORD[word] for word in words if word in OF_WORD]
+    if of_joint and "t" in words:
+        # No joint has a clock of its own: t1, t2 … are torques.
+        said = ["tau" if word == "time" else word for word in said]
+    # ``current`` before another quantity means what is now, not an electric current.
+    if "i" in said and "current" in words and set(said) & {"q", "v", "a", "tau"}:
+        said = [word for word in said if word != "i"]
+    for quantity in ("skip", "time", "a", "v", "tau", "i", "volt", "q"):
+        if quantity in said and not (quantity == "time" and len(set(said)) > 1):
+            return quantity
+    if unit:
+        return QUANTITY_OF_UNIT.get(unit, "")
+    # A joint's name alone is its position.
+    return "q" if of_joint and (not words or set(words) <= NOISE | MEASURED | COMMANDED) else ""

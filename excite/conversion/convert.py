@@ -1,0 +1,177 @@
+"""The verb ``convert``: any recording to a log folder, with what was guessed written into it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from excite.conversion.assemble import Table, assemble
+from excite.conversion.capture_sheet import by_sheet, compare, read_capture
+from excite.conversion.clean_rows import whole_rows
+from excite.conversion.guess import guess
+from excite.conversion.guesses import Guesses, UnclearError
+from excite.conversion.header import log_header
+from excite.conversion.machine import Machine, load_machine
+from excite.conversion.map_text import map_text
+from excite.conversion.mapping import Map, read_map
+from excite.conversion.motors import joint_sided
+from excite.conversion.recording import Recording, merged_names
+from excite.conversion.scales import scale_notes
+from excite.conversion.sources.registry import RECORDED, read_source, recognised
+from excite.conversion.trials import cut_trials
+from excite.conversion.wraps import signed
+from excite.doctor.examine import Chart, examine
+from excite.errors import InputError, LogError
+from excite.logs.columns import read_columns
+from excite.logs.files import check_replaceable, load_log, save_log
+from excite.logs.log import Log
+from excite.logs.robot import nominal_robot
+
+SCHEMA = "excite.convert/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """What came of a recording.
+
+    Attributes:
+        folder: the log folder.
+        log: its content as read again.
+        columns: by channel, the column that it comes from and its factor to SI.
+        guesses: what was guessed: channel, source, reason.
+        trials: name, role and reason of each trial.
+        notes: what was done to the rows, a sentence each.
+        chart: what the doctor finds in it; None where it could not be examined.
+        unused: columns that nothing was made of.
+    """
+
+    folder: Path
+    log: Log
+    columns: dict[str, tuple[str, float]]
+    guesses: tuple[tuple[str, str, str], ...]
+    trials: tuple[tuple[str, str, str], ...]
+    notes: tuple[str, ...]
+    chart: Chart | None
+    unused: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The document ``excite.convert/1``."""
+        return {
+            "schema": SCHEMA,
+            "log": str(self.folder),
+            "joints": list(self.log.header.joints),
+            "columns": {target: {"column": c, "factor": f} for target, (c, f) in self.columns.items()},
+            "guessed": [{"what": w, "source": s, "because": b} for w, s, b in self.guesses],
+            "trials": [{"trial": n, "role": r, "because": b} for n, r, b in self.trials],
+            "notes": list(self.notes),
+            "unused": list(self.unused),
+            "findings": [] if self.chart is None else [f.to_json() for f in self.chart.findings],
+        }
+
+
+def convert(
+    sources: Sequence[str | Path],
+    robot: str | Path,
+    out: str | Path,
+    mapping: Map | str | Path | None = None,
+    capture: str | Path | None = None,
+) -> Conversion:
+    """Make a log folder of recordings in any known format.
+
+    What the columns mean is taken from the map, then from their names, then from physics; each guess is written into
+    ``log.yaml`` with its reason, and the map that repeats the conversion without guessing as ``map.yaml`` beside it.
+
+    Args:
+        sources: files or folders; a folder of no known format stands for the files in it.
+        robot: bundled name, ``robot.yaml``, or URDF.
+        out: the log folder, replaced if there is one.
+        mapping: what the recording does not tell, or a ``map.yaml`` that says it.
+        capture: sheet of ``excite capture`` that the recordings were made by: roles and repeats are its, and what
+            differs from it is noted.
+
+    Raises:
+        UnclearError: something cannot be told; it carries all questions with the lines that would settle them.
+        LogError: a source is of no known format, damaged, or does not fit the robot.
+    """
+    out = Path(out)
+    check_replaceable(out)
+    stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
+    machine = load_machine(robot)
+    recordings = _recordings(sources)
+    found = guess(recordings[0], machine, stated)
+    if found.questions:
+        raise UnclearError(found.questions, recordings[0].source)
+    tables = [_table(recording, found, machine, stated) for recording in recordings]
+    said = {
+        name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
+    }
+    sheet = None if capture is None else read_capture(Path(capture))
+    cuts = (
+        cut_trials(tables, stated.trials, said) if sheet is None else by_sheet(tables, stated.trials, sheet)
+    )
+    header = log_header(cuts, found, machine, stated, recordings)
+    trials = tuple(
+        read_columns(cut.columns, entry, header, out / entry.file)
+        for cut, entry in zip(cuts, header.trials, strict=True)
+    )
+    log = Log(header=header, trials=trials, robot_text=machine.text)
+    save_log(log, out)
+    (out / "map.yaml").write_text(map_text(found, header, cuts, stated), encoding="utf-8")
+    read = load_log(out)
+    chart, note = _examined(read, machine)
+    notes = [n for r in recordings[:1] for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
+    notes += [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
+    return Conversion(
+        folder=out,
+        log=read,
+        columns={item.target: (item.source, item.factor) for item in found.mapped},
+        guesses=tuple(found.rows()),
+        trials=tuple((cut.name, cut.role, cut.because) for cut in cuts),
+        notes=tuple(dict.fromkeys(notes)),
+        chart=chart,
+        unused=tuple(found.unused),
+    )
+
+
+def _recordings(sources: Sequence[str | Path]) -> list[Recording]:
+    """All recordings, files of a folder in the order of their names; every source that is wrong is said at once."""
+    found: list[Recording] = []
+    wrong: list[LogError] = []
+    for source in sources:
+        try:
+            found += [signed(merged_names(recording)) for recording in _read(Path(source))]
+        except LogError as error:
+            wrong.append(error)
+    if len(wrong) == 1:
+        raise wrong[0]
+    if wrong:
+        raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
+    return found
+
+
+def _read(source: Path) -> list[Recording]:
+    """Recordings of a source; a folder that is no recording itself stands for the files in it that are."""
+    if not source.is_dir() or recognised(source) is not None:
+        return list(read_source(source))
+    files = [file for file in sorted(source.iterdir()) if file.is_file() and file.suffix.lower() in RECORDED]
+    if not files:
+        raise LogError("holds no recordings", source=source, remedy="name the files")
+    return [recording for file in files for recording in read_source(file)]
+
+
+def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> Table:
+    rate = stated.log.get("rate_hz") or recording.said.get("fps")
+    table = assemble(recording, found, None if rate is None else float(rate))
+    table = joint_sided(table, stated, stated.joints or machine.joints, recording.source)
+    return whole_rows(table, recording.source)
+
+
+def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
+    """What the doctor says; a log that it cannot look at is written all the same."""
+    try:
+        robot = nominal_robot(log)
+        return examine(robot, log), scale_notes(robot, log)
+    except InputError as error:
+        return None, [f"the doctor could not look at it: {error}"]

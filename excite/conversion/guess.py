@@ -1,0 +1,234 @@
+"""What the columns of a recording are: what a map states, then what names say, then what physics allows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.conversion.columns.anonymous import Understood, understand
+from excite.conversion.columns.clock import TICKS, clock_column, tick
+from excite.conversion.columns.families import Family, clues_of, families
+from excite.conversion.columns.quantities import convert_units
+from excite.conversion.columns.words import Clue
+from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.machine import Machine
+from excite.conversion.mapping import Map
+from excite.conversion.questions import (
+    MOST_NAMED,
+    ask_for_base,
+    ask_for_positions,
+    ask_for_torques,
+    column_names,
+)
+from excite.conversion.recording import Recording, Stream
+
+
+def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
+    """Understand a recording's columns.
+
+    Args:
+        recording: what was read.
+        machine: the robot.
+        mapping: what a person said; an empty one if nothing.
+
+    Returns:
+        Channels with their factors and reasons, and the questions that stay.
+    """
+    found = Guesses()
+    joints = mapping.joints or machine.joints
+    wrong = [joint for joint in joints if joint not in machine.joints]
+    if wrong:
+        found.ask(f"the robot has no joint {', '.join(wrong)}", f"joints: [{', '.join(machine.joints)}]")
+        return found
+    ignored = [c for c in column_names(recording) if any(fnmatchcase(c, mark) for mark in mapping.ignore)]
+    clues = clues_of(recording, joints, ignored)
+    _stated_columns(found, recording, mapping, joints)
+    clocks = _clocks(found, recording, clues, mapping)
+    taken = {item.source for item in found.mapped} | set(clocks)
+    left = {name: said for name, said in clues.items() if name not in taken}
+    known = {item.channel for item in found.mapped}
+    groups = [family for family in families(recording, left, joints) if family.target not in known]
+    chosen = _chosen(groups, found)
+    if "q" not in known | set(chosen):
+        named = {column for family in chosen.values() for column in family.columns}
+        named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
+        chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
+    _add(found, chosen)
+    _other_channels(found, recording, left)
+    ask_for_positions(found, recording, machine)
+    ask_for_torques(found, groups, mapping)
+    ask_for_base(found, machine, mapping)
+    if found.of("q") and not found.questions:
+        found.mapped = convert_units(found, recording, machine, mapping)
+    used = {item.source for item in found.mapped} | set(clocks)
+    found.unused = [name for name in column_names(recording) if name not in used]
+    return found
+
+
+def _stated_columns(found: Guesses, recording: Recording, mapping: Map, joints: Sequence[str]) -> None:
+    """What a map's ``columns`` say, patterns expanded; columns that are not there are asked for."""
+    names = column_names(recording)
+    for target, pattern in mapping.columns.items():
+        missing = []
+        for goal, column in expand(target, pattern, joints):
+            source = column if column in names else _same_but_for_stream(column, names)
+            if source is None:
+                missing.append(column)
+            else:
+                found.mapped.append(Mapped(goal, source, 1.0, "stated in the map", stated=True))
+        if missing:
+            there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
+            found.ask(
+                f"no column {', '.join(missing[:4])} in {recording.name}, which has {there}",
+                f'columns: {{{target}: "NAME"}}',
+            )
+
+
+def expand(target: str, pattern: str, joints: Sequence[str]) -> list[tuple[str, str]]:
+    """Channels of single joints with their columns, for a pattern with ``{joint}``, ``{n}`` or ``{n0}``."""
+    channel, _, label = target.partition(".")
+    if not re.search(r"\{(joint|n0?)\}", pattern):
+        if label or channel in {"time", "base", "wrench"} or len(joints) != 1:
+            return [(target, pattern)]
+        return [(f"{channel}.{joints[0]}", pattern)]
+    found = []
+    for k, joint in enumerate(joints):
+        column = pattern.replace("{joint}", joint).replace("{n0}", str(k)).replace("{n}", str(k + 1))
+        found.append((f"{channel}.{joint}", column))
+    return found
+
+
+def _same_but_for_stream(column: str, names: list[str]) -> str | None:
+    found = [name for name in names if name.rpartition("/")[2] == column]
+    return found[0] if len(found) == 1 else None
+
+
+def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mapping: Map) -> dict[str, Stream]:
+    """A time for every stream; streams that have a time of their own need none."""
+    clocks: dict[str, Stream] = {}
+    stated = {item.source for item in found.mapped if item.target == "time"}
+    for stream in recording.streams:
+        here = next((column for column in stream.columns if column.name in stated), None)
+        if here is None and stream.time is not None:
+            continue
+        name, because = (here.name, "stated in the map") if here else (None, "")
+        if name is None:
+            known = {c.name: clues[c.name] for c in stream.columns if c.name in clues}
+            seen = Stream(stream.name, tuple(c for c in stream.columns if c.name in known))
+            column = clock_column(seen, known)
+            name, because = column if column else (None, "")
+        if name is None:
+            _without_clock(found, recording, stream, mapping)
+            continue
+        values = next(c.values for c in stream.columns if c.name == name)
+        unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
+        seconds, why = (TICKS[unit], "stated in the map") if mapping.units.get("time") else tick(values, unit)
+        if seconds is None:
+            found.ask(f"the unit of the clock {name} cannot be told ({why})", "units: {time: ms}")
+            seconds = 1.0
+        if here is not None:
+            found.mapped = [item for item in found.mapped if item.source != name]
+        found.mapped.append(Mapped("time", name, seconds, f"{because}; {why}", stated=here is not None))
+        clocks[name] = stream
+    return clocks
+
+
+def _without_clock(found: Guesses, recording: Recording, stream: Stream, mapping: Map) -> None:
+    rate = mapping.log.get("rate_hz") or recording.said.get("fps")
+    if rate:
+        found.facts.append(("time", f"rows at {float(rate):g} Hz", "no column holds a time"))
+    else:
+        found.ask(f"{stream.name} has no column of times", "log: {rate_hz: 100}   # rows a second")
+
+
+def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
+    """The family for each channel: of several the one with the most joints."""
+    chosen: dict[str, Family] = {}
+    for family in groups:
+        if not family.target or not family.placed.columns:
+            continue
+        if family.target in chosen:
+            other = chosen[family.target]
+            text = f"{family.columns[0]} …"
+            if len(family.placed.columns) == len(other.placed.columns) and family.target in ("q", "tau", "i"):
+                found.ask(
+                    f"{family.target} may be {other.columns[0]} … or {text}",
+                    f'columns: {{{family.target}: "{_pattern(other)}"}}',
+                )
+            continue
+        chosen[family.target] = family
+    if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
+        # A motion that was planned and has no measured twin.
+        chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
+        found.facts.append(("q", chosen["q"].columns[0], "planned positions: no measured ones are there"))
+    if "tau" not in chosen and "tau_cmd" in chosen:
+        chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
+        found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
+    return chosen
+
+
+def _pattern(family: Family) -> str:
+    """A column's name with its number as a pattern."""
+    name = family.columns[0]
+    return (
+        re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1)
+        if len(family.columns) > 1
+        else name
+    )
+
+
+def _add(found: Guesses, chosen: dict[str, Family]) -> None:
+    joints = set(chosen["q"].placed.columns) if "q" in chosen else {i.target[2:] for i in found.of("q")}
+    for target, family in chosen.items():
+        columns = {joint: column for joint, column in family.placed.columns.items() if joint in joints}
+        partial = target not in ("q", "tau", "i") and set(columns) != joints
+        if partial or not columns:
+            if columns:
+                found.facts.append((target, family.columns[0], "left out: not of every joint"))
+            continue
+        said = "the format says so" if family.stated else "its name"
+        because = f"{said}; joint by {family.placed.because}"
+        found.mapped += [
+            Mapped(f"{target}.{joint}", column, 1.0, because) for joint, column in columns.items()
+        ]
+
+
+def _without_names(
+    found: Guesses, recording: Recording, machine: Machine, joints: Sequence[str], unknown: set[str]
+) -> dict[str, Family]:
+    """Channels by physics alone, for columns whose names say nothing."""
+    stream = max(recording.streams, key=lambda s: sum(c.name in unknown for c in s.columns))
+    columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).all()]
+    time = seconds_of(stream, found)
+    if time is None or len(columns) < len(joints):
+        return {}
+    values = np.column_stack([column.values for column in columns])
+    understood: Understood | None = understand(values, time, machine, tuple(joints))
+    if understood is None:
+        return {}
+    return understood.families([column.name for column in columns])
+
+
+def seconds_of(stream: Stream, found: Guesses) -> Array | None:
+    """Times of a stream [s]; None where it has none."""
+    clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
+    for column in stream.columns:
+        if column.name in clock:
+            return np.asarray(column.values * clock[column.name])
+    return stream.time
+
+
+def _other_channels(found: Guesses, recording: Recording, clues: dict[str, Clue]) -> None:
+    """Base pose and wrenches, where the format itself says them."""
+    known = {item.target for item in found.mapped}
+    for stream in recording.streams:
+        for column in stream.columns:
+            if column.channel in ("base", "wrench") and column.name in clues:
+                target = f"{column.channel}.{column.label}"
+                if target not in known:
+                    found.mapped.append(Mapped(target, column.name, 1.0, "the format says so"))

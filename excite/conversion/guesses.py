@@ -1,0 +1,103 @@
+"""What was guessed of a recording, with its reasons, and what has to be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from excite.errors import LogError
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """One channel and where it comes from.
+
+    Attributes:
+        target: by the contract of log folders, such as ``q.elbow``.
+        source: the column's name.
+        factor: from the column's numbers to SI.
+        because: why it is taken for that.
+        stated: whether a map or the format said so, so that nothing was guessed.
+        offset: added after scaling (SI).
+    """
+
+    target: str
+    source: str
+    factor: float
+    because: str
+    stated: bool = False
+    offset: float = 0.0
+
+    @property
+    def channel(self) -> str:
+        """``q`` of ``q.elbow``."""
+        return self.target.partition(".")[0]
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that a recording does not tell.
+
+    Attributes:
+        what: what is missing, in a few words.
+        line: the line of ``map.yaml`` that would settle it.
+    """
+
+    what: str
+    line: str
+
+
+@dataclass
+class Guesses:
+    """What was understood so far.
+
+    Attributes:
+        mapped: channels.
+        facts: what else was decided: name, value, reason.
+        questions: what is missing.
+        unused: columns that nothing was made of.
+    """
+
+    mapped: list[Mapped] = field(default_factory=list)
+    facts: list[tuple[str, str, str]] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
+
+    def of(self, channel: str) -> list[Mapped]:
+        """Columns of one channel."""
+        return [item for item in self.mapped if item.channel == channel]
+
+    def ask(self, what: str, line: str) -> None:
+        """Add a question, once."""
+        question = Question(what, line)
+        if question not in self.questions:
+            self.questions.append(question)
+
+    def rows(self) -> list[tuple[str, str, str]]:
+        """Channel, source and reason of everything that was guessed; columns of one pattern in one row."""
+        grouped: dict[tuple[str, str, float], list[Mapped]] = {}
+        for item in self.mapped:
+            grouped.setdefault((item.channel, item.because, item.factor), []).append(item)
+        found = []
+        for (channel, because, factor), items in grouped.items():
+            source = items[0].source if len(items) == 1 else f"{items[0].source} … {items[-1].source}"
+            times = "" if factor == 1.0 else f" × {factor:.6g}"
+            name = items[0].target if len(items) == 1 else f"{channel} ({len(items)})"
+            found.append((name, source + times, because))
+        return found + [(name, value, because) for name, value, because in self.facts]
+
+
+class UnclearError(LogError):
+    """A recording that leaves questions; all of them at once, each with the line that would settle it.
+
+    Args:
+        questions: the questions.
+        source: the recording.
+        template: where a ``map.yaml`` to fill in was written, None where it was not.
+    """
+
+    def __init__(self, questions: Sequence[Question], source: object, template: object = None):
+        self.questions = tuple(questions)
+        what = "; ".join(f"{question.what} (map.yaml: {question.line})" for question in questions)
+        where = "write these lines into a map.yaml" if template is None else f"fill in {template}"
+        super().__init__(what, source=source, remedy=f"{where} and run again with --map")

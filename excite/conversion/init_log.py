@@ -1,0 +1,118 @@
+"""A commented ``log.yaml`` for trial files that already have the contract's columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from excite.atomic import write_text
+from excite.errors import LogError
+from excite.logs.columns import BASE_POSE
+from excite.logs.readers.registry import READERS, read_trials
+
+_SUFFIXES = tuple(suffix for reader in READERS.values() for suffix in reader.suffixes)
+# Where a person has to write something.
+FILL_IN = "FILL IN"
+
+
+@dataclass(frozen=True)
+class WrittenHeader:
+    """A ``log.yaml`` that was written.
+
+    Attributes:
+        path: the file.
+        fill_in: what a person has to say in it.
+    """
+
+    path: Path
+    fill_in: tuple[str, ...]
+
+
+def write_header(folder: str | Path, *, overwrite: bool = False) -> WrittenHeader:
+    """Write a ``log.yaml`` beside trial files, with what they tell and with comments for what they do not.
+
+    Args:
+        folder: holds trial files with columns such as ``time``, ``q.JOINT``, ``tau.JOINT``.
+        overwrite: replace a ``log.yaml`` that is there.
+
+    Raises:
+        LogError: no such folder, no trial files in it, none with such columns, or there is a ``log.yaml`` already.
+    """
+    folder = Path(folder)
+    path = folder / "log.yaml"
+    if not folder.is_dir():
+        raise LogError("no such folder", source=folder, remedy="name the folder that holds the trials")
+    if path.exists() and not overwrite:
+        raise LogError("exists already", source=path, remedy="edit it, or overwrite it by --force")
+    files = [file for file in sorted(folder.iterdir()) if file.suffix.lower() in _SUFFIXES and file.is_file()]
+    if not files:
+        raise LogError("holds no trials", source=folder, remedy=f"put files there ({', '.join(_SUFFIXES)})")
+    columns = next(read_trials(files[:1]))
+    joints = [name[2:] for name in columns if name.startswith("q.")]
+    if not joints or "time" not in columns:
+        raise LogError(
+            "has no columns time and q.JOINT",
+            source=files[0],
+            remedy="use `excite convert`, which takes columns of any names",
+        )
+    steps = np.diff(np.asarray(columns["time"], dtype=float))
+    rate = 1.0 / float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 100.0
+    models = sorted(folder.glob("*.urdf"))
+    text, fill_in = _text(files, list(columns), joints, rate, models)
+    write_text(path, text)
+    return WrittenHeader(path, tuple(fill_in))
+
+
+def _text(
+    files: Sequence[Path], columns: list[str], joints: list[str], rate: float, models: Sequence[Path]
+) -> tuple[str, list[str]]:
+    fill_in = []
+    model = models[0].name if models else "robot.urdf"
+    if not models:
+        fill_in.append("robot: copy the nominal model's URDF into the folder")
+    torque = "none"
+    if any(name.startswith("tau.") for name in columns):
+        torque = "motor_side"
+        fill_in.append(
+            "torque: motor_side if it contains the joint's friction, link_side if measured behind the gear"
+        )
+    elif any(name.startswith("i.") for name in columns):
+        torque = "current"
+        fill_in.append("torque_constants: N·m per A of each joint, where they are known")
+    floating = set(BASE_POSE) <= set(columns)
+    lines = [
+        "schema: excite.log/1",
+        f"robot: {model}   # nominal model beside this file" + ("" if models else f"   # {FILL_IN}"),
+        f"base: {'suspended' if floating else 'fixed'}   # fixed, floating (on feet with wrench sensors) or suspended",
+        "gravity: [0.0, 0.0, -9.81]   # in the world frame [m/s²]",
+        f"rate_hz: {rate:.5g}   # rows a second; the stamps are believed where they differ",
+        f"joints: [{', '.join(joints)}]",
+        f"torque: {torque}   # motor_side, link_side, current (columns i.JOINT) or none",
+    ]
+    if torque == "current":
+        lines.append(f"# torque_constants: {{{joints[0]}: 1.0}}   # N·m per A at the joint   # {FILL_IN}")
+    lines += [
+        "# no_torque: []   # joints that move but whose torque was not measured",
+        "# coupling: {}   # turns of a motor per turn of another joint, {wrist_6: {wrist_5: 1.0}}",
+        "# lowpass_hz: 50   # only where all channels went through the same low-pass already",
+    ]
+    if any(name.startswith("q_cmd.") for name in columns):
+        lines.append(
+            "# controller: {mode: position, kp: {}, kd: {}, rate_hz: 1000}   # what the servo does with q_cmd"
+        )
+        fill_in.append("controller: the servo's gains, where they are known")
+    if floating:
+        lines.append(f"base_link: base_link   # link whose pose is logged   # {FILL_IN}")
+        fill_in.append("base_link: the link whose pose is logged")
+    lines += [
+        "modelled: [rigid_body, viscous_friction, coulomb_friction, armature]   # what the baseline has",
+        "trials:   # role: identification or validation; repeats: the file whose command it runs again",
+    ]
+    for k, file in enumerate(files):
+        role = "validation" if k == len(files) - 1 and len(files) > 1 else "identification"
+        lines.append(f"  - {{file: {file.name}, role: {role}}}")
+    fill_in.append("trials: which of them validate, which repeat others")
+    return "\n".join(lines) + "\n", fill_in

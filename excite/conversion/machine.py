@@ -1,0 +1,110 @@
+"""What of a robot helps to understand a recording: its joints in order, their ranges, the text of its model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.reading.file import read_text
+from excite.reading.xml_document import MAX_XML_BYTES
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from excite.robot.urdf.model import urdf_model
+from excite.robot.urdf.reading import parse_urdf
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A robot as a recording sees it.
+
+    Attributes:
+        name: of the robot.
+        joints: names of the joints that move, in the model's order.
+        lower: ``(n,)`` [rad or m], ``upper`` too; infinite where the model states none.
+        torque: ``(n,)`` largest torques [N·m or N]; infinite where none is stated.
+        slides: ``(n,)`` whether a joint slides instead of turning.
+        floating: whether the base is free.
+        base_link: the root link.
+        gravity: ``(3,)`` in the world frame [m/s²].
+        text: of the URDF.
+        robot: the robot with its limits, None for a bare URDF.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    lower: Array
+    upper: Array
+    torque: Array
+    slides: Array
+    floating: bool
+    base_link: str
+    gravity: tuple[float, float, float]
+    text: str
+    robot: Robot | None
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+
+def load_machine(name_or_path: str | Path) -> Machine:
+    """A bundled robot, a ``robot.yaml``, or a bare URDF; raises RobotError."""
+    path = Path(name_or_path)
+    if path.suffix == ".urdf":
+        return _of_urdf(path)
+    robot = load_robot(name_or_path)
+    base = robot.n_base_v
+    slides = np.array([_slides(robot.model, base + k) for k in range(robot.n_joints)])
+    gravity = np.asarray(robot.model.gravity.linear, dtype=float)
+    return Machine(
+        name=robot.name,
+        joints=robot.joint_names,
+        lower=np.asarray(robot.limits.position_lower, dtype=float),
+        upper=np.asarray(robot.limits.position_upper, dtype=float),
+        torque=np.asarray(robot.limits.torque, dtype=float),
+        slides=slides,
+        floating=robot.floating,
+        base_link=robot.base_link,
+        gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
+        text=robot.urdf,
+        robot=robot,
+    )
+
+
+def _of_urdf(path: Path) -> Machine:
+    root = parse_urdf(path)
+    model = urdf_model(root, path)
+    names = tuple(model.names)[1:]
+    children = {joint.find("child").get("link") for joint in root.findall("joint")}  # type: ignore[union-attr]
+    links = [link.get("name", "") for link in root.findall("link")]
+    order = [model.joints[model.getJointId(name)].idx_v for name in names]
+
+    def limits(values: Array, missing: float) -> Array:
+        found = np.asarray(values, dtype=float)[order]
+        return np.where(np.isfinite(found) & (np.abs(found) < 1e10), found, missing)
+
+    wide = model.nq == model.nv
+    effort = limits(model.effortLimit, np.inf)
+    return Machine(
+        name=model.name or path.stem,
+        joints=names,
+        lower=limits(model.lowerPositionLimit, -np.inf) if wide else np.full(len(names), -np.inf),
+        upper=limits(model.upperPositionLimit, np.inf) if wide else np.full(len(names), np.inf),
+        torque=np.where(effort > 0.0, effort, np.inf),
+        slides=np.array([_slides(model, place) for place in order]),
+        floating=False,
+        base_link=next((link for link in links if link not in children), ""),
+        gravity=(0.0, 0.0, -9.81),
+        text=read_text(path, limit=MAX_XML_BYTES),
+        robot=None,
+    )
+
+
+def _slides(model: object, place: int) -> bool:
+    joints = list(model.joints)[1:]  # type: ignore[attr-defined]
+    joint = next(joint for joint in joints if joint.idx_v <= place < joint.idx_v + joint.nv)
+    return "Prismatic" in joint.shortname() or joint.shortname().startswith("JointModelP")

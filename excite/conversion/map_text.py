@@ -1,0 +1,92 @@
+"""The ``map.yaml`` that repeats a conversion without guessing, as patterns where columns have one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import yaml
+
+from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.mapping import SCHEMA, Map
+from excite.conversion.trials import Cut
+from excite.logs.log import LogHeader
+
+
+def map_text(found: Guesses, header: LogHeader, cuts: Sequence[Cut], stated: Map) -> str:
+    """Text of a ``map.yaml``, a line a field."""
+    joints = stated.joints or header.joints
+    columns: dict[str, str] = {}
+    scale: dict[str, float] = {}
+    offset: dict[str, float] = {}
+    for channel in dict.fromkeys(item.channel for item in found.mapped):
+        items = found.of(channel)
+        columns |= _patterns(channel, items, joints)
+        factors = {item.factor for item in items}
+        if len(factors) == 1 and factors != {1.0}:
+            scale[channel] = factors.pop()
+        elif len(factors) > 1:
+            scale |= {item.target: item.factor for item in items}
+        offset |= {item.target: item.offset for item in items if item.offset}
+    names = {cut.name for cut in cuts}
+    # The last part of a single recording is cut off again by itself.
+    validation = [
+        cut.name
+        for cut in cuts
+        if cut.role == "validation" and cut.name.removesuffix("_validation") not in names - {cut.name}
+    ]
+    lines = [
+        f"schema: {SCHEMA}",
+        f"joints: {_flow(list(joints))}",
+        f"columns: {_flow(columns)}",
+        f"units: {_flow(_si(found))}",
+    ]
+    if scale:
+        lines.append(f"scale: {_flow(scale)}")
+    if offset:
+        lines.append(f"offset: {_flow(offset)}")
+    if stated.motors:
+        lines.append(f"motors: {_flow([list(row) for row in stated.motors])}")
+    if validation:
+        lines.append(f"trials: {_flow({'validation': validation})}")
+    kept = {"torque": header.torque, "modelled": list(header.modelled)} | stated.log
+    lines.append(f"log: {_flow(kept)}")
+    return "\n".join(lines) + "\n"
+
+
+def _si(found: Guesses) -> dict[str, str]:
+    """Units of which ``scale`` is one: the factors are all written there."""
+    units = {
+        "q": "rad",
+        "q_cmd": "rad",
+        "v": "rad/s",
+        "a": "rad/s2",
+        "tau": "N·m",
+        "tau_cmd": "N·m",
+        "i": "A",
+        "time": "s",
+    }
+    return {name: unit for name, unit in units.items() if found.of(name)}
+
+
+def _patterns(channel: str, items: list[Mapped], joints: Sequence[str]) -> dict[str, str]:
+    """One pattern for a channel where its columns follow one, else a column a joint."""
+    if channel in ("time", "base", "wrench"):
+        return {item.target: item.source for item in items}
+    sources = {item.target.partition(".")[2]: item.source for item in items}
+    if len(items) > 1 and set(sources) == set(joints):
+        for mark, of in (("{joint}", None), ("{n}", 1), ("{n0}", 0)):
+            first = sources[joints[0]]
+            word = joints[0] if of is None else str(of)
+            for match in re.finditer(re.escape(word), first):
+                pattern = first[: match.start()] + mark + first[match.end() :]
+                words = [joint if of is None else str(k + of) for k, joint in enumerate(joints)]
+                if all(sources[j] == pattern.replace(mark, w) for j, w in zip(joints, words, strict=True)):
+                    return {channel: pattern}
+    return {item.target: item.source for item in items}
+
+
+def _flow(value: object) -> str:
+    return yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000
+    ).strip()

@@ -1,0 +1,122 @@
+"""``map.yaml``, schema ``excite.map/1``: what a recording's columns mean, as far as a person has to say it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from excite.errors import LogError
+from excite.reading.yaml_document import read_yaml
+
+SCHEMA = "excite.map/1"
+CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wrench")
+Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
+Unit = Literal[
+    "rad",
+    "deg",
+    "rev",
+    "m",
+    "mm",
+    "rad/s",
+    "deg/s",
+    "rpm",
+    "m/s",
+    "mm/s",
+    "rad/s2",
+    "deg/s2",
+    "N·m",
+    "N·mm",
+    "N",
+    "lb",
+    "kip",
+    "in",
+    "in/s",
+    "A",
+    "mA",
+    "s",
+    "ms",
+    "us",
+    "ns",
+]
+
+
+class TrialRules(BaseModel):
+    """How recordings become trials."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    split: Literal["pauses", "none"] = Field(
+        default="pauses", description="Cut recordings at pauses and gaps, or keep each whole."
+    )
+    validation: tuple[str, ...] = Field(
+        default=(), description="Names of the trials to validate on, `*` for any letters; proposed if empty."
+    )
+    repeats: dict[str, str] = Field(default={}, description="By trial, the trial whose command it repeats.")
+    start_s: dict[str, float] = Field(default={}, description="By source, the time where its use begins [s].")
+    end_s: dict[str, float] = Field(default={}, description="By source, the time where its use ends [s].")
+
+
+class Map(BaseModel):
+    """The whole of a ``map.yaml``. Whatever it leaves out is guessed, and said to be.
+
+    In ``columns``, ``{joint}`` stands for each joint, ``{n}`` for its number from 1 and ``{n0}`` from 0, in the order
+    of ``joints``. A channel (``q``) or one joint of it (``q.elbow``) may be named under ``columns``, ``units`` and
+    ``scale``.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, populate_by_name=True)
+
+    schema_: Literal["excite.map/1"] = Field(alias="schema", default="excite.map/1")
+    joints: tuple[str, ...] = Field(
+        default=(), description="The robot's joints in the order of the columns; all of the robot's if empty."
+    )
+    columns: dict[str, str] = Field(
+        default={},
+        description="By channel (`q`, `tau.elbow`, `wrench.SENSOR.fx` …) the column's name or a pattern of it.",
+    )
+    units: dict[str, Unit] = Field(default={}, description="By channel, the unit of its columns.")
+    scale: dict[str, Factor] = Field(
+        default={}, description="By channel or joint, a factor on top of the unit's; -1 turns a sign."
+    )
+    offset: dict[str, Factor] = Field(
+        default={}, description="By channel or joint, what is added after scaling (SI)."
+    )
+    motors: list[list[Factor]] = Field(
+        default=[],
+        description="Motor turns per joint turn, one row a motor: positions are motors', torques on the motors' side.",
+    )
+    ignore: tuple[str, ...] = Field(
+        default=(), description="Columns that are no signals of the robot; `*` for any letters."
+    )
+    trials: TrialRules = TrialRules()
+    log: dict[str, Any] = Field(
+        default={},
+        description="Fields of log.yaml as they shall stand there: torque, controller, rate_hz, modelled …",
+    )
+
+
+def read_map(path: Path) -> Map:
+    """Read a ``map.yaml``; every mistake in it is said at once.
+
+    Raises:
+        LogError: the file is missing, is no YAML, or holds unknown fields or values.
+    """
+    content = read_yaml(path, error=LogError, remedy="see docs/formats.md")
+    try:
+        found = Map.model_validate(content)
+    except ValidationError as error:
+        faults = [f"{'.'.join(str(part) for part in e['loc'])} ({e['msg'].lower()})" for e in error.errors()]
+        raise LogError(
+            "has mistakes: " + "; ".join(faults[:20]), source=path, remedy="see `excite schema map`"
+        ) from error
+    unknown = [name for name in found.columns if name.partition(".")[0] not in CHANNELS]
+    if unknown:
+        raise LogError(
+            f"names no channel: {', '.join(unknown[:5])}",
+            source=path,
+            field="columns",
+            remedy="the channels are " + ", ".join(CHANNELS),
+        )
+    return found

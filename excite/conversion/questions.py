@@ -1,0 +1,51 @@
+"""What is asked where a recording does not tell it: positions, torques, the base."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from excite.conversion.columns.families import Family
+from excite.conversion.guesses import Guesses
+from excite.conversion.machine import Machine
+from excite.conversion.mapping import Map
+from excite.conversion.recording import Recording
+
+# Columns that are named in one line.
+MOST_NAMED = 12
+
+
+def column_names(recording: Recording) -> list[str]:
+    return [column.name for stream in recording.streams for column in stream.columns]
+
+
+def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> None:
+    """Voltages and duty cycles are no torques, and nothing in a recording says how much of one they are."""
+    if found.of("tau") or found.of("i") or "torque" in mapping.log:
+        return
+    for family in groups:
+        if family.quantity == "volt" and family.placed.columns:
+            name = family.columns[0]
+            found.ask(
+                f"{name} is a voltage or duty cycle, whose torque per unit is not known",
+                f'columns: {{tau: "{name}"}} and scale: {{tau: FACTOR}}, or log: {{torque: none}}',
+            )
+            return
+
+
+def ask_for_base(found: Guesses, machine: Machine, mapping: Map) -> None:
+    if machine.floating and "base" not in mapping.log and not found.of("base"):
+        found.ask(
+            f"the base of {machine.name} is free, and no pose of it was recorded",
+            "log: {base: fixed}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}",
+        )
+
+
+def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) -> None:
+    if found.of("q"):
+        return
+    names = column_names(recording)
+    there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
+    found.ask(
+        f"no columns of joint positions were found for {machine.n} joints of {machine.name} among {there}",
+        'columns: {q: "NAME{n}"}',
+    )

@@ -1,0 +1,55 @@
+"""ROS 1 bags (``.bag``), and ROS 2 bags (folders, ``.db3``), through rosbags."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from excite.conversion.recording import Recording
+from excite.conversion.sources.messages import is_trajectory, is_wanted
+from excite.conversion.sources.source import Source, damaged, first_bytes
+from excite.conversion.sources.topics import Topics
+from excite.conversion.sources.unitree_types import register_unitree
+
+
+class BagSource(Source):
+    """Topics of joints, wrenches and base poses."""
+
+    name: ClassVar[str] = "bag"
+    summary: ClassVar[str] = "ROS 1 bags (.bag) and ROS 2 bags (folders, .db3)"
+    own_process: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        if path.is_dir():
+            return (path / "metadata.yaml").is_file()
+        return path.suffix.lower() in {".bag", ".db3"} or first_bytes(path, 12).startswith(b"#ROSBAG V2.0")
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.serde import SerdeError
+        from rosbags.typesys import Stores, TypesysError, get_typestore
+
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        register_unitree(store)
+        topics = Topics()
+        try:
+            with AnyReader([path], default_typestore=store) as bag:
+                there = {c.topic: c.msgtype for c in bag.connections}
+                wanted = [c for c in bag.connections if is_wanted(c.msgtype) or is_trajectory(c.msgtype)]
+                for connection, logged, raw in bag.messages(connections=wanted) if wanted else ():
+                    message = bag.deserialize(raw, connection.msgtype)
+                    topics.add(connection.topic, connection.msgtype, message, 1e-9 * logged)
+        except (
+            AnyReaderError,
+            SerdeError,
+            TypesysError,
+            OSError,
+            ValueError,
+            KeyError,
+            IndexError,
+            AttributeError,
+        ) as error:
+            raise damaged(path, error, "a bag") from error
+        return (topics.recording(path, there),)

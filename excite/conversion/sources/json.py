@@ -1,0 +1,88 @@
+"""JSON recordings: columns of numbers, or a list of entries with the same fields (as BAM writes them)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.sources.npz import constants
+from excite.conversion.sources.source import Source, damaged, first_bytes
+from excite.errors import LogError
+from excite.reading.file import check_file
+
+# Ten times what is read as JSON elsewhere is still read at once in a gigabyte.
+_MAX_BYTES = 512 * 1024 * 1024
+_DEEPEST = 6
+
+
+class JsonSource(Source):
+    """An object of lists, a list of objects, or an object that holds such a list; or one object a line."""
+
+    name: ClassVar[str] = "json"
+    summary: ClassVar[str] = "JSON (.json, .jsonl)"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        if not path.is_file():
+            return False
+        if path.suffix.lower() in {".json", ".jsonl", ".ndjson"}:
+            return True
+        return first_bytes(path, 64).lstrip()[:1] == b"{" and path.suffix.lower() not in {".yaml", ".yml"}
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        check_file(path, limit=_MAX_BYTES, error=LogError)
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+            content = _parsed(text, path)
+        except (OSError, ValueError, RecursionError, MemoryError) as error:
+            raise damaged(path, error, "JSON") from error
+        arrays: dict[str, Any] = {}
+        said: dict[str, object] = {}
+        _collect("", content, arrays, said, 0)
+        streams = longest(stream_of_arrays(path.stem, arrays))
+        if not streams:
+            raise nothing_there(path)
+        return (Recording(str(path), path.stem, streams, said | constants(arrays)),)
+
+
+def _parsed(text: str, path: Path) -> Any:
+    if path.suffix.lower() in {".jsonl", ".ndjson"}:
+        return [json.loads(line) for line in text.splitlines() if line.strip()]
+    return json.loads(text)
+
+
+def _collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int) -> None:
+    """Numbers in lists to ``arrays``, single values to ``said``, by their paths."""
+    if depth > _DEEPEST:
+        return
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _collect(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for key in value[0]:
+            cells = [entry.get(key) if isinstance(entry, dict) else None for entry in value]
+            inner = f"{name}/{key}" if name and depth > 1 else str(key)
+            if isinstance(value[0][key], dict):
+                _collect(
+                    inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
+                )
+            else:
+                _numbers(inner, cells, arrays)
+    elif isinstance(value, list):
+        _numbers(name, value, arrays)
+    elif isinstance(value, int | float | str):
+        said[name] = value
+
+
+def _numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
+    width = len(cells[0]) if cells and isinstance(cells[0], list) else 0
+    empty = [float("nan")] * width if width else float("nan")
+    try:
+        arrays[name] = np.array([empty if cell is None else cell for cell in cells], dtype=float)
+    except (ValueError, TypeError):
+        return

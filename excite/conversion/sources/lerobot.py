@@ -1,0 +1,120 @@
+"""LeRobot data sets, versions 2.1 and 3.0: ``meta/info.json`` and Parquet files of episodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pyarrow as pa
+
+from excite.arrow_columns import read_parquet
+from excite.conversion.recording import Column, Recording, Stream, nothing_there
+from excite.conversion.sources.parquet import table_arrays
+from excite.conversion.sources.source import Source, damaged
+from excite.errors import LogError
+from excite.reading.json_document import read_json
+
+# What each feature holds for a follower arm.
+_CHANNELS = {
+    "observation.state": "q",
+    "action": "q_cmd",
+    "observation.velocity": "v",
+    "observation.effort": "tau",
+}
+_LEROBOT_WORDS = (".pos", ".vel", ".effort", ".current")
+
+
+class LeRobotSource(Source):
+    """Episodes as recordings; states are positions, actions their commands."""
+
+    name: ClassVar[str] = "lerobot"
+    summary: ClassVar[str] = "LeRobot data sets (folder with meta/info.json)"
+    own_process: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return (path / "meta" / "info.json").is_file()
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        info = read_json(path / "meta" / "info.json", error=LogError)
+        files = sorted((path / "data").glob("**/*.parquet"))
+        if not files:
+            raise LogError(
+                "has no Parquet files", source=path / "data", remedy="download the data set's data folder"
+            )
+        features = info.get("features", {})
+        found: list[Recording] = []
+        for file in files:
+            try:
+                arrays = table_arrays(read_parquet(file))
+            except (OSError, ValueError, pa.ArrowException) as error:
+                raise damaged(file, error, "Parquet") from error
+            found += _episodes(arrays, features, info, path)
+        if not found:
+            raise nothing_there(path)
+        return tuple(found)
+
+
+def _episodes(
+    arrays: dict[str, Any], features: dict[str, Any], info: dict[str, Any], path: Path
+) -> list[Recording]:
+    n = max((len(values) for values in arrays.values()), default=0)
+    index = arrays.get("episode_index", np.zeros(n)).astype(int)
+    found = []
+    fps = float(info.get("fps", 0.0))
+    note = (
+        f"{fps:g} rows a second: inertia and friction of slow motion show, delays and rotors do not"
+        if fps
+        else ""
+    )
+    for episode in np.unique(index):
+        rows = index == episode
+        frames = arrays.get("frame_index", np.arange(n))[rows]
+        time = arrays["timestamp"][rows] if "timestamp" in arrays else frames / fps if fps else None
+        columns = tuple(_columns(arrays, features, rows))
+        if columns:
+            stream = Stream(f"episode_{episode:06d}", columns, time)
+            found.append(
+                Recording(
+                    str(path),
+                    f"episode_{episode:06d}",
+                    (stream,),
+                    {"fps": fps or None},
+                    (note,) if note else (),
+                )
+            )
+    return found
+
+
+def _columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> list[Column]:
+    found = []
+    for name, values in arrays.items():
+        if name in {
+            "timestamp",
+            "frame_index",
+            "episode_index",
+            "index",
+            "task_index",
+            "next.done",
+            "next.reward",
+        }:
+            continue
+        labels = _names(features.get(name, {}))
+        values = values.reshape(len(values), -1)
+        channel = _CHANNELS.get(name, "")
+        for k in range(values.shape[1]):
+            label = labels[k] if k < len(labels) else str(k)
+            short = label
+            for word in _LEROBOT_WORDS:
+                short = short.removesuffix(word)
+            found.append(Column(f"{name}.{label}", values[rows, k].astype(float), channel, short))
+    return found
+
+
+def _names(feature: dict[str, Any]) -> list[str]:
+    names = feature.get("names") or []
+    if isinstance(names, dict):
+        names = [name for inner in names.values() for name in (inner if isinstance(inner, list) else [inner])]
+    return [str(name) for name in names]

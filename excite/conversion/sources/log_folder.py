@@ -1,0 +1,33 @@
+"""This toolkit's own log folders, so that they can be cut, renamed and joined with others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from excite.conversion.recording import Recording, stream_of_arrays
+from excite.conversion.sources.source import Source
+from excite.logs.header import read_header
+from excite.logs.readers.registry import read_trials
+
+
+class LogFolderSource(Source):
+    """Trials of a log folder, each under its own name, with the contract's columns."""
+
+    name: ClassVar[str] = "log"
+    summary: ClassVar[str] = "a log folder of excite (log.yaml)"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return (path / "log.yaml").is_file() or path.name == "log.yaml"
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        folder = path if path.is_dir() else path.parent
+        header = read_header(folder / "log.yaml")
+        files = [folder / entry.file for entry in header.trials]
+        said = {"roles": {Path(entry.file).stem: entry.role for entry in header.trials}, "log": header}
+        return tuple(
+            Recording(str(file), file.stem, tuple(stream_of_arrays(file.stem, columns)), said)
+            for file, columns in zip(files, read_trials(files), strict=True)
+        )

@@ -1,0 +1,75 @@
+"""MATLAB's ``.mat``: variables, structs taken apart, version 7.3 through HDF5; ``timeseries`` exported as structs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from excite.conversion.recording import Recording
+from excite.conversion.sources.hdf5 import hdf5_arrays, recordings_of
+from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged, first_bytes
+from excite.errors import LogError
+from excite.reading.file import check_file
+
+# Structs within structs; Simulink's logs have four.
+_DEEPEST = 8
+
+
+class MatSource(Source):
+    """Variables of numbers, and those in structs, by their paths."""
+
+    name: ClassVar[str] = "mat"
+    summary: ClassVar[str] = "MATLAB (.mat, version 7.3 too)"
+    own_process: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return path.is_file() and (path.suffix.lower() == ".mat" or first_bytes(path, 6) == b"MATLAB")
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
+        start = first_bytes(path, 520)
+        if start[512:].startswith(b"\x89HDF") or start.startswith((b"\x89HDF", b"MATLAB 7.3")):
+            return recordings_of(path, hdf5_arrays(path))
+        from scipy.io import loadmat
+        from scipy.io.matlab import MatReadError
+
+        try:
+            content = loadmat(path, simplify_cells=True)
+        except (
+            OSError,
+            ValueError,
+            TypeError,
+            MatReadError,
+            NotImplementedError,
+            KeyError,
+            IndexError,
+            MemoryError,
+        ) as error:
+            raise damaged(path, error, "a .mat file") from error
+        found: dict[str, Any] = {}
+        for name, value in content.items():
+            if not name.startswith("__"):
+                _collect(name, value, found, 0)
+        return recordings_of(path, found)
+
+
+def _collect(name: str, value: object, found: dict[str, Any], depth: int) -> None:
+    if depth > _DEEPEST:
+        return
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _collect(f"{name}/{key}", inner, found, depth + 1)
+    elif isinstance(value, list):
+        for k, inner in enumerate(value):
+            _collect(f"{name}{k + 1}", inner, found, depth + 1)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+        found[name] = value
+    elif isinstance(value, np.ndarray) and value.dtype == object:
+        for k, inner in enumerate(value.ravel()):
+            _collect(f"{name}{k + 1}", inner, found, depth + 1)
+    elif isinstance(value, int | float):
+        found[name] = np.asarray(value)

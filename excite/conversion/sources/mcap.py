@@ -1,0 +1,59 @@
+"""MCAP files: messages of ROS 2 by the schemas embedded in them, without ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+from excite.conversion.recording import Recording
+from excite.conversion.sources.messages import is_trajectory, is_wanted
+from excite.conversion.sources.source import Source, damaged, first_bytes
+from excite.conversion.sources.topics import Topics
+from excite.errors import LogError
+
+
+class McapSource(Source):
+    """Topics of joints, wrenches and base poses; a file whose recorder was killed is read as far as it goes."""
+
+    name: ClassVar[str] = "mcap"
+    summary: ClassVar[str] = "MCAP with messages of ROS 2 (.mcap)"
+    own_process: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return path.is_file() and (path.suffix.lower() == ".mcap" or first_bytes(path, 8) == b"\x89MCAP0\r\n")
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        try:
+            from mcap.exceptions import McapError
+            from mcap.reader import NonSeekingReader
+            from mcap_ros2.decoder import DecoderFactory
+        except ImportError as error:
+            raise LogError(
+                "is MCAP, which needs mcap and mcap-ros2-support",
+                source=path,
+                remedy="pip install 'excite[mcap]'",
+            ) from error
+        topics, there = Topics(), dict[str, str]()
+        notes: tuple[str, ...] = ()
+        factory, decoders = DecoderFactory(), dict[int, Any]()
+        try:
+            with path.open("rb") as stream:
+                reader = NonSeekingReader(stream, validate_crcs=False)
+                for schema, channel, message in reader.iter_messages(log_time_order=False):
+                    kind = schema.name if schema is not None else ""
+                    there[channel.topic] = kind
+                    if not (is_wanted(kind) or is_trajectory(kind)):
+                        continue
+                    if channel.id not in decoders:
+                        decoders[channel.id] = factory.decoder_for(channel.message_encoding, schema)
+                    decoder = decoders[channel.id]
+                    if decoder is not None:
+                        topics.add(channel.topic, kind, decoder(message.data), 1e-9 * message.log_time)
+        except (McapError, OSError, ValueError, KeyError, IndexError, AttributeError, EOFError) as error:
+            if not topics.any:
+                raise damaged(path, error, "MCAP") from error
+            notes = ("its end is missing: it is read as far as it goes",)
+        found = topics.recording(path, there)
+        return (Recording(found.source, found.name, found.streams, found.said, found.notes + notes),)

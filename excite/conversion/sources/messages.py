@@ -1,0 +1,175 @@
+"""Messages of ROS and of Unitree as rows of numbers with what they mean: one function a type.
+
+The fields are those of the types' definitions (sensor_msgs, control_msgs, geometry_msgs, nav_msgs, trajectory_msgs,
+unitree_hg, unitree_go); a decoder of any library that gives them as attributes serves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from excite.conversion.sources.gathered import Field
+
+Row = tuple[list[Field], list[float]]
+# Order of the motors of Unitree's quadrupeds, by their SDK; their models begin with the left leg.
+_LEGS = tuple(
+    f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")
+)
+_QUADRUPED = 12
+
+
+def is_wanted(kind: str) -> bool:
+    """Whether a message type is read; names with or without ``/msg/``."""
+    return _short(kind) in _DECODERS
+
+
+def decode(kind: str, message: Any, topic: str) -> Row:
+    """Fields and numbers of one message."""
+    return _DECODERS[_short(kind)](message, topic)
+
+
+def stamp_s(message: Any) -> float | None:
+    """The time that a message's header states [s]; None for none, or for one that was left at zero."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return None
+    seconds = getattr(stamp, "sec", getattr(stamp, "secs", 0))
+    rest = getattr(stamp, "nanosec", getattr(stamp, "nsecs", 0))
+    found = float(seconds) + 1e-9 * float(rest)
+    return found or None
+
+
+def _short(kind: str) -> str:
+    return kind.replace("/msg/", "/")
+
+
+def _joints(names: Iterable[str], parts: Iterable[tuple[str, str, Any]]) -> Row:
+    """Arrays over joints; those that are empty, as efforts may be, are left out."""
+    names = list(names)
+    fields: list[Field] = []
+    numbers: list[float] = []
+    for word, channel, values in parts:
+        if values is None or len(values) != len(names):
+            continue
+        fields += [Field(f"{word}.{name}", channel, name) for name in names]
+        numbers += [float(value) for value in values]
+    return fields, numbers
+
+
+def _joint_state(message: Any, topic: str) -> Row:
+    parts = (
+        ("position", "q", message.position),
+        ("velocity", "v", message.velocity),
+        ("effort", "tau", message.effort),
+    )
+    return _joints(message.name, parts)
+
+
+def _controller_state(message: Any, topic: str) -> Row:
+    """Reference, feedback and output; ``desired`` and ``actual`` in older versions."""
+    wanted = _first(message, ("reference", "desired"))
+    actual = _first(message, ("feedback", "actual"))
+    output = getattr(message, "output", None)
+    parts = [
+        ("feedback.position", "q", getattr(actual, "positions", None)),
+        ("feedback.velocity", "v", getattr(actual, "velocities", None)),
+        ("feedback.effort", "tau", getattr(actual, "effort", None)),
+        ("reference.position", "q_cmd", getattr(wanted, "positions", None)),
+        ("output.effort", "tau_cmd", getattr(output, "effort", None)),
+    ]
+    return _joints(message.joint_names, parts)
+
+
+def _first(message: Any, names: tuple[str, ...]) -> Any:
+    found = [getattr(message, name) for name in names if getattr(message, name, None) is not None]
+    with_positions = [item for item in found if len(item.positions)]
+    return (with_positions or found or [None])[0]
+
+
+def _wrench(message: Any, topic: str) -> Row:
+    force, torque = message.wrench.force, message.wrench.torque
+    sensor = _sensor(topic, getattr(message.header, "frame_id", ""))
+    values = (force.x, force.y, force.z, torque.x, torque.y, torque.z)
+    axes = ("fx", "fy", "fz", "tx", "ty", "tz")
+    return [Field(f"{sensor}.{axis}", "wrench", f"{sensor}.{axis}") for axis in axes], [
+        float(v) for v in values
+    ]
+
+
+def _sensor(topic: str, frame: str) -> str:
+    words = [word for word in topic.split("/") if word and word not in {"wrench", "data", "raw", "filtered"}]
+    return (words[-1] if words else frame) or "wrench"
+
+
+def _odometry(message: Any, topic: str) -> Row:
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    values = {
+        "px": place.x,
+        "py": place.y,
+        "pz": place.z,
+        "qx": turn.x,
+        "qy": turn.y,
+        "qz": turn.z,
+        "qw": turn.w,
+    }
+    return [Field(f"pose.{axis}", "base", axis) for axis in values], [float(v) for v in values.values()]
+
+
+def _imu(message: Any, topic: str) -> Row:
+    parts = (("orientation", message.orientation, "xyzw"), ("gyro", message.angular_velocity, "xyz"),
+             ("acc", message.linear_acceleration, "xyz"))  # fmt: skip
+    fields = [Field(f"{word}.{axis}", "skip", axis) for word, _, axes in parts for axis in axes]
+    return fields, [float(getattr(value, axis)) for _, value, axes in parts for axis in axes]
+
+
+def _unitree(channels: dict[str, str], attribute: str) -> Callable[[Any, str], Row]:
+    def decoder(message: Any, topic: str) -> Row:
+        motors = getattr(message, attribute)
+        legs = len(motors) == 20 and not any(m.q or m.dq or getattr(m, "kp", 0) for m in motors[_QUADRUPED:])
+        count = _QUADRUPED if legs else len(motors)
+        names = _LEGS if legs else tuple(f"motor_{k}" for k in range(count))
+        fields = [
+            Field(f"{word}.{name}", channel, name) for word, channel in channels.items() for name in names
+        ]
+        return fields, [float(getattr(m, word)) for word in channels for m in motors[:count]]
+
+    return decoder
+
+
+_STATE = _unitree({"q": "q", "dq": "v", "tau_est": "tau"}, "motor_state")
+_COMMAND = _unitree({"q": "q_cmd", "tau": "tau_cmd", "kp": "skip", "kd": "skip"}, "motor_cmd")
+
+_DECODERS: dict[str, Callable[[Any, str], Row]] = {
+    "sensor_msgs/JointState": _joint_state,
+    "control_msgs/JointTrajectoryControllerState": _controller_state,
+    "geometry_msgs/WrenchStamped": _wrench,
+    "nav_msgs/Odometry": _odometry,
+    "sensor_msgs/Imu": _imu,
+    "unitree_hg/LowState": _STATE,
+    "unitree_hg/LowCmd": _COMMAND,
+    "unitree_go/LowState": _STATE,
+    "unitree_go/LowCmd": _COMMAND,
+}
+
+
+def trajectory_rows(message: Any) -> Iterable[tuple[float, Row]]:
+    """Times and rows of a JointTrajectory: a whole motion in one message."""
+    for point in message.points:
+        lasts = point.time_from_start
+        seconds = getattr(lasts, "sec", getattr(lasts, "secs", 0))
+        rest = getattr(lasts, "nanosec", getattr(lasts, "nsecs", 0))
+        parts = (
+            ("position", "q_cmd", point.positions),
+            ("velocity", "skip", point.velocities),
+            ("effort", "tau_cmd", point.effort),
+        )
+        yield float(seconds) + 1e-9 * float(rest), _joints(message.joint_names, parts)
+
+
+TRAJECTORY = "trajectory_msgs/JointTrajectory"
+
+
+def is_trajectory(kind: str) -> bool:
+    """Whether a message type holds a whole motion."""
+    return _short(kind) == TRAJECTORY

@@ -1,0 +1,68 @@
+"""Parquet files: numbers a column, or a list of numbers a row."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pyarrow as pa
+
+from excite.arrow_columns import read_parquet
+from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged, first_bytes
+from excite.errors import LogError
+from excite.reading.file import check_file
+
+
+class ParquetSource(Source):
+    """A table with numbers, or lists of numbers, in its columns."""
+
+    name: ClassVar[str] = "parquet"
+    summary: ClassVar[str] = "Parquet (.parquet)"
+    own_process: ClassVar[bool] = True
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`."""
+        return path.is_file() and (
+            path.suffix.lower() in {".parquet", ".pq"} or first_bytes(path, 4) == b"PAR1"
+        )
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
+        try:
+            arrays = table_arrays(read_parquet(path))
+        except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
+            raise damaged(path, error, "Parquet") from error
+        streams = longest(stream_of_arrays(path.stem, arrays))
+        if not streams:
+            raise nothing_there(path)
+        return (Recording(str(path), path.stem, streams),)
+
+
+def table_arrays(table: pa.Table) -> dict[str, Any]:
+    """Columns of numbers, ``(n,)``, and of lists of one length, ``(n, k)``, by name."""
+    if table.num_rows * table.num_columns > MAX_NUMBERS:
+        raise ValueError(f"{table.num_rows} rows of {table.num_columns} columns are more than can be read")
+    found: dict[str, Any] = {}
+    for name in table.column_names:
+        column = table[name].combine_chunks()
+        if isinstance(column, pa.ChunkedArray):
+            column = column.chunk(0) if column.num_chunks else pa.array([])
+        kind = column.type
+        if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
+            flat = column.flatten()
+            if len(column) and len(flat) % len(column) == 0 and _is_number(flat.type):
+                found[name] = flat.to_numpy(zero_copy_only=False).reshape(len(column), -1)
+        elif pa.types.is_timestamp(kind):
+            found[name] = (
+                column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy(zero_copy_only=False) * 1e-9
+            )
+        elif _is_number(kind) or pa.types.is_boolean(kind):
+            found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+    return found
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))

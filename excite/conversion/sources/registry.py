@@ -1,0 +1,79 @@
+"""The formats of recordings by name, the more particular first. A new one is one file beside this one and its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from excite.errors import LogError
+from excite.reading.child import in_child
+from excite.registry import Registry
+
+if TYPE_CHECKING:
+    from excite.conversion.recording import Recording
+    from excite.conversion.sources.source import Source
+
+SOURCES: Registry[Source] = Registry(
+    "source",
+    {
+        "lerobot": "excite.conversion.sources.lerobot:LeRobotSource",
+        "bag": "excite.conversion.sources.bag:BagSource",
+        "mcap": "excite.conversion.sources.mcap:McapSource",
+        "log": "excite.conversion.sources.log_folder:LogFolderSource",
+        "pace": "excite.conversion.sources.pace:PaceSource",
+        "mat": "excite.conversion.sources.mat:MatSource",
+        "hdf5": "excite.conversion.sources.hdf5:Hdf5Source",
+        "parquet": "excite.conversion.sources.parquet:ParquetSource",
+        "npz": "excite.conversion.sources.npz:NpzSource",
+        "json": "excite.conversion.sources.json:JsonSource",
+        "text": "excite.conversion.sources.text:TextSource",
+    },
+)
+
+# Endings that stand for recordings where a folder of files is given.
+RECORDED = frozenset(
+    ".csv .tsv .txt .dat .log .parquet .npz .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt".split()
+)
+# As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
+_STARTING_S, _BYTES_PER_S = 30.0, 2e6
+
+
+def read_source(path: Path) -> tuple[Recording, ...]:
+    """Recordings of a file or folder, by the first format that recognises it.
+
+    Raises:
+        LogError: nothing is there, no format recognises it, or it is damaged.
+    """
+    if not path.exists():
+        raise LogError("no such file or folder", source=path, remedy="check the name of the source")
+    name = recognised(path)
+    if name is not None:
+        return _in_own_process(name, path) if SOURCES[name].own_process else _read(name, path)
+    known = "; ".join(SOURCES[name].summary for name in SOURCES)
+    raise LogError("is of no format that is known", source=path, remedy=f"give one of: {known}")
+
+
+def recognised(path: Path) -> str | None:
+    """Name of the first format that recognises a file or folder; None for none."""
+    return next((name for name in SOURCES if SOURCES.make(name).recognises(path)), None)
+
+
+def _read(name: str, path: Path) -> tuple[Recording, ...]:
+    return SOURCES.make(name).read(path)
+
+
+def _in_own_process(name: str, path: Path) -> tuple[Recording, ...]:
+    size = (
+        sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        if path.is_dir()
+        else path.stat().st_size
+    )
+    found: tuple[Recording, ...] = in_child(
+        f"{__name__}:_read",
+        name,
+        path,
+        source=path,
+        error=LogError,
+        seconds=_STARTING_S + size / _BYTES_PER_S,
+    )
+    return found

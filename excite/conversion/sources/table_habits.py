@@ -1,0 +1,122 @@
+"""How a text table is written: its separator, its decimal sign, where names, units and numbers stand."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+
+COMMENTS = ("#", "%", "//", ";;", "!")
+_SEPARATORS = (",", ";", "\t", "|", " ")
+_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf(inity)?)$", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How a text table is written.
+
+    Attributes:
+        separator: between values; a space stands for any white space.
+        decimal: point or comma.
+        skip: lines before the first row of numbers.
+        names: of the columns; made up (``column1`` …) where there are none.
+        units: by column, as a line of units states them; empty where there is none.
+        named: whether the file names its columns.
+    """
+
+    separator: str
+    decimal: str
+    skip: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    named: bool
+
+
+def table_habits(lines: list[str]) -> Habits | None:
+    """Habits of a table by its first lines; None where no line holds numbers alone."""
+    for separator, decimal in _candidates(lines):
+        split = [split_line(line, separator) for line in lines]
+        first = _first_row(split, decimal)
+        if first is None:
+            continue
+        width = len(split[first])
+        if width < 2:
+            continue
+        names, units = _names_and_units(lines, split, first, width, separator)
+        named = bool(names)
+        names = names or [f"column{k + 1}" for k in range(width)]
+        return Habits(separator, decimal, first, tuple(_unique(names)), tuple(units), named)
+    return None
+
+
+def _candidates(lines: list[str]) -> list[tuple[str, str]]:
+    """Separators with decimal signs, the likelier first: what stands oftenest in lines of numbers, evenly."""
+    rows = [line for line in lines if line and not line.lstrip().startswith(COMMENTS)][-50:]
+    if any(";" in line or "\t" in line for line in rows) and any(re.search(r"\d,\d", line) for line in rows):
+        # A decimal comma stands between digits in every row; a separating one would give even numbers of columns.
+        first = ";" if any(";" in line for line in rows) else "\t"
+        return [(first, ","), (first, "."), (",", ".")]
+    counts = {sep: min((len(split_line(line, sep)) for line in rows), default=0) for sep in _SEPARATORS}
+    order = sorted(_SEPARATORS, key=lambda sep: (-(counts[sep] > 1), _SEPARATORS.index(sep)))
+    return [(sep, ".") for sep in order] + [(" ", ",")]
+
+
+def split_line(line: str, separator: str) -> list[str]:
+    """Cells of a line without the blanks around them; a comment's mark at its beginning is left out."""
+    if separator == " ":
+        return line.split()
+    cells = [cell.strip().strip('"') for cell in next(csv.reader([line], delimiter=separator), [])]
+    # Many writers end each line by a separator.
+    return cells[:-1] if cells and cells[-1] == "" and len(cells) > 1 else cells
+
+
+def _is_row(cells: list[str], decimal: str) -> bool:
+    numbers = [cell for cell in cells if _NUMBER.match(cell) and ("," not in cell or decimal == ",")]
+    return len(numbers) >= 2 and len(numbers) >= 0.5 * len([cell for cell in cells if cell])
+
+
+def _first_row(split: list[list[str]], decimal: str) -> int | None:
+    """First line from which on all lines are rows of one width."""
+    rows = [k for k, cells in enumerate(split) if _is_row(cells, decimal)]
+    if not rows:
+        return None
+    width = len(split[rows[-1]])
+    return next((k for k in rows if len(split[k]) == width), None)
+
+
+def _names_and_units(
+    lines: list[str], split: list[list[str]], first: int, width: int, separator: str
+) -> tuple[list[str], list[str]]:
+    names: list[str] = []
+    units: list[str] = []
+    for k in range(first - 1, -1, -1):
+        text = re.sub(r"^\s*(#+|%+|//+|!+)", "", lines[k]).strip()
+        cells = split_line(text, separator)
+        if len(cells) != width and separator == " ":
+            cells = split_line(text, "\t") if "\t" in text else split_line(text, ",")
+        if len(cells) != width or not any(re.search(r"[A-Za-zµ]", cell) for cell in cells):
+            continue
+        if not names and not units and k > 0 and all(_is_unit(cell) for cell in cells):
+            units = [cell.strip("[]()") for cell in cells]
+            continue
+        names = cells
+        break
+    return ([], []) if not names and not units else (names or units, units if names else [])
+
+
+def _is_unit(cell: str) -> bool:
+    return not cell or bool(
+        re.fullmatch(
+            r"[\[(]?\s*(s|sec|ms|us|µs|ns|rad|deg|°|rad/s\^?2?|deg/s\^?2?|°/s|Nm|N\.m|N·m|N\*m|mNm|A|mA|V|m|mm|-|1|m/s)\s*[\])]?",
+            cell,
+        )
+    )
+
+
+def _unique(names: list[str]) -> list[str]:
+    found: list[str] = []
+    for name in names:
+        name = name or f"column{len(found) + 1}"
+        again = 1 + sum(other == name or other.startswith(f"{name}~") for other in found)
+        found.append(name if again == 1 else f"{name}~{again}")
+    return found

@@ -1,0 +1,149 @@
+"""Text tables of any habit: separators, decimal commas, comments, lines of units, names in one line or in none."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from excite.arrow_columns import numpy_columns
+from excite.conversion.recording import Column, Recording, Stream, nothing_there
+from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged, first_bytes
+from excite.conversion.sources.table_habits import COMMENTS, Habits, split_line, table_habits
+from excite.errors import LogError
+from excite.reading.file import check_file
+
+# Lines that are looked at to find the table's habits; headers of data loggers have some dozen lines.
+_LOOKED_AT = 200
+_BLOCK = 1 << 20
+_MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan", "inf", "-inf", "Inf"]
+
+
+class TextSource(Source):
+    """Values in text, one row a sample."""
+
+    name: ClassVar[str] = "text"
+    summary: ClassVar[str] = "a table in text (.csv, .tsv, .txt, .dat, .log) with any separator"
+
+    def recognises(self, path: Path) -> bool:
+        """See :class:`Source`: text by its ending or by its first bytes."""
+        if not path.is_file():
+            return False
+        start = first_bytes(path, 4096)
+        if b"\0" in start and not start.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return False
+        return (
+            path.suffix.lower() in {".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".data", ""}
+            or not path.suffix
+        )
+
+    def read(self, path: Path) -> tuple[Recording, ...]:
+        """See :class:`Source`."""
+        check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
+        encoding = _encoding(first_bytes(path, 4))
+        with path.open(encoding=encoding, errors="replace", newline=None) as stream:
+            lines = [line.rstrip("\r\n") for _, line in zip(range(_LOOKED_AT), stream, strict=False)]
+        habits = table_habits(lines)
+        if habits is None:
+            raise nothing_there(path)
+        columns = _columns(path, habits, encoding)
+        units = habits.units or ("",) * len(habits.names)
+        numbers = [
+            Column(name, values, unit=unit)
+            for name, unit, values in zip(habits.names, units, columns, strict=True)
+            if values is not None
+        ]
+        if not numbers:
+            raise nothing_there(path)
+        notes = [] if habits.named else ["the file names no columns: they are called column1, column2 … here"]
+        if habits.decimal == ",":
+            notes.append("decimal commas")
+        return (Recording(str(path), path.stem, (Stream(path.stem, tuple(numbers)),), notes=tuple(notes)),)
+
+
+def _encoding(start: bytes) -> str:
+    return "utf-16" if start.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+
+
+def _columns(path: Path, habits: Habits, encoding: str) -> list[Any]:
+    """Numbers of each column, None where a column holds none."""
+    if habits.separator == " " or encoding == "utf-16":
+        return _columns_of_blanks(path, habits, encoding)
+    width = len(habits.names)
+    options = pa.csv.ConvertOptions(
+        null_values=_MISSING,
+        strings_can_be_null=True,
+        decimal_point=habits.decimal,
+    )
+    names = [*habits.names]
+    try:
+        with path.open("rb") as stream:
+            for _ in range(habits.skip):
+                stream.readline()
+            here = stream.tell()
+            line = stream.readline().decode("utf-8", "replace").rstrip("\r\n")
+            extra = len(next(csv.reader([line], delimiter=habits.separator), [])) - width
+            stream.seek(here)
+            table = pa.csv.read_csv(
+                stream,
+                pa.csv.ReadOptions(column_names=names + [f"_{k}" for k in range(extra)], use_threads=False),
+                pa.csv.ParseOptions(
+                    delimiter=habits.separator,
+                    invalid_row_handler=lambda row: "skip",
+                    ignore_empty_lines=True,
+                ),
+                options,
+            )
+    except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
+        raise damaged(path, error, "a table") from error
+    found = numpy_columns(table)
+    return [_numbers(found[name]) for name in names]
+
+
+def _columns_of_blanks(path: Path, habits: Habits, encoding: str) -> list[Any]:
+    width, rows = len(habits.names), []
+    with path.open(encoding=encoding, errors="replace") as stream:
+        for number, line in enumerate(stream):
+            if number < habits.skip or line.lstrip().startswith(COMMENTS):
+                continue
+            cells = split_line(line.rstrip("\r\n"), habits.separator)
+            if len(cells) == width:
+                rows.append(";".join(cells))
+    text = "\n".join(rows).encode()
+    try:
+        table = pa.csv.read_csv(
+            io.BytesIO(text),
+            pa.csv.ReadOptions(column_names=list(habits.names), use_threads=False),
+            pa.csv.ParseOptions(delimiter=";"),
+            pa.csv.ConvertOptions(
+                null_values=_MISSING, strings_can_be_null=True, decimal_point=habits.decimal
+            ),
+        )
+    except (ValueError, MemoryError, pa.ArrowException) as error:
+        raise damaged(path, error, "a table") from error
+    found = numpy_columns(table)
+    return [_numbers(found[name]) for name in habits.names]
+
+
+def _numbers(values: Any) -> Any:
+    """A column as floats; dates as seconds; words of comments within the table are no numbers; None where none is."""
+    if values.dtype.kind in "fiu":
+        return values.astype(float)
+    if values.dtype.kind == "M":
+        return values.astype("datetime64[ns]").astype(np.int64) * 1e-9
+    if values.dtype.kind == "b":
+        return values.astype(float)
+    parsed = np.array([_float(value) for value in values])
+    return parsed if np.isfinite(parsed).mean() > 0.5 else None
+
+
+def _float(value: object) -> float:
+    try:
+        return float(str(value).replace(",", "."))
+    except ValueError:
+        return float("nan")

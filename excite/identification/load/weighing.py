@@ -1,0 +1,168 @@
+"""A load at the last link, from logs without and with it, with intervals that know the gains' own uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from excite.arrays import Array
+from excite.errors import InputError
+from excite.identification.load.drive_gains import (
+    DriveGains,
+    identify_drive_gains,
+    identify_load,
+    identify_load_by_calibration,
+)
+from excite.logs.log import Log
+from excite.robot.robot import Robot
+from excite.rows.settings import ProblemSettings
+from excite.threads import one_blas_thread
+
+_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_UNITS = ("kg", *("kg·m",) * 3, *("kg·m²",) * 6)
+# Least share of a parameter that has to lie in what the motions excite; what is less is another parameter's as well.
+_SEEN = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedLoad:
+    """A load about the frame of the last joint.
+
+    Attributes:
+        parameters: ``(10,)`` in pinocchio's order [SI].
+        half_width_95: ``(10,)`` half the width of their 95 % intervals, by leaving out one stretch of the logs at a
+            time (the jackknife), those of the gains included; zero where stated.
+        determined: ``(10,)`` whether the motions tell the parameter from all others, and from zero.
+        gains: torque per logged torque or current by joint.
+        gains_source: where they come from, in words.
+        left: by joint, what is left of the torques or currents as share of their deviation.
+    """
+
+    parameters: Array
+    half_width_95: Array
+    determined: Array
+    gains: Mapping[str, float]
+    gains_source: str
+    left: Mapping[str, float]
+
+    @property
+    def mass(self) -> float:
+        """[kg]"""
+        return float(self.parameters[0])
+
+    @property
+    def center(self) -> Array | None:
+        """Centre of mass in the frame of the last joint ``(3,)`` [m]; None where it is not determined."""
+        if not self.determined[:4].any() or self.mass <= 0.0 or not self.determined[0]:
+            return None
+        return np.asarray(self.parameters[1:4] / self.mass)
+
+    def to_json(self) -> dict[str, Any]:
+        """A document ``excite.load/1``."""
+        rows = zip(_NAMES, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True)
+        return {
+            "schema": "excite.load/1",
+            "parameters": {
+                name: {
+                    "value": float(value),
+                    "half_width_95": float(half),
+                    "unit": unit,
+                    "determined": bool(told),
+                }
+                for name, unit, value, half, told in rows
+            },
+            "center_of_mass": None if self.center is None else self.center.tolist(),
+            "gains": dict(self.gains),
+            "gains_source": self.gains_source,
+            "left": dict(self.left),
+        }
+
+    def summary(self) -> str:
+        """Mass, first moments and what is not determined, in lines."""
+        lines = []
+        for name, unit, value, half, told in zip(
+            _NAMES, _UNITS, self.parameters, self.half_width_95, self.determined, strict=True
+        ):
+            if told and half > 0.0:
+                lines.append(f"{name:>4} {value:8.4f} ± {half:.4f} {unit} (95 %)")
+            elif told:
+                lines.append(f"{name:>4} {value:8.4f} {unit} (stated)")
+        lost = [name for name, told in zip(_NAMES, self.determined, strict=True) if not told]
+        if lost:
+            lines.append(f"these motions do not tell {', '.join(lost)}")
+        lines.append(f"gains: {self.gains_source}")
+        left = ", ".join(f"{name} {100 * value:.1f} %" for name, value in self.left.items())
+        return "\n".join([*lines, f"left of the torques: {left}"])
+
+
+@one_blas_thread
+def weigh_load(
+    robot: Robot,
+    without: Log,
+    loaded: Log,
+    *,
+    mass: float | None = None,
+    calibration: tuple[Log, float] | None = None,
+    settings: ProblemSettings | None = None,
+) -> WeighedLoad:
+    """Identify a load from a log without it and one with it.
+
+    Mass and torque scales are only known together. So either the load's ``mass`` is known, and tells the gains and the
+    rest of the load; or a ``calibration`` load of known mass tells the gains first; or else the log's torque constants
+    are believed.
+
+    Args:
+        robot: the robot without load.
+        without: log of currents or torques; all its trials are used.
+        loaded: the like with the load on the last link, best the same motions.
+        mass: of the load [kg], where it was weighed.
+        calibration: a log with another load on the last link, and that one's mass [kg].
+        settings: filters and drive terms; its drive gains are not used.
+
+    Returns:
+        The load, with what of it the motions determine.
+
+    Raises:
+        InputError: a mass is not positive, or both ways to the gains are given.
+        LogError: the logs do not both hold currents, or torques, of the same joints.
+    """
+    if mass is not None and calibration is not None:
+        raise InputError(
+            "is stated beside a calibration load", source="load", field="mass", remedy="give one of both"
+        )
+    if mass is not None:
+        found = identify_drive_gains(robot, without, loaded, mass, settings)
+        return _weighed(found, f"from the stated mass of {mass:g} kg")
+    if calibration is None:
+        gains = _stated_gains(without)
+        found = identify_load(robot, without, loaded, gains, settings)
+        return _weighed(found, "as the log states them; what they are off, the load is too")
+    found = identify_load_by_calibration(robot, without, calibration, loaded, settings)
+    return _weighed(found, f"from a calibration load of {calibration[1]:g} kg")
+
+
+def _weighed(found: DriveGains, source: str) -> WeighedLoad:
+    half = student.ppf(0.975, len(found.gains_left_out) - 1) * found.load_std
+    return WeighedLoad(
+        parameters=found.load,
+        half_width_95=half,
+        determined=(found.load_seen > _SEEN) & (np.abs(found.load) > half),
+        gains=found.by_joint,
+        gains_source=source,
+        left=dict(zip(found.joints, (found.residual / found.signal).tolist(), strict=True)),
+    )
+
+
+def _stated_gains(log: Log) -> dict[str, float]:
+    """Torque constants of a log of currents, ones for a log of torques."""
+    if log.header.torque != "current":
+        return dict.fromkeys(log.header.torque_joints, 1.0)
+    return {
+        name: log.header.torque_constants[name]
+        for name in log.header.torque_joints
+        if name in log.header.torque_constants
+    }

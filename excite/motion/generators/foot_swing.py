@@ -1,0 +1,154 @@
+"""A robot on three feet or more lifts one of them and swings it over the others' support polygon."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.motion.generators.bodyparts import (
+    central_range,
+    has_area,
+    leg_joints,
+    pelvis_height,
+    rest_joints,
+    support_centre,
+    support_corners,
+)
+from excite.motion.generators.candidate import Candidate, SupportPhase
+from excite.motion.generators.curves import SplineCurve
+from excite.motion.generators.generator import Generator
+from excite.motion.generators.random_joint import posture_curve, posture_draws
+from excite.robot.robot import Foot, Robot
+
+_SWINGS = (12, 20)
+# How far the free leg's joints go from rest [rad], and the share of their range that they stay in.
+_REACH, _RANGE = 0.9, 0.8
+# In shares of the trunk's height: lowest corner of the free foot, its lift before and after the swings.
+_CLEARANCE, _LIFT = 0.08, 0.12
+# Heights of the free foot at the start and the end, in shares of the lift: it touches down slowly.
+_UP, _SETTLE = (0.06, 1.0), (1.0, 0.3, 0.1, 0.035)
+# Random motion of the trunk meanwhile: height [share of its own], roll, pitch, yaw [rad].
+_TRUNK = (0.04, 0.08, 0.08, 0.1)
+# Rate of the path while the weight shifts [1/s]: the shift takes three units of it.
+_SHIFT_RATE = 2.0
+# Longest distance from hip to foot, in shares of the leg's length when it is straight.
+_STRETCH = 0.95
+_ARMS = (0.03, 0.2)
+_DRAWS = 2000
+
+
+class FootSwing(Generator):
+    """Shift the weight over all feet but one, lift that one, swing it at random, put it back where it was."""
+
+    name: ClassVar[str] = "foot_swing"
+    summary: ClassVar[str] = "one foot of three or more is lifted and swung, the others carry"
+    needs: ClassVar[str] = "it needs three feet or more, and an area between those that stay down"
+
+    def applies(self, robot: Robot) -> bool:
+        """For a robot that can stand on all feet but one."""
+        return bool(self._free_feet(robot))
+
+    def _free_feet(self, robot: Robot) -> list[Foot]:
+        if len(robot.feet) < 3:
+            return []
+        return [f for f in robot.feet if has_area(support_corners(robot, _others(robot, f)))]
+
+    def aims(self, robot: Robot) -> tuple[str, ...]:
+        """The joints of legs that may be lifted, one of each leg in turn."""
+        legs = [leg_joints(robot, foot) for foot in self._free_feet(robot)]
+        longest = max(map(len, legs), default=0)
+        return tuple(robot.joint_names[leg[k]] for k in range(longest) for leg in legs if k < len(leg))
+
+    def draw(self, robot: Robot, seed: int, targets: tuple[str, ...], name: str) -> Candidate:
+        """A candidate whose free leg is the one that holds the first target."""
+        rng = np.random.default_rng(seed)
+        free = self._free_feet(robot)
+        target = robot.joint_index(targets[0])
+        swing = next((foot for foot in free if target in leg_joints(robot, foot)), free[0])
+        stance = _others(robot, swing)
+        data = robot.model.createData()
+        centre = np.array(pin.centerOfMass(robot.model, data, robot.rest))[:2]
+        shift = support_centre(robot, stance, centre) - centre
+        height = pelvis_height(robot)
+        points = _swings(robot, swing, np.append(shift, 0.0), int(rng.integers(*_SWINGS)), rng)
+        lift, land = 6, 6 + len(points)
+        m = land + 6
+        com, foot, trunk = np.zeros((m, 2)), np.zeros((m, 6)), np.zeros((m, 4))
+        com[3 : land + 3] = shift
+        foot[lift:land] = points
+        moving = slice(lift + len(_UP), land - len(_SETTLE))
+        turns = np.array(_TRUNK) * [height, 1.0, 1.0, 1.0]
+        trunk[moving] = rng.uniform(-1.0, 1.0, size=(moving.stop - moving.start, 4)) * turns
+        draws = posture_draws(robot, targets, rng.uniform(*_ARMS, size=robot.n_joints), 4, m - 4)
+        every, carrying = tuple(f.name for f in robot.feet), tuple(f.name for f in stance)
+        # The span that starts at parameter i is the first that control point i + 3 acts on.
+        start, end = float(lift - 3), float(land)
+        return Candidate(
+            name,
+            self.name,
+            targets,
+            seed,
+            posture_curve(robot, draws, m, rng),
+            draws=draws,
+            pelvis=SplineCurve(trunk),
+            com=SplineCurve(com),
+            feet={swing.name: SplineCurve(foot)},
+            phases=(
+                SupportPhase(0.0, start, every, _SHIFT_RATE),
+                SupportPhase(start, end, carrying),
+                SupportPhase(end, float(m - 3), every, _SHIFT_RATE),
+            ),
+        )
+
+
+def _others(robot: Robot, foot: Foot) -> list[Foot]:
+    return [other for other in robot.feet if other.name != foot.name]
+
+
+def _swings(robot: Robot, swing: Foot, shift: Array, n: int, rng: np.random.Generator) -> Array:
+    """Displacements of the free foot, ``(up to n + 6, 6)``: first and last straight above where it stood.
+
+    The others are where random joint positions of the leg bring it with the trunk shifted; draws too low or out of
+    the leg's reach are thrown away.
+    """
+    data, height = robot.model.createData(), pelvis_height(robot)
+    up, settle = np.zeros((len(_UP), 6)), np.zeros((len(_SETTLE), 6))
+    up[:, 2], settle[:, 2] = np.array(_UP) * _LIFT * height, np.array(_SETTLE) * _LIFT * height
+    lower, upper = central_range(robot, _RANGE)
+    leg = np.array(leg_joints(robot, swing))
+    rest = rest_joints(robot)[leg]
+    lower, upper = np.maximum(lower[leg], rest - _REACH), np.minimum(upper[leg], rest + _REACH)
+    lower, upper = np.minimum(lower, rest), np.maximum(upper, rest)
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    ground, turned = np.array(data.oMi[swing.joint].act(swing.placement.translation)), data.oMi[swing.joint]
+    sole_turn = np.array(turned.rotation)
+    hip = robot.model.getJointId(robot.joint_names[leg[0]])
+    length = sum(
+        float(np.linalg.norm(robot.model.jointPlacements[j].translation)) for j in _beyond(robot, hip, swing)
+    )
+    length += float(np.linalg.norm(swing.placement.translation))
+    q = robot.rest.copy()
+    q[:3] += shift
+    points = np.zeros((n, 6))
+    found = 0
+    for _ in range(_DRAWS):
+        if found == n:
+            break
+        q[robot.n_base_q + leg] = rng.uniform(lower, upper)
+        pin.forwardKinematics(robot.model, data, q)
+        pose = data.oMi[swing.joint]
+        low = (swing.sole @ pose.rotation[2]).min() + pose.translation[2]
+        sole = np.array(pose.act(swing.placement.translation))
+        near = np.linalg.norm(sole - data.oMi[hip].translation) <= _STRETCH * length
+        if near and low > _CLEARANCE * height:
+            points[found] = np.r_[sole - ground, pin.log3(pose.rotation @ sole_turn.T)]
+            found += 1
+    return np.vstack([up, points[:found], settle])
+
+
+def _beyond(robot: Robot, hip: int, foot: Foot) -> list[int]:
+    """Joints of a leg after its first."""
+    return [int(joint) for joint in robot.model.supports[foot.joint] if joint > hip]

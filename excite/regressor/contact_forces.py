@@ -1,0 +1,119 @@
+"""Joint torque equations of a robot whose contact forces nobody measures, with those forces taken out.
+
+With generalised forces ``[0; τ] = Y φ − Aᵣ f`` of base and joints, ``Aᵣ`` the transposed Jacobian of what the closed
+contacts can transmit, the base's rows give the forces but for those that the contacts exert against each other,
+``f = A_b⁺ Y_b φ + Z λ``, and what is left of the joints' rows has λ projected out (Mistry, Buchli and Schaal 2010;
+for identification Khorshidi et al. 2024). Both steps are linear, so a matrix a sample does them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.robot.joint_values import per_joint
+from excite.robot.robot import Foot, Robot
+
+# Length that makes moments comparable with forces: the distance between feet [m].
+_LENGTH = 0.3
+# Singular values below this share of the largest count as zero: two point feet transmit no moment about the line
+# between them, to rounding; anything that contacts do transmit is far above.
+_SINGULAR = 1e-6
+
+
+def contact_elimination(robot: Robot, q: Array, closed: NDArray[np.bool_]) -> Array:
+    """Matrices that take generalised forces to joint torques without contact forces.
+
+    Applied to ``Y φ`` and to ``[0; τ]`` alike they give equal sides, whatever the contact forces are. A robot that
+    hangs keeps its joints' rows alone, and so does one that is in the air.
+
+    Args:
+        robot: a robot with a free base.
+        q: ``(n, nq)`` configurations.
+        closed: ``(n, n_feet)`` which feet carry.
+
+    Returns:
+        ``(n, n_joints, 6 + n_joints)``; the rows of a sample have rank ``n_joints`` less the number of forces that
+        contacts can exert against each other.
+    """
+    n, nb = len(q), robot.n_base_v
+    rows = np.zeros((n, robot.n_joints, robot.model.nv))
+    rows[:, :, nb:] = np.eye(robot.n_joints)
+    if not robot.feet:
+        return rows
+    ones = np.ones(robot.n_joints)
+    weight = 1.0 / per_joint(robot.description.sensors.noise_torque, robot.joint_names, ones)
+    patterns, member = np.unique(closed, axis=0, return_inverse=True)
+    for k, pattern in enumerate(patterns):
+        feet = [foot for foot, on in zip(robot.feet, pattern, strict=True) if on]
+        if feet:
+            at = np.flatnonzero(member.ravel() == k)
+            rows[at] = _eliminate(contact_maps(robot, q[at], feet), weight)
+    return rows
+
+
+def stances(robot: Robot, n: int) -> NDArray[np.bool_]:
+    """Contact flags of ``n`` samples, ``(n, n_feet)``: in turn all feet down, and each of several in the air."""
+    n_feet = len(robot.feet)
+    patterns = np.vstack([np.ones((1, n_feet)), 1.0 - np.eye(n_feet) if n_feet > 1 else np.ones((1, n_feet))])
+    return np.asarray(patterns[np.arange(n) % len(patterns)] > 0.5)
+
+
+def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
+    """Generalised forces per unit of what feet can transmit, ``(n, nv, k)``.
+
+    A point foot transmits three forces, a ball where it is lowest, an edge six on two points (of rank five), a sole
+    a force and a moment.
+
+    Args:
+        robot: a robot with a free base.
+        q: ``(n, nq)`` configurations.
+        feet: those that carry.
+    """
+    model, data = robot.model, robot.model.createData()
+    maps = np.empty((len(q), model.nv, sum(6 if foot.flat else 3 * len(foot.sole) for foot in feet)))
+    for i, row in enumerate(q):
+        pin.computeJointJacobians(model, data, row)
+        wrenches = [_wrenches(foot, data.oMi[foot.joint].rotation[2]) for foot in feet]
+        maps[i] = np.hstack(
+            [
+                pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL).T @ wrench
+                for foot, wrench in zip(feet, wrenches, strict=True)
+            ]
+        )
+    return maps
+
+
+def _wrenches(foot: Foot, up: Array) -> Array:
+    """Wrenches at the joint's origin, in its frame, that a foot can transmit, ``(6, k)``; ``up`` in that frame."""
+    if foot.flat:
+        return np.eye(6)
+    if foot.radius > 0.0:
+        touching = foot.sole[0] + foot.radius * (foot.placement.rotation[:, 2] - up)
+        return np.vstack([np.eye(3), pin.skew(touching)])
+    return np.hstack([np.vstack([np.eye(3), pin.skew(corner)]) for corner in foot.sole])
+
+
+def _eliminate(maps: Array, weight: Array) -> Array:
+    """The matrices of samples with the same contacts, from ``(n, nv, k)``; ``weight``: one over torques' noise."""
+    n, nv, k = maps.shape
+    base, joints = maps[:, :6].copy(), maps[:, 6:]
+    base[:, 3:] /= _LENGTH
+    u, s, vt = np.linalg.svd(base)
+    rank_s = np.zeros((n, k))
+    rank_s[:, : s.shape[1]] = np.where(s > _SINGULAR * s[:, :1], s, 0.0)
+    known = rank_s > 0.0
+    inverse = np.where(known, 1.0 / np.where(known, rank_s, 1.0), 0.0)
+    width = s.shape[1]
+    pinv = (vt.transpose(0, 2, 1)[:, :, :width] * inverse[:, None, :width]) @ u[:, :, :width].transpose(
+        0, 2, 1
+    )
+    pinv[:, :, 3:] /= _LENGTH
+    inner = weight[:, None] * (joints @ (vt.transpose(0, 2, 1) * ~known[:, None, :]))
+    left, size, _ = np.linalg.svd(inner, full_matrices=False)
+    left = left * (size > _SINGULAR * weight.max())[:, None, :]
+    free = np.eye(nv - 6) - left @ left.transpose(0, 2, 1)
+    free = free * weight / weight[:, None]
+    return np.asarray(np.concatenate([-free @ joints @ pinv, free], axis=2))

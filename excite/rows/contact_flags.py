@@ -1,0 +1,45 @@
+"""Contact flags of a trial on the grid of its kinematics."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from excite.arrays import Array
+from excite.errors import LogError
+from excite.logs.log import Trial
+from excite.robot.robot import Robot
+
+
+def closed_on_grid(robot: Robot, trial: Trial, grid: Array) -> NDArray[np.bool_]:
+    """Which feet carry, ``(n, n_feet)``: each flag as at the last sample before.
+
+    Args:
+        robot: the robot in the log; one without feet, which hangs, has no flags.
+        trial: the trial.
+        grid: ``(n,)`` [s].
+
+    Raises:
+        LogError: a foot has no flag.
+    """
+    for foot in robot.feet:
+        if foot.name not in trial.contacts:
+            raise LogError(
+                "is missing",
+                source=trial.name,
+                field=f"contact.{foot.name}",
+                remedy="log whether the foot carries (1) or not (0), or add sensors of its contact wrench",
+            )
+    last = np.clip(np.searchsorted(trial.time, grid + 1e-9, side="right") - 1, 0, len(trial.time) - 1)
+    flags = [np.asarray(trial.contacts[foot.name], dtype=bool)[last] for foot in robot.feet]
+    return np.column_stack(flags) if flags else np.zeros((len(grid), 0), dtype=bool)
+
+
+def near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+    """Samples within ``samples`` of a change of any flag, ``(n,)``."""
+    change = np.zeros(len(closed), dtype=bool)
+    differ = (closed[1:] != closed[:-1]).any(axis=1)
+    change[1:] |= differ
+    change[:-1] |= differ
+    return np.asarray(binary_dilation(change, iterations=samples)) if samples > 0 else change

@@ -1,0 +1,117 @@
+"""What became of candidates: each, and all of them counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from excite.motion.motion import Motion
+from excite.robot.robot import Robot
+from excite.safety.refusals import RefusalTally, Refused
+from excite.safety.repairs.draft import Rejection
+from excite.safety.verdict import Verdict
+
+# Rejected candidates whose places are remembered, so that they can be tried again with a change.
+_FIRST = 64
+
+
+@dataclass(frozen=True, eq=False)
+class FilterOutcome:
+    """What became of one candidate.
+
+    Attributes:
+        candidate: its name.
+        generator: its generator.
+        motion: the motion, None if rejected or handed to ``keep``.
+        verdict: the independent verdict, None if no motion came out of the repairs.
+        rejection: why it was rejected, None if accepted.
+        seconds: processor time by stage [s]; stages are ``draw`` of a proposal, the repairs and ``check``.
+        kept: what ``keep`` made of an accepted motion.
+    """
+
+    candidate: str
+    generator: str
+    motion: Motion | None
+    verdict: Verdict | None
+    rejection: Rejection | None
+    seconds: Mapping[str, float]
+    kept: Any = None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the motion may be run."""
+        return self.rejection is None
+
+
+@dataclass(frozen=True, eq=False)
+class FilterReport:
+    """What became of all candidates, in their order.
+
+    Attributes:
+        generated: number of candidates.
+        outcomes: one per candidate; none where accepted motions were handed to ``keep``, so that memory does not grow
+            with the number of candidates.
+        kept: what ``keep`` made of the accepted motions.
+        rejected: number of rejected candidates by reason, the commonest first.
+        acceptance: share of accepted candidates by generator.
+        stage_seconds: processor time by stage, over all candidates and processes [s].
+        refused: what refuses them, by pair of links, joint, contact or limit, the commonest first.
+        first_refused: indices of the first rejected candidates, a few.
+    """
+
+    generated: int
+    outcomes: tuple[FilterOutcome, ...]
+    kept: tuple[Any, ...]
+    rejected: dict[str, int]
+    acceptance: dict[str, float]
+    stage_seconds: dict[str, float]
+    refused: tuple[Refused, ...] = ()
+    first_refused: tuple[int, ...] = ()
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The accepted motions, but for those handed to ``keep``."""
+        return tuple(o.motion for o in self.outcomes if o.accepted and o.motion is not None)
+
+    def summary(self) -> str:
+        """One line for a person."""
+        reasons = ", ".join(f"{count} {reason}" for reason, count in self.rejected.items())
+        accepted = self.generated - sum(self.rejected.values())
+        return f"{accepted} of {self.generated} candidates accepted" + (
+            f"; rejected: {reasons}" if reasons else ""
+        )
+
+
+def counted(robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool) -> FilterReport:
+    """Count outcomes as they come; they are held where the report is to be ``whole``."""
+    held: list[FilterOutcome] = []
+    kept: list[Any] = []
+    made, accepted, reasons = Counter[str](), Counter[str](), Counter[str]()
+    seconds: dict[str, float] = {}
+    tally, first = RefusalTally(robot), []
+    for index, outcome in enumerate(outcomes):
+        made[outcome.generator] += 1
+        accepted[outcome.generator] += outcome.accepted
+        if outcome.rejection is not None:
+            reasons[outcome.rejection.reason] += 1
+            tally.add(outcome.rejection, outcome.verdict)
+            if len(first) < _FIRST:
+                first.append(index)
+        elif outcome.kept is not None:
+            kept.append(outcome.kept)
+        for stage, spent in outcome.seconds.items():
+            seconds[stage] = seconds.get(stage, 0.0) + spent
+        if whole:
+            held.append(outcome)
+    return FilterReport(
+        generated=made.total(),
+        outcomes=tuple(held),
+        kept=tuple(kept),
+        rejected=dict(sorted(reasons.items(), key=lambda item: (-item[1], item[0]))),
+        acceptance={name: accepted[name] / count for name, count in sorted(made.items())},
+        stage_seconds=seconds,
+        refused=tally.refused(),
+        first_refused=tuple(first),
+    )

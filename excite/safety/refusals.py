@@ -1,0 +1,163 @@
+"""What refuses candidates: by pair of links, joint, contact or limit, how many, and the worst of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from excite.robot.robot import Robot
+from excite.safety.repairs.draft import Rejection
+from excite.safety.repairs.time_scaling import SPEED_SHARE
+from excite.safety.verdict import Verdict
+
+# Refusals that a summary lists; the documents have all.
+_LISTED = 5
+_SMALLER_IS_WORSE = frozenset(
+    {"self_collision", "zmp", "com", "weight_share", "foot_below_ground", "rate_too_low"}
+)
+_UNITS = {
+    "self_collision": "m",
+    "zmp": "m",
+    "com": "m",
+    "foot_lifted": "m",
+    "foot_below_ground": "m",
+    "foot_slip": "m",
+    "foot_slip_speed": "m/s",
+    "joint_position": "rad",
+    "joint_velocity": "rad/s",
+    "joint_acceleration": "rad/s²",
+    "joint_jerk": "rad/s³",
+    "joint_torque": "N·m",
+}
+_SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "rad/s³": "m/s³", "N·m": "N"}
+
+
+@dataclass(frozen=True)
+class Refused:
+    """One thing that refuses candidates.
+
+    Attributes:
+        reason: what is violated, such as ``self_collision`` or ``joint_torque``.
+        where: pair of links, joint, foot or contact.
+        candidates: how many candidates it refuses; one that breaks several limits is counted with each.
+        worst: the value furthest from its limit, None where there is no number.
+        limit: what it must not pass, same unit.
+        unit: of both; empty where there is none.
+        time_s: when the worst happens in its motion [s], None where it has no time.
+        candidate: whose the worst is.
+    """
+
+    reason: str
+    where: str
+    candidates: int
+    worst: float | None
+    limit: float | None
+    unit: str
+    time_s: float | None
+    candidate: str
+
+    @property
+    def excess(self) -> float:
+        """How far the worst is beyond its limit."""
+        if self.worst is None or self.limit is None:
+            return float("-inf")
+        if self.reason == "joint_position":
+            return abs(self.worst - self.limit)
+        below = self.unit == SPEED_SHARE or (
+            self.reason in _SMALLER_IS_WORSE and self.unit != "of its weight"
+        )
+        return self.limit - self.worst if below else self.worst - self.limit
+
+    def to_json(self) -> dict[str, Any]:
+        """The entry in a document."""
+        return {
+            "reason": self.reason,
+            "where": self.where,
+            "candidates": self.candidates,
+            "worst": self.worst,
+            "limit": self.limit,
+            "unit": self.unit,
+            "time_s": self.time_s,
+            "candidate": self.candidate,
+        }
+
+    def __str__(self) -> str:
+        text = f"{self.reason} of {self.where}"
+        if self.worst is not None and self.limit is not None:
+            text += f": {self.worst:.3g} {self.unit}".rstrip() + f" (limit {self.limit:.3g})"
+        return text if self.time_s is None else f"{text} at {self.time_s:.2f} s"
+
+
+class RefusalTally:
+    """Counts refusals as outcomes come: memory grows with what refuses, never with the number of candidates."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._sliding = _sliding_joints(robot)
+        self._found: dict[tuple[str, str], Refused] = {}
+
+    def add(self, rejection: Rejection, verdict: Verdict | None) -> None:
+        """Count one refused candidate, once for each thing that refuses it."""
+        seen: dict[tuple[str, str], Refused] = {}
+        for found in self._causes(rejection, verdict):
+            key = (found.reason, found.where)
+            if key not in seen or found.excess > seen[key].excess:
+                seen[key] = found
+        for key, found in seen.items():
+            known = self._found.get(key)
+            if known is not None:
+                worse = found if found.excess > known.excess else known
+                found = replace(worse, candidates=known.candidates + 1)
+            self._found[key] = found
+
+    def refused(self) -> tuple[Refused, ...]:
+        """All that refuses, the commonest first."""
+        return tuple(
+            sorted(self._found.values(), key=lambda item: (-item.candidates, item.reason, item.where))
+        )
+
+    def _causes(self, rejection: Rejection, verdict: Verdict | None) -> Iterable[Refused]:
+        if verdict is None or not verdict.violations:
+            reason = rejection.reason.removeprefix("check_")
+            where = rejection.where.removeprefix("transfer, ")
+            unit = rejection.unit or self._unit(reason, where)
+            yield Refused(
+                reason,
+                where,
+                1,
+                rejection.value,
+                rejection.limit,
+                unit,
+                rejection.time_s,
+                rejection.candidate,
+            )
+            return
+        for item in verdict.violations:
+            where = item.where
+            if item.kind == "self_collision":
+                # Shapes are named after their links and numbered.
+                where = " - ".join(name.rsplit("_", 1)[0] for name in where.split(" - "))
+            unit = self._unit(item.kind, where)
+            yield Refused(item.kind, where, 1, item.value, item.limit, unit, item.time_s, rejection.candidate)
+
+    def _unit(self, reason: str, where: str) -> str:
+        unit = _UNITS.get(reason, "")
+        return _SLIDING.get(unit, unit) if where in self._sliding else unit
+
+
+def refusals_table(refused: Iterable[Refused], generated: int) -> str:
+    """A few lines for a person: how many candidates each refuses, and the worst; empty where nothing does."""
+    items = tuple(refused)
+    lines = [f"{item.candidates:>6} of {generated}  {item}" for item in items[:_LISTED]]
+    if len(items) > _LISTED:
+        lines.append(f"        and {len(items) - _LISTED} more")
+    return "\n".join(["refused by (the worst of each):", *lines]) if lines else ""
+
+
+def _sliding_joints(robot: Robot) -> frozenset[str]:
+    model = robot.model
+    return frozenset(
+        name
+        for name in robot.joint_names
+        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
+    )

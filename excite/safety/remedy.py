@@ -1,0 +1,187 @@
+"""The one change most likely to help: what refuses candidates is lifted, and those that then pass are counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from excite.motion.generators.candidate import Candidate
+from excite.motion.generators.proposal import Proposal
+from excite.motion.motion import Motion
+from excite.parallel.jobs import Jobs
+from excite.robot.robot import Robot
+from excite.robot.shapes.collision import TABLE
+from excite.safety.filter import filter_candidates
+from excite.safety.refusals import Refused
+
+# Refused candidates that are tried again with each change, and changes that are tried: some 30 candidates' work at
+# most, beside the 140 that a plan generates.
+TRIED = 8
+_CHANGES = 3
+# How often refusals that come to light are lifted too: pairs that always touch are few, or the posture is wrong.
+_ROUNDS = 4
+# Beyond any drive: in rad and s, or m and s, and N·m or N.
+_UNLIMITED = {"velocity": 20.0, "acceleration": 100.0, "jerk": 1e4, "torque": 1e4}
+# Soles whose corners lie this much further out [m]: no posture of a standing robot leaves these.
+_LARGER_M = 0.5
+_MORE_FRICTION = 10.0
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """A change, and how many refused candidates pass with it.
+
+    Attributes:
+        change: what to do, in words.
+        reason: of the refusals that it takes away.
+        where: places of them.
+        passes: how many of the tried candidates pass.
+        tried: how many were tried.
+    """
+
+    change: str
+    reason: str
+    where: tuple[str, ...]
+    passes: int
+    tried: int
+
+    def to_json(self) -> dict[str, Any]:
+        """The entry in a document."""
+        return {**asdict(self), "where": list(self.where)}
+
+    def __str__(self) -> str:
+        return (
+            f"{self.change}: {self.passes} of {self.tried} refused candidates that were tried again pass then"
+        )
+
+
+def find_remedy(
+    robot: Robot, refused: Sequence[Refused], candidates: Sequence[Candidate | Proposal], *, jobs: Jobs = 1
+) -> Remedy | None:
+    """The change with which most refused candidates pass, counted by trying.
+
+    Each of the commonest refusals is lifted alone, then all of the commonest reason together. A change that
+    cannot be tried, because no entry of ``robot.yaml`` says it (legs that do not reach), is none.
+
+    Args:
+        robot: the robot.
+        refused: what refuses its candidates, the commonest first.
+        candidates: refused ones.
+        jobs: number of processes, or an executor; the answer does not depend on it.
+
+    Returns:
+        The change; None if no change lets any of them pass.
+    """
+    best: Remedy | None = None
+    for group in _groups(refused) if candidates else []:
+        tried = _tried(robot, group, candidates, jobs)
+        if tried is not None and tried.passes > (0 if best is None else best.passes):
+            best = tried
+    return best
+
+
+def _tried(
+    robot: Robot, group: tuple[Refused, ...], candidates: Sequence[Candidate | Proposal], jobs: Jobs
+) -> Remedy | None:
+    """Candidates tried without some refusals; None where these cannot be lifted.
+
+    Candidates are given up at the first pair that touches, so that others come to light only once that is lifted:
+    where all of a reason go together, these go too.
+    """
+    for _ in range(_ROUNDS):
+        lifted = _lifted(robot, group)
+        if lifted is None:
+            return None
+        report = filter_candidates(lifted, candidates, jobs=jobs, keep=_nothing)
+        passes = report.generated - sum(report.rejected.values())
+        more = tuple(item for item in report.refused if item.reason == group[0].reason)
+        if passes or len(group) == 1 or not more:
+            break
+        group += more
+    places = tuple(item.where for item in group)
+    return Remedy(_in_words(group), group[0].reason, places, passes, len(candidates))
+
+
+def _nothing(robot: Robot, motion: Motion) -> None:
+    """Keeps no motion."""
+
+
+def _groups(refused: Sequence[Refused]) -> list[tuple[Refused, ...]]:
+    single: list[tuple[Refused, ...]] = [(item,) for item in refused[:_CHANGES]]
+    alike = tuple(item for item in refused if item.reason == refused[0].reason) if refused else ()
+    return [*single, alike] if len(alike) > 1 else single
+
+
+def _lifted(robot: Robot, group: Sequence[Refused]) -> Robot | None:
+    """A robot that is not refused for this; None where nothing can be lifted."""
+    lift = _LIFTS.get(group[0].reason)
+    if lift is None:
+        return None
+    changed = lift(robot, tuple(item.where for item in group))
+    places = ", ".join(item.where for item in group)
+    # Collision geometry is remembered by this.
+    return replace(changed, hash=f"{robot.hash}, without {group[0].reason} of {places}")
+
+
+def _without_pairs(robot: Robot, where: tuple[str, ...]) -> Robot:
+    block = robot.description.collision
+    pairs = [tuple(pair.split(" - ")) for pair in where]
+    links = tuple(pair for pair in pairs if TABLE not in pair)
+    changes: dict[str, object] = {"ignored_pairs": (*block.ignored_pairs, *links)}
+    if len(links) < len(pairs):
+        changes["table_height"] = None
+    block = block.model_copy(update=changes)
+    return replace(robot, description=robot.description.model_copy(update={"collision": block}))
+
+
+def _without_limit(kind: str) -> Callable[[Robot, tuple[str, ...]], Robot]:
+    def lift(robot: Robot, where: tuple[str, ...]) -> Robot:
+        values = getattr(robot.limits, kind).copy()
+        values[[robot.joint_names.index(joint) for joint in where]] = max(
+            _UNLIMITED[kind], 10.0 * float(np.max(values))
+        )
+        return replace(robot, limits=replace(robot.limits, **{kind: values}))
+
+    return lift
+
+
+def _larger_soles(robot: Robot, where: tuple[str, ...]) -> Robot:
+    feet = []
+    for foot in robot.feet:
+        out = foot.sole - foot.sole.mean(axis=0)
+        out = out / np.linalg.norm(out, axis=1, keepdims=True)
+        feet.append(replace(foot, sole=foot.sole + _LARGER_M * out))
+    return replace(robot, feet=tuple(feet))
+
+
+def _more_friction(robot: Robot, where: tuple[str, ...]) -> Robot:
+    return replace(
+        robot, feet=tuple(replace(foot, friction=_MORE_FRICTION * foot.friction) for foot in robot.feet)
+    )
+
+
+_LIFTS: dict[str, Callable[[Robot, tuple[str, ...]], Robot]] = {
+    "self_collision": _without_pairs,
+    **{f"joint_{kind}": _without_limit(kind) for kind in _UNLIMITED},
+    "zmp": _larger_soles,
+    "com": _larger_soles,
+    "friction": _more_friction,
+}
+
+
+def _in_words(group: Sequence[Refused]) -> str:
+    reason, places = group[0].reason, ", ".join(item.where for item in group)
+    if reason == "self_collision" and any(TABLE in item.where.split(" - ") for item in group):
+        return f"move {places} apart, lower collision.table_height, or start from another posture.joints"
+    if reason == "self_collision":
+        return f"name {places} in collision.ignored_pairs if they may touch, or change posture.joints"
+    if reason in {"zmp", "com"}:
+        return (
+            "state the true size of the soles, or a posture.joints with the centre of mass above their middle"
+        )
+    if reason == "friction":
+        return "state the true friction of the feet"
+    return f"raise limits.{reason.removeprefix('joint_')} of {places}, if the drives allow it"

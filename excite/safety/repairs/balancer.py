@@ -1,0 +1,197 @@
+"""Base and legs that keep feet, centre of mass and pelvis where they belong (placo)."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from defusedxml.ElementTree import fromstring
+from scipy.spatial.transform import Rotation
+
+from excite.arrays import Array
+from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
+from excite.motion.generators.candidate import Candidate
+from excite.robot.robot import Foot, Robot
+
+_TOLERANCE = 1e-9
+_ITERATIONS = 12
+
+
+def _kinematic_urdf(robot: Robot) -> str:
+    """The URDF without visual and collision elements, and with a link at the middle of each sole that is not flat.
+
+    placo would read every mesh, 250 MB on a G1.
+    """
+    root = fromstring(robot.urdf)
+    for link in root.iter("link"):
+        for kind in ("visual", "collision"):
+            for element in link.findall(kind):
+                link.remove(element)
+    for foot in robot.feet:
+        if not foot.flat:
+            corners = next(block.sole for block in robot.description.feet if block.name == foot.name)
+            joint = ElementTree.SubElement(root, "joint", name=_tip(foot) + "/joint", type="fixed")
+            ElementTree.SubElement(joint, "parent", link=foot.link)
+            ElementTree.SubElement(joint, "child", link=_tip(foot))
+            ElementTree.SubElement(
+                joint, "origin", xyz=" ".join(map(repr, np.mean(corners, axis=0).tolist()))
+            )
+            ElementTree.SubElement(root, "link", name=_tip(foot))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _tip(foot: Foot) -> str:
+    return f"{foot.link}/{foot.name}/tip"
+
+
+class Balancer:
+    """placo's kinematics solver with hard tasks, and the targets that they follow."""
+
+    def __init__(self, robot: Robot) -> None:
+        import placo
+
+        self._robot = robot
+        self._wrapper = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _kinematic_urdf(robot))
+        model = self._wrapper.model
+        names = list(model.names)
+        # placo's model also has the joints that ours has locked, except those with mimics, which it drops.
+        self._index = np.r_[
+            np.arange(7), [model.joints[names.index(joint)].idx_q for joint in robot.joint_names]
+        ]
+        self._rest = np.array(self._wrapper.state.q)
+        for joint, value in robot.description.locked_joints.items():
+            if joint not in names:
+                continue
+            self._rest[model.joints[names.index(joint)].idx_q] = value
+        self._rest[self._index] = robot.rest
+        self._set(self._rest)
+        legs = {robot.joint_names[i] for foot in robot.feet for i in leg_joints(robot, foot)}
+        solver = placo.KinematicsSolver(self._wrapper)
+        solver.enable_joint_limits(False)
+        for joint in names[2:]:
+            if joint not in legs:
+                solver.mask_dof(joint)
+        self._feet = {}
+        for foot in robot.feet:
+            self._feet[foot.name] = _foot_task(solver, self._wrapper, robot, foot)
+        self._com_rest = np.array(self._wrapper.com_world())
+        self._com = solver.add_com_task(self._com_rest)
+        self._com.mask.set_axises("xy")
+        self._com.configure("com", "hard", 1.0)
+        pelvis = robot.segments[pelvis_joint(robot) - 1].link
+        self._pelvis_rest = np.array(self._wrapper.get_T_world_frame(pelvis))
+        self._turn = solver.add_orientation_task(pelvis, self._pelvis_rest[:3, :3])
+        self._turn.configure("pelvis_orientation", "hard", 1.0)
+        self._height = solver.add_position_task(pelvis, self._pelvis_rest[:3, 3])
+        self._height.mask.set_axises("z")
+        self._height.configure("pelvis_height", "hard", 1.0)
+        self._solver = solver
+        # Targets as every later solve leaves them: placo rounds a pose that it is handed.
+        self._reset_feet()
+
+    def _set(self, q: Array) -> None:
+        self._wrapper.state.q = q
+        self._wrapper.update_kinematics()
+
+    def solve(self, candidate: Candidate, s: Array, q: Array) -> int:
+        """Fill in base and legs of ``q`` ``(n, nq)`` row by row; returns the number of rows that were solved."""
+        pelvis = np.zeros((len(s), 4)) if candidate.pelvis is None else candidate.pelvis.evaluate(s)
+        com = np.zeros((len(s), 2)) if candidate.com is None else candidate.com.evaluate(s)
+        turn = Rotation.from_euler("xyz", pelvis[:, 1:]).as_matrix() @ self._pelvis_rest[:3, :3]
+        moved = {name: curve.evaluate(s) for name, curve in candidate.feet.items()}
+        guess = self._rest.copy()
+        before = guess.copy()
+        n_base = self._robot.n_base_q
+        free = np.setdiff1d(np.arange(len(self._rest)), self._index[n_base:])
+        legs = [i for foot in self._robot.feet for i in leg_joints(self._robot, foot)]
+        free = np.r_[free, self._index[n_base:][legs]]
+        for i in range(len(s)):
+            start = guess.copy()
+            start[self._index[n_base:]] = q[i, n_base:]
+            # Carry on as in the step before; the base turns little enough for that to be a guess.
+            start[free] = 2.0 * guess[free] - before[free]
+            start[3:7] /= np.linalg.norm(start[3:7])
+            self._com.target_world = self._com_rest + np.r_[com[i], 0.0]
+            self._turn.R_world_frame = turn[i]
+            self._height.target_world = self._pelvis_rest[:3, 3] + np.array([0.0, 0.0, pelvis[i, 0]])
+            for name, curve in moved.items():
+                self._feet[name].displace(curve[i])
+            if not self._converge(start):
+                self._reset_feet()
+                return i
+            before, guess = guess, np.array(self._wrapper.state.q)
+            q[i] = guess[self._index]
+        self._reset_feet()
+        return len(s)
+
+    def _converge(self, start: Array) -> bool:
+        self._set(start)
+        for _ in range(_ITERATIONS):
+            try:
+                step = self._solver.solve(True)
+            except RuntimeError:
+                return False
+            self._wrapper.update_kinematics()
+            size = np.abs(step).max()
+            if not np.isfinite(size) or size > 1.0:
+                return False
+            if size < _TOLERANCE:
+                return True
+            # Newton's steps shrink quadratically: after one this small nothing is left to gain.
+            if size < 1e-5:
+                return True
+        return False
+
+    def _reset_feet(self) -> None:
+        for task in self._feet.values():
+            task.reset()
+
+
+def _foot_task(solver: Any, wrapper: Any, robot: Robot, foot: Foot) -> _SoleTask | _TipTask:
+    if not foot.flat:
+        return _TipTask(solver, wrapper, foot)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.rest)
+    return _SoleTask(solver, wrapper, foot, np.array(data.oMi[foot.joint].act(foot.placement.translation)))
+
+
+class _SoleTask:
+    """Keeps a flat foot's six coordinates."""
+
+    def __init__(self, solver: Any, wrapper: Any, foot: Foot, sole: Array) -> None:
+        self._pose = np.array(wrapper.get_T_world_frame(foot.link))
+        self._task = solver.add_frame_task(foot.link, self._pose)
+        self._task.configure(foot.name, "hard", 1.0, 1.0)
+        self._sole = sole
+
+    def displace(self, displacement: Array) -> None:
+        self._task.T_world_frame = _displaced(self._pose, self._sole, displacement)
+
+    def reset(self) -> None:
+        self._task.T_world_frame = self._pose
+
+
+class _TipTask:
+    """Keeps the middle of a point foot or an edge; the link turns about it."""
+
+    def __init__(self, solver: Any, wrapper: Any, foot: Foot) -> None:
+        self._place = np.array(wrapper.get_T_world_frame(_tip(foot)))[:3, 3]
+        self._task = solver.add_position_task(_tip(foot), self._place)
+        self._task.configure(foot.name, "hard", 1.0)
+
+    def displace(self, displacement: Array) -> None:
+        self._task.target_world = self._place + displacement[:3]
+
+    def reset(self) -> None:
+        self._task.target_world = self._place
+
+
+def _displaced(pose: Array, sole: Array, displacement: Array) -> Array:
+    """A foot's pose moved by a translation, and turned by a rotation vector about its sole's centre."""
+    turn = Rotation.from_rotvec(displacement[3:]).as_matrix()
+    moved = np.eye(4)
+    moved[:3, :3] = turn @ pose[:3, :3]
+    moved[:3, 3] = sole + displacement[:3] + turn @ (pose[:3, 3] - sole)
+    return moved

@@ -1,0 +1,39 @@
+"""Drawn recordings of arms whose columns nobody explained: columns and units, and the torque that was turned."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.conversion.guess import guess
+from excite.conversion.machine import load_machine
+from excite.conversion.mapping import Map
+from excite.conversion.recording import merged_names
+from excite.conversion.sources.registry import read_source
+from tests.benchmarks.conversion import judge
+from tests.conversion.drawn import draw
+
+CASES, LEAST = 20, 19
+
+
+def understood(seed: int, folder) -> bool:
+    case = draw(seed, folder)
+    (recording,) = read_source(case.file)
+    found = guess(merged_names(recording), load_machine(case.robot), Map())
+    columns = {item.target: item.source for item in found.mapped}
+    right = all(
+        np.isclose(item.factor, case.factors[item.channel], rtol=1e-6)
+        for item in found.mapped
+        if item.channel in case.factors
+    )
+    return columns == case.columns and right and not found.questions
+
+
+def test_columns_and_units_are_understood(tmp_path):
+    assert sum(understood(seed, tmp_path) for seed in range(CASES)) >= LEAST
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_the_turned_torque_is_found_and_no_other(seed, tmp_path):
+    case = draw(seed, tmp_path)
+    assert judge(case, tmp_path / "log") == []

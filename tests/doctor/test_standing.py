@@ -1,0 +1,79 @@
+"""Simulated logs of a standing G1 made ill are named and mended; healthy ones raise no alarm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.doctor.doubt import Doubt
+from excite.doctor.examine import Chart, examine
+from excite.logs.log import Log
+from excite.motion.collection import load_motions
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from tests.doctor.standing_illnesses import STANDING_ILLNESSES, force_unit
+
+MOTIONS = Path(__file__).resolve().parents[2] / "motion_library" / "g1" / "motions"
+# Turned wrenches of an exchanged foot are two mistakes, and both are said.
+COMPANY = {"feet exchanged": {"wrench_order", "wrench_sign"}}
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return load_robot("g1")
+
+
+@pytest.fixture(scope="module")
+def log(g1: Robot) -> Log:
+    """True inertial parameters are off the model's; sensors have noise."""
+    return excite.simulate(g1, load_motions(MOTIONS, g1), seed=5).log
+
+
+def spoiling(chart: Chart) -> set[str]:
+    return {item.kind for item in chart.findings if item.severity in {"fatal", "spoils"}}
+
+
+def test_a_healthy_log_raises_no_alarm(g1: Robot, log: Log) -> None:
+    assert spoiling(examine(g1, log)) == set()
+
+
+@pytest.mark.parametrize("strength", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", STANDING_ILLNESSES)
+def test_an_illness_is_named(g1: Robot, log: Log, name: str, strength: int) -> None:
+    illness = STANDING_ILLNESSES[name]
+    found = spoiling(examine(g1, illness.change(log, strength)))
+    assert illness.kind in found
+    assert found <= COMPANY.get(name, {illness.kind})
+
+
+@pytest.mark.parametrize("name", ["axes exchanged", "force unit", "base quaternion"])
+def test_what_is_mended_is_the_healthy_log(g1: Robot, log: Log, name: str) -> None:
+    mended = examine(g1, STANDING_ILLNESSES[name].change(log, 1)).log
+    for was, now in zip(log.trials, mended.trials, strict=True):
+        assert was.base is not None and now.base is not None
+        np.testing.assert_allclose(now.base, was.base, atol=1e-9)
+        for sensor, wrench in was.wrenches.items():
+            np.testing.assert_allclose(now.wrenches[sensor], wrench, atol=1e-6)
+
+
+def test_a_weight_in_no_unit_is_said_and_left(g1: Robot, log: Log) -> None:
+    heavy = replace(
+        log,
+        trials=tuple(
+            replace(t, wrenches={name: 2.2 * w for name, w in t.wrenches.items()}) for t in log.trials
+        ),
+    )
+    chart = examine(g1, heavy)
+    (found,) = (item for item in chart.findings if item.kind == "wrench_unit")
+    assert not found.repaired and found.figures["factor"] == pytest.approx(2.2, rel=0.2)
+    assert chart.doubts == {Doubt.SIZE}
+    sensor = next(iter(heavy.trials[0].wrenches))
+    np.testing.assert_allclose(chart.log.trials[0].wrenches[sensor], heavy.trials[0].wrenches[sensor])
+
+
+def test_a_known_unit_leaves_no_doubt(g1: Robot, log: Log) -> None:
+    assert examine(g1, force_unit(log, 0)).doubts == frozenset()

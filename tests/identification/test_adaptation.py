@@ -1,0 +1,94 @@
+"""The default method adds what a log asks for beside rigid bodies, and nothing where it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from excite.identification.estimators.method_settings import estimator_settings
+from excite.identification.identify import identify
+from excite.logs.log import Log
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from excite.rows.drive_terms import EXTENSIONS
+from tests.identification.practice_log import arm_log
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def clean(robot: Robot) -> Log:
+    return arm_log(robot, 3)
+
+
+def with_torques(log: Log, change) -> Log:
+    """The log with ``change(tau, v)`` in the place of its torques."""
+    trials = [
+        replace(trial, tau=change(trial.tau, np.gradient(trial.q, trial.time, axis=0)))
+        for trial in log.trials
+    ]
+    return replace(log, trials=tuple(trials))
+
+
+def added(result) -> tuple[str, ...]:
+    return next((item.places for item in result.findings if item.kind == "extension"), ())
+
+
+def left(result) -> float:
+    return sum(fit.rmse for fit in result.judgement.validation.values())
+
+
+def test_a_log_of_rigid_bodies_and_friction_gets_nothing_added(robot, clean):
+    found = identify(robot, clean)
+    assert added(found) == ()
+    assert not any(name.split(".")[0] in EXTENSIONS for name in found.identified.drive_names)
+    assert not found.judgement.consistency.inconsistent
+
+
+def test_friction_that_grows_with_the_load_is_added_and_named(robot, clean):
+    def loaded(tau, v):
+        own = np.eye(6)[1]
+        return tau + 0.07 * own * np.abs(tau) * np.tanh(v / 0.01)
+
+    log = with_torques(clean, loaded)
+    found = identify(robot, log)
+    assert added(found)[0] == "load_friction"
+    drives = found.identified.by_drive()
+    size = {name: abs(value) for name, value in drives.items() if name.startswith("load_friction")}
+    assert max(size, key=size.get) == f"load_friction.{robot.joint_names[1]}"
+    assert drives[f"load_friction.{robot.joint_names[1]}"] == pytest.approx(0.07, abs=0.02)
+    assert left(found) < 0.8 * left(identify(robot, log, "wls"))
+    assert not found.judgement.consistency.inconsistent
+
+
+def test_a_torque_scale_that_no_bodies_explain_is_taken_out_of_them(robot, clean):
+    log = with_torques(clean, lambda tau, v: tau * np.array([1.0, 1.0, 1.6, 1.0, 1.0, 1.0]))
+    found, stated = identify(robot, log), identify(robot, log, settings=stated_terms())
+    assert "gain" in added(found) and added(stated) == ()
+    assert left(found) < left(stated)
+    assert not found.judgement.consistency.inconsistent
+
+
+def test_deviations_are_those_of_bodies_and_friction_alone(robot, clean):
+    log = with_torques(clean, lambda tau, v: tau * np.array([1.0, 1.0, 1.6, 1.0, 1.0, 1.0]))
+    found, plain = identify(robot, log), identify(robot, log, "wls")
+    assert [item.name for item in found.statistics.base] == [item.name for item in plain.statistics.base]
+    np.testing.assert_allclose(
+        [item.std for item in found.statistics.base], [item.std for item in plain.statistics.base], rtol=1e-6
+    )
+
+
+def test_a_stated_weight_of_the_nominal_model_stays(robot, clean):
+    near = identify(robot, clean, settings=estimator_settings("adaptive", alpha=1e12))
+    nominal = robot.nominal_parameters
+    far = identify(robot, clean).identified.inertial
+    assert np.abs(near.identified.inertial - nominal).max() < 0.05 * np.abs(far - nominal).max()
+
+
+def stated_terms():
+    return estimator_settings("adaptive", terms="stated")
