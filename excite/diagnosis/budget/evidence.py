@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,9 @@ from excite.arrays import Array
 from excite.diagnosis.budget.joint_fit import Model
 from excite.diagnosis.budget.terms import Term
 from excite.diagnosis.budget.thresholds import THRESHOLDS
+
+# Odds at the width within which two effects are called alike: e³, about 20 to 1.
+_ODDS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,3 +53,18 @@ def merit(without: Model, with_it: Model, term: Term, candidates: int) -> Merit:
         # What acts on a joint has to show there.
         total = min(total, float(nats[term.own]) * 2.0) if len(term.columns) > 1 else total
     return Merit(nats, steady, total - float(price))
+
+
+def probability(score: float, rivals: Sequence[float]) -> float:
+    """Probability of an effect among its rivals and nothing, by their nats beyond their prices.
+
+    Likelihoods are tempered: where two count as alike, the odds are 20 to 1.
+
+    Args:
+        score: nats of the effect beyond its price.
+        rivals: of the others in its place.
+    """
+    width = max(THRESHOLDS.rival, THRESHOLDS.alike * score) / _ODDS
+    weights = np.exp(-np.clip((score - np.array([score, *rivals])) / width, -50.0, 50.0))
+    nothing = float(np.exp(-min(max(score, 0.0), 50.0)))
+    return float(1.0 / (weights.sum() + nothing))

@@ -14,10 +14,9 @@ from excite.diagnosis.answer.budget import (
     UnnamedShare,
 )
 from excite.diagnosis.budget.detectable import detectable_sizes
-from excite.diagnosis.budget.powers import deviation
-from excite.diagnosis.budget.probability import probability
+from excite.diagnosis.budget.evidence import probability
 from excite.diagnosis.budget.record import Found
-from excite.diagnosis.budget.shares import Shares, shares_of
+from excite.diagnosis.budget.shares import Shares, deviation, shares_of
 from excite.diagnosis.budget.unnamed import unnamed_of
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor

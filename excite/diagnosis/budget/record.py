@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.blocks import blocks_of
-from excite.diagnosis.budget.design import Design, Rows
+from excite.diagnosis.budget.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.joint_fit import fit
 from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge

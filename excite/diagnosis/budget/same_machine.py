@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.powers import deviation
+from excite.diagnosis.budget.shares import deviation
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.finding import Finding
 
