@@ -17,10 +17,13 @@ from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.files import load_log
-from excite.logs.log import Log
+from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
 from excite.reading.number import check_seed
 from excite.robot.robot import Robot
+from excite.rows.drive_terms import DRIVE_TERMS
+from excite.rows.joint_rows import drive_terms
+from excite.rows.settings import ProblemSettings
 from excite.threads import one_blas_thread
 
 
@@ -56,14 +59,17 @@ def diagnose(
     found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
     doubts = (said(chart.doubts),) if chart.doubts else ()
-    return replace(found, faults=chart.findings, warnings=(*limits, *doubts, *found.warnings))
+    warnings = (*limits, *doubts, *found.warnings)
+    return replace(found, faults=(*chart.findings, *found.faults), warnings=warnings)
 
 
 def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
     """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
     loaded = chart.log
+    modelled = _modelled(loaded.header)
     if chart.doubts:
-        modelled = in_doubt(loaded.header.modelled, chart.doubts)
+        modelled = in_doubt(modelled, chart.doubts)
+    if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":
         return _of_arm(loaded.header.torque)(robot, loaded, rng, folder)
@@ -74,6 +80,14 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
         field="sensors",
         remedy="log the contact wrenches, or the torques of a fixed base",
     )
+
+
+def _modelled(header: LogHeader) -> tuple[str, ...]:
+    """What the baseline has: what the log says, else what an identification takes where it says nothing."""
+    if "modelled" in header.model_fields_set or header.base != "fixed" or header.torque == "none":
+        return header.modelled
+    usual = (DRIVE_TERMS[name].effects for name in drive_terms(header, ProblemSettings()))
+    return (*header.modelled, *(effects[0] for effects in usual if effects))
 
 
 def _of_arm(torque: str | None) -> Callable[[Robot, Log, np.random.Generator, Path | None], Diagnosis]:

@@ -17,6 +17,7 @@ from excite.logs.readers.registry import read_trials, reader_for
 from excite.logs.sampling import check_log_clock
 from excite.reading.file import read_text
 from excite.reading.xml_document import MAX_XML_BYTES
+from excite.robot.catalogue import bundled_robots
 from excite.robot.robot import Robot
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MOVING
@@ -124,13 +125,13 @@ def _read_robot(header: LogHeader, path: Path, robot: Robot | None) -> str | Non
             )
     file = path.parent / header.robot
     if not file.is_file():
-        if robot is not None:
+        if robot is not None or header.robot in bundled_robots():
             return None
         raise LogError(
             f"no such file {header.robot!r}",
             source=path,
             field="robot",
-            remedy="put the nominal model beside log.yaml",
+            remedy="put the nominal model beside log.yaml, or name a bundled robot",
         )
     if file.suffix in {".yaml", ".yml"}:
         return read_text(file, error=LogError)

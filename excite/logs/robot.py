@@ -13,6 +13,7 @@ from excite.logs.bare_urdf import bare_description
 from excite.logs.header import header_path, read_header
 from excite.logs.header_blocks import SensorHeader
 from excite.logs.log import Log, LogHeader
+from excite.robot.catalogue import bundled_robots
 from excite.robot.links import link_placement
 from excite.robot.loading import build_robot, load_robot
 from excite.robot.robot import Robot, WrenchSensor
@@ -32,11 +33,19 @@ def nominal_robot(log: Log) -> Robot:
     if log.folder is None:
         raise LogError("was made in memory", field="robot", remedy="hand the robot over")
     file = log.folder / log.header.robot
+    if _names_bundled(log):
+        return robot_in_log(load_robot(log.header.robot), log.header, log.folder / "log.yaml")
     if file.suffix in {".yaml", ".yml"}:
         return robot_in_log(load_robot(file), log.header, log.folder / "log.yaml")
     return robot_in_log(
         build_robot(bare_description(file, log.header), file), log.header, log.folder / "log.yaml"
     )
+
+
+def _names_bundled(log: Log) -> bool:
+    """Whether a log's header names a bundled robot, not a file beside it."""
+    beside = log.folder is not None and (log.folder / log.header.robot).is_file()
+    return not beside and log.header.robot in bundled_robots()
 
 
 def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:

@@ -10,8 +10,17 @@ import numpy as np
 import pytest
 
 from excite.diagnosis.diagnose import diagnose
-from excite.logs.files import save_log
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.next_experiment.choice import propose
+from excite.diagnosis.search.hypotheses import Search
+from excite.diagnosis.search.scoring import Scorer
+from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
+from excite.logs.robot import nominal_robot
 
 URDF = """<robot name="axis">
   <link name="frame"/>
@@ -132,3 +141,20 @@ def test_a_spring_that_hardens_is_not_taken_for_a_stop(tmp_path: Path) -> None:
         axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction", "torque_bias", more=spring)
     )
     assert (result.verdict, result.effect, result.location) == ("effect", "joint_spring", "slide")
+
+
+def test_a_motion_is_sought_for_a_robot_of_one_joint(tmp_path: Path) -> None:
+    """Two rivals on one axis: of one velocity, numerical libraries return vectors where others have matrices."""
+
+    def spring(q: np.ndarray) -> np.ndarray:
+        return 30.0 * q
+
+    log = load_log(axis_log(tmp_path, "rigid_body", "viscous_friction", "coulomb_friction", more=spring))
+    samples = arm_samples(nominal_robot(log), log, log.trials)
+    floor = spectral_floor(samples)
+    baseline = fit_baseline(samples, log.header.modelled, floor)
+    search = Search(Context(baseline), baseline.solver)
+    tried = [search.coarse(EFFECTS[name], "slide") for name in ("torque_bias", "joint_spring")]
+    rivals = Scorer(baseline, floor, 0.0, np.ones(1)).scored(baseline.fit, [item for item in tried if item])
+    found = propose(baseline, rivals, floor, seed=0)
+    assert found is None or found.motion.q.shape[1] == 1

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
-from excite.diagnosis.answer.tables import effect_table, gap_table
+from excite.diagnosis.answer.tables import budget_table, effect_table, gap_table
 from excite.finding import Finding
 
 SCHEMA = "excite.diagnosis/1"
@@ -96,6 +97,7 @@ class Diagnosis:
         next_experiment: what would settle what is open, None where nothing is.
         faults: what the doctor found in the record, worst first.
         warnings: limits of what was said, one sentence each.
+        budget: where each channel's gap goes; None where it was not computed.
         curves: a validation trial before and after, for figures; no part of the document. None where there are none.
     """
 
@@ -113,6 +115,7 @@ class Diagnosis:
     next_experiment: NextExperiment | None = None
     faults: tuple[Finding, ...] = ()
     warnings: tuple[str, ...] = ()
+    budget: Budget | None = None
     curves: Curves | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -144,6 +147,7 @@ class Diagnosis:
                     for item in self.faults
                 ],
                 "warnings": list(self.warnings),
+                **({} if self.budget is None else self.budget.to_json()),
             }
         )
 
@@ -177,6 +181,8 @@ class Diagnosis:
             lines += [f"places that cannot be told apart: {', '.join(self.tied_locations)}", ""]
         lines += gap_table(self.gap, self.where)
         lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
+        if self.budget is not None:
+            lines += ["", self.budget.sentence(), *budget_table(self.budget)]
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
         lines += _fault_lines(self.faults)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from excite.diagnosis.answer.candidate import Candidate, measured
+from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.candidate import Candidate, in_words, measured
 from excite.diagnosis.answer.gap import Gap, Where
 
 _LISTED = 6
@@ -23,6 +24,22 @@ def gap_table(gap: Gap, where: Sequence[Where]) -> list[str]:
         )
     total = f"{gap.before:9.3g}  {gap.after:9.3g}  {gap.noise_floor:9.3g}"
     return [*lines, f"{'all':{width}}  {total}  (of the signal)"]
+
+
+def budget_table(budget: Budget) -> list[str]:
+    """Lines with what takes which share of each channel's gap, and the rest."""
+    width = max([len(name) for name in budget.channels] + [7])
+    lines = [f"{'channel':{width}}  share  90 %        of the gap above the noise"]
+    for name, channel in budget.channels.items():
+        for item in channel.effects:
+            low, high = (100 * bound for bound in item.interval90)
+            what = in_words(item.effect, item.location)
+            lines.append(f"{name:{width}}  {100 * item.share:4.0f}%  {low:4.0f}…{high:4.0f}%  {what}")
+        for other in channel.unnamed:
+            what = other.follows if not other.knots else f"follows {other.follows}, without a name"
+            lines.append(f"{name:{width}}  {100 * other.share:4.0f}%  {'':10}  {what}")
+        lines.append(f"{name:{width}}  {100 * channel.rest:4.0f}%  {'':10}  the rest")
+    return lines
 
 
 def effect_table(

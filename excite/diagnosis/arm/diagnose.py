@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,26 +14,19 @@ from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
 from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates
+from excite.diagnosis.arm.judged import Judged, judged_record
+from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.effects.context import Context
-from excite.diagnosis.effects.effect import Effect
-from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.noise_floor import (
     other_postures,
     repeat_floor,
-    spectral_floor,
     unrepeated,
-    white_floor,
 )
-from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.equations.standing_joints import held_power
 from excite.diagnosis.next_experiment.advice import advice
-from excite.diagnosis.search.attribute import Attributor
-from excite.diagnosis.search.attribution import Attribution, Scored
+from excite.diagnosis.search.attribution import Attribution
 from excite.diagnosis.search.unnamed import in_words
-from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
 from excite.diagnosis.simulator.accepted_values import found_effects
 from excite.diagnosis.simulator.rollout_compare import simulated
 from excite.logs.log import Log
@@ -63,51 +55,6 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
     return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, simulate)
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueRecord:
-    """Repaired trials that have torques, measured or reconstructed.
-
-    Attributes:
-        robot: the nominal model.
-        log: the log, its trials repaired.
-        modelled: what the baseline has, and effects that are not to be tried.
-        out: folder for the motion of the next experiment; none is planned without it.
-        reconstructed_noise: noise of torques that were not measured, in the rows' band, ``(n_joints,)`` [N·m]; None
-            where they were, whose noise stands in their spectrum.
-        effects: the library of effects to try.
-    """
-
-    robot: Robot
-    log: Log
-    modelled: tuple[str, ...]
-    out: Path | None = None
-    reconstructed_noise: Callable[[ArmSamples], Array] | None = None
-    effects: tuple[Effect, ...] = field(default_factory=lambda: tuple(EFFECTS.values()))
-
-
-@dataclass(frozen=True, eq=False)
-class _Attributed:
-    """What the search found in the rows, and the noise by which it was judged.
-
-    Attributes:
-        samples: the repaired trials at one rate.
-        baseline: before the first effect.
-        spectral: noise in the rows' band, positions' share in it, ``(n_joints,)`` [N·m].
-        noise: what noise of the positions leaves in the rows, ``(n_joints, n_rows)`` [N·m].
-        attribution: all steps of the search; withdrawn where nothing is named.
-        judgement: the verdict on it.
-        impossible: the best candidate, where no body could be so.
-    """
-
-    samples: ArmSamples
-    baseline: Baseline
-    spectral: Array
-    noise: Array
-    attribution: Attribution
-    judgement: Judgement
-    impossible: tuple[Scored, ...]
-
-
 def diagnose_torques(
     record: TorqueRecord,
     rng: np.random.Generator,
@@ -123,7 +70,7 @@ def diagnose_torques(
     Returns:
         The diagnosis.
     """
-    found = _attributed(record)
+    found = judged_record(record)
     samples, baseline, attribution, judgement = (
         found.samples,
         found.baseline,
@@ -160,32 +107,13 @@ def diagnose_torques(
         n_tied=n_tied,
         next_experiment=advice(baseline, attribution, judgement, record.out),
         warnings=_warnings(record, found, effects),
+        budget=found.budget,
+        faults=found.findings,
         curves=trial_curves(samples, before, closed),
     )
 
 
-def _attributed(record: TorqueRecord) -> _Attributed:
-    """The search for effects beside a baseline that is fitted first."""
-    samples = arm_samples(record.robot, record.log, record.log.trials)
-    spectral = (record.reconstructed_noise or spectral_floor)(samples)
-    # Torques that were not measured are no better further up in the spectrum.
-    measured = record.reconstructed_noise is None
-    least = np.minimum(white_floor(samples), spectral) if measured else spectral
-    baseline = fit_baseline(samples, record.modelled, least)
-    columns = [record.log.header.joints.index(name) for name in samples.joints]
-    sigma = position_noise(samples, columns, record.log.trials)
-    noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
-    judged = noise * baseline.strict
-    spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
-    attribution = Attributor(baseline, spectral, unrepeated(samples, judged), effects=record.effects).run()
-    judgement = judge(attribution, spectral)
-    impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
-    if judgement.verdict == "unknown" and attribution.accepted:
-        attribution = withdrawn(attribution, baseline)
-    return _Attributed(samples, baseline, spectral, noise, attribution, judgement, impossible)
-
-
-def _floor(found: _Attributed, after: Array) -> Array:
+def _floor(found: Judged, after: Array) -> Array:
     """Noise of the torques, by joint [N·m]: what repeats of a command differ by, and what friction holds."""
     samples, floor = found.samples, found.attribution.floor
     repeat = repeat_floor(samples, after)
@@ -199,7 +127,7 @@ def _floor(found: _Attributed, after: Array) -> Array:
     return floor
 
 
-def _warnings(record: TorqueRecord, found: _Attributed, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
+def _warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...]) -> tuple[str, ...]:
     """Limits of what is said, one sentence each."""
     warnings = []
     if not record.log.role("validation"):

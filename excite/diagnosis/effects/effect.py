@@ -86,6 +86,10 @@ class Effect(ABC):
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
         smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
+        nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
+        seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
+        by_load: whether it is a share of what the rigid bodies ask of its joint.
+        parts: linear parameters, by index, that may be all that a motion shows of it; one tuple a part.
         of_channel: whether it is of the torque channel alone: a log without one has none of it.
         twins_without_torque: other names that mean the same where only commands and positions are known.
         twins_of_a_gain: other names for what a servo's gain does that was estimated wrongly.
@@ -106,6 +110,10 @@ class Effect(ABC):
     term: ClassVar[OwnTerm | None] = None
     told_by: ClassVar[frozenset[Doubt]] = frozenset()
     spans: ClassVar[tuple[str, ...]] = ()
+    nameless: ClassVar[str] = ""
+    seen_alone: ClassVar[bool] = False
+    by_load: ClassVar[bool] = False
+    parts: ClassVar[tuple[tuple[int, ...], ...]] = ()
     of_channel: ClassVar[bool] = False
     twins_without_torque: ClassVar[tuple[str, ...]] = ()
     twins_of_a_gain: ClassVar[tuple[str, ...]] = ()
@@ -169,6 +177,10 @@ class Effect(ABC):
 
     def physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether a fit says something that can be, within what the record tells of it."""
+        return True
+
+    def possible(self, context: Context, location: str, beta: Array) -> bool:
+        """Whether linear parameters ``(n_linear,)`` are of something that can exist there."""
         return True
 
     def settled(self, context: Context, location: str, theta: Theta, fit: Fit) -> bool:

@@ -19,7 +19,12 @@ _RELATIVE = 0.5
 
 
 def fit_baseline(
-    samples: ArmSamples, modelled: tuple[str, ...], floor: Array, *, leads: bool = True
+    samples: ArmSamples,
+    modelled: tuple[str, ...],
+    floor: Array,
+    *,
+    leads: bool = True,
+    like: Baseline | None = None,
 ) -> Baseline:
     """Fit what ``modelled`` names; what the motion does not show of the inertial parameters stays nominal.
 
@@ -29,6 +34,7 @@ def fit_baseline(
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
         leads: whether friction may change sign before the filtered velocity does; not where a lag of the torques is
             what is asked for.
+        like: how friction changes sign, from another fit of the same samples; None to search for it.
 
     Returns:
         The baseline.
@@ -73,7 +79,12 @@ def fit_baseline(
         nothing,
         nothing,
     )
-    return first_signs(baseline, leads=leads) if COULOMB in terms else baseline
+    if COULOMB not in terms:
+        return baseline
+    if like is None:
+        return first_signs(baseline, leads=leads)
+    led = baseline.with_signs(like.signs, like.samples.lead)
+    return led.updated(led.solver.fit())
 
 
 def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array:

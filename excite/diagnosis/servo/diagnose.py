@@ -9,7 +9,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.arm.diagnose import TorqueRecord, diagnose_arm, diagnose_torques
+from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
+from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples

@@ -83,7 +83,10 @@ def _slow(points: Array) -> Array:
     """Straight ways through every few of the points, ``(n, k)``."""
     kept = np.unique(np.r_[0 : len(points) : _SLOWLY, len(points) - 1])
     rows = np.arange(len(points))
-    return np.column_stack([np.interp(rows, kept, column[kept]) for column in points.T])
+    slow = np.empty_like(points)
+    for k, column in enumerate(points.T):
+        slow[:, k] = np.interp(rows, kept, column[kept])
+    return slow
 
 
 def _shares(

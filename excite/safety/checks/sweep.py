@@ -137,7 +137,8 @@ class Sweep:
         for k in range(n):
             tau[k] = pin.rnea(model, data, fine.q[k], fine.v[k], fine.a[k])
             if k in rows:
-                jacobian[rows[k]] = pin.computeJointJacobians(model, data, fine.q[k])
+                # Of one velocity, pinocchio returns no matrix.
+                jacobian[rows[k]] = pin.computeJointJacobians(model, data, fine.q[k]).reshape(6, model.nv)
             # Also computes where the joints are.
             com[k] = pin.centerOfMass(model, data, fine.q[k], False)
             for i, joint in enumerate(joints):

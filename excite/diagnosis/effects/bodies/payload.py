@@ -19,6 +19,8 @@ from excite.robot.links import carried_link
 _SURELY = 6.0
 # Share of its torques that a body's mass and first moments have at least.
 _WEIGHTLESS = 0.05
+# Distance of a body's centre from the joint that carries it [m]: no gripper or tool of the records is longer.
+_REACH = 0.6
 
 
 def link_columns(context: Context, joint: int) -> Array:
@@ -50,6 +52,7 @@ class Payload(Effect):
     separating_motion = "the same motion without the load; wide wrist motion for the place"
     mujoco = "body mass, pos and inertia"
     moves = True
+    parts = ((0, 1, 2, 3), (1, 2, 3))
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return "rigid_body" not in modelled and self.name not in modelled
@@ -70,6 +73,14 @@ class Payload(Effect):
         columns = link_columns(context, self.locations(context).index(location) + 1)
         torque, weight = columns @ beta, columns[:, :, :4] @ beta[:4]
         return float(np.linalg.norm(weight)) > _WEIGHTLESS * float(np.linalg.norm(torque))
+
+    def possible(self, context: Context, location: str, beta: Array) -> bool:
+        """Whether link and body together have no negative mass, and the body's centre lies within reach."""
+        joint = self.locations(context).index(location) + 1
+        link = float(context.baseline.samples.robot.model.inertias[joint].mass)
+        moment = float(np.linalg.norm(beta[1:4]))
+        # Without a mass of its own, moments are all that was seen.
+        return beta[0] == 0.0 or (link + beta[0] >= 0.0 and moment <= _REACH * abs(float(beta[0])))
 
     def physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether link and body together may have their mass: less than none is another effect's doing."""

@@ -25,6 +25,7 @@ class EndStop(Effect):
     """
 
     name = "end_stop"
+    nameless = "position"
     linear: ClassVar[tuple[Parameter, ...]] = (Parameter("stiffness", "N·m/rad", 0.0),)
     searched: ClassVar[tuple[Parameter, ...]] = (Parameter("depth", "rad", 1e-3, 6.0),)
     side: ClassVar[float] = 1.0

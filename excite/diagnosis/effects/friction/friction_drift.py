@@ -175,6 +175,8 @@ class DriftInTrial(FrictionDrift):
 class HeatedFriction(FrictionDrift):
     """The temperature follows the joint's own speed: ``T' = (|v|/mean|v| − T)/τ``, cooling between trials."""
 
+    seen_alone = True
+
     @property
     def richer(self) -> tuple[Effect, ...]:
         return ()

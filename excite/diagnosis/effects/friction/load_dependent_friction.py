@@ -41,6 +41,7 @@ class LoadDependentFriction(Effect):
     separating_motion = "the same motion with and without a known payload"
     mujoco = "none of its own: a control callback"
     friction = True
+    by_load = True
     note = Loaded
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:

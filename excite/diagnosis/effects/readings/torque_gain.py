@@ -19,6 +19,7 @@ class TorqueGain(Effect):
     confusable_with = ("payload", "link_inertia", "load_dependent_friction")
     separating_motion = "the same motion with and without a known payload"
     mujoco = "actuator gear"
+    by_load = True
     twins_of_a_gain = ("payload",)
 
     def shape(self, context: Context, location: str, theta: Theta) -> Shape:

@@ -1,0 +1,184 @@
+"""The gap of every channel as a budget: what each effect takes, what follows something without a name, the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from excite.diagnosis.answer.candidate import in_words
+
+# What differs between repeats of one command beyond the noise of a trial.
+NOT_REPEATED = "does not repeat"
+# Shares below this are not worth a word in a sentence.
+_WORTH = 0.05
+
+
+@dataclass(frozen=True)
+class EffectShare:
+    """What an effect takes of a channel's gap.
+
+    Attributes:
+        effect: its name.
+        location: its place.
+        share: of the power above the noise floor on the trials that judge, 0…1 (below 0 where it does harm there).
+        interval90: of the share, by blocks left out of what is fitted and of what judges.
+    """
+
+    effect: str
+    location: str
+    share: float
+    interval90: tuple[float, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the document."""
+        return {
+            "effect": self.effect,
+            "location": self.location,
+            "share": self.share,
+            "interval90": list(self.interval90),
+        }
+
+
+@dataclass(frozen=True)
+class UnnamedShare:
+    """What a function of one thing takes, which has no name.
+
+    Attributes:
+        follows: position, velocity, load, acceleration, time, the name of another joint, or ``does not repeat``.
+        share: of the power above the noise floor on the trials that judge.
+        knots: where the piecewise linear function has its knots; empty where it is none.
+        torque: its values there [the channel's unit].
+    """
+
+    follows: str
+    share: float
+    knots: tuple[float, ...] = ()
+    torque: tuple[float, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the document."""
+        return {
+            "follows": self.follows,
+            "share": self.share,
+            "knots": list(self.knots),
+            "torque": list(self.torque),
+        }
+
+
+@dataclass(frozen=True)
+class ChannelBudget:
+    """A channel's gap and where it goes; shares of effects, unnamed ones and the rest add up to one.
+
+    Attributes:
+        noise_floor: what no model can go below [unit].
+        gap: root mean square of measured less predicted without any effect, standstill left out [unit].
+        effects: what named effects take.
+        unnamed: what follows something.
+        rest: what is left.
+        weight: of the channel's gap among all, 0…1.
+    """
+
+    noise_floor: float
+    gap: float
+    effects: tuple[EffectShare, ...]
+    unnamed: tuple[UnnamedShare, ...]
+    rest: float
+    weight: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the document."""
+        return {
+            "noise_floor": self.noise_floor,
+            "gap": self.gap,
+            "weight": self.weight,
+            "effects": [item.to_json() for item in self.effects],
+            "unnamed": [item.to_json() for item in self.unnamed],
+            "rest": self.rest,
+        }
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that the model of the gap has.
+
+    Attributes:
+        effect: its name.
+        location: its place.
+        share: of the whole gap above the noise, over all channels.
+        probability: that this is the effect and the place.
+        values: its parameters by name, with their deviations by blocks left out.
+        nats: by which it predicts blocks better that were left out, less its price.
+        rivals: what else would score alike in the company of all others.
+    """
+
+    effect: str
+    location: str
+    share: float
+    probability: float
+    values: dict[str, tuple[float, float | None]]
+    nats: float
+    rivals: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """How large an effect would have to be for a record to show it.
+
+    Attributes:
+        effect: its name.
+        location: its place.
+        size: of its one parameter, at which it would be worth its price.
+        unit: SI unit.
+    """
+
+    effect: str
+    location: str
+    size: float
+    unit: str
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the document."""
+        return {"effect": self.effect, "location": self.location, "size": self.size, "unit": self.unit}
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The gap of a record.
+
+    Attributes:
+        channels: by name.
+        named: effects of the model, largest share first.
+        detectable: how large effects would have to be for the record to show them.
+    """
+
+    channels: dict[str, ChannelBudget]
+    named: tuple[Named, ...]
+    detectable: tuple[Detectable, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Its fields of the document."""
+        return {
+            "budget": {name: item.to_json() for name, item in self.channels.items()},
+            "budget_sentence": self.sentence(),
+            "detectable": [item.to_json() for item in self.detectable],
+        }
+
+    def sentence(self) -> str:
+        """The budget over all channels in one sentence."""
+        parts = [
+            f"{in_words(item.effect, item.location)} {100 * item.share:.0f} %"
+            for item in self.named
+            if item.share >= _WORTH
+        ]
+        follows: dict[str, float] = {}
+        rest = 0.0
+        for channel in self.channels.values():
+            rest += channel.weight * channel.rest
+            for item in channel.unnamed:
+                follows[item.follows] = follows.get(item.follows, 0.0) + channel.weight * item.share
+        for name, share in sorted(follows.items(), key=lambda x: -x[1]):
+            if share >= _WORTH:
+                what = "what does not repeat" if name == NOT_REPEATED else f"unnamed, following {name},"
+                parts.append(f"{what} {100 * share:.0f} %")
+        parts.append(f"the rest {100 * rest:.0f} %")
+        return "Of the gap above the noise: " + "; ".join(parts) + "."

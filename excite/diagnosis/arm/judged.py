@@ -1,0 +1,145 @@
+"""What is found in a record of torques: the reading of its budget, or the search for one effect after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.arm.attributed import Read, attributed
+from excite.diagnosis.arm.record import TorqueRecord
+from excite.diagnosis.budget.library import NAMELESS
+from excite.diagnosis.budget.made import budget_of
+from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
+from excite.diagnosis.budget.same_machine import other_machine
+from excite.diagnosis.budget.thresholds import THRESHOLDS
+from excite.diagnosis.budget.unison import unison
+from excite.diagnosis.effects.effect import Effect
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
+from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
+from excite.diagnosis.equations.samples import ArmSamples, arm_samples
+from excite.diagnosis.search.attribute import Attributor
+from excite.diagnosis.search.attribution import Attribution, Scored
+from excite.diagnosis.search.scoring import Scorer
+from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
+from excite.finding import Finding
+
+# The search for one effect after the other has finer forms of each; it is asked where so few take a share that counts.
+_FEW = 2
+# What it leaves may be so much more than what the model of the gap leaves.
+_AS_LITTLE = 1.1
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What the search found in the rows, and the noise by which it was judged.
+
+    Attributes:
+        samples: the repaired trials at one rate.
+        baseline: before the first effect.
+        spectral: noise in the rows' band, positions' share in it, ``(n_joints,)`` [N·m].
+        noise: what noise of the positions leaves in the rows, ``(n_joints, n_rows)`` [N·m].
+        attribution: all steps of the search; withdrawn where nothing is named.
+        judgement: the verdict on it.
+        impossible: the best candidate, where no body could be so.
+        budget: where each joint's gap goes; None where torques were not measured.
+        findings: what limits what the record can tell.
+    """
+
+    samples: ArmSamples
+    baseline: Baseline
+    spectral: Array
+    noise: Array
+    attribution: Attribution
+    judgement: Judgement
+    impossible: tuple[Scored, ...]
+    budget: Budget | None = None
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Ready:
+    """A record with its baseline fitted; attributes as of :class:`Judged`."""
+
+    samples: ArmSamples
+    baseline: Baseline
+    spectral: Array
+    noise: Array
+
+
+def judged_record(record: TorqueRecord) -> Judged:
+    """Find what a record's gap is made of, beside a baseline that is fitted first."""
+    samples = arm_samples(record.robot, record.log, record.log.trials)
+    spectral = (record.reconstructed_noise or spectral_floor)(samples)
+    # Torques that were not measured are no better further up in the spectrum.
+    measured = record.reconstructed_noise is None
+    least = np.minimum(white_floor(samples), spectral) if measured else spectral
+    full = begun_baseline(samples, record.modelled, least) if measured else None
+    baseline = fit_baseline(samples, record.modelled, least, like=full)
+    columns = [record.log.header.joints.index(name) for name in samples.joints]
+    sigma = position_noise(samples, columns, record.log.trials)
+    noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
+    spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
+    ready = _Ready(samples, baseline, spectral, noise)
+    return _one_by_one(record, ready) if full is None else _by_budget(record, ready, full, least)
+
+
+def _by_budget(record: TorqueRecord, ready: _Ready, full: Baseline, least: Array) -> Judged:
+    """The reading of the budget; of few effects, the search for them where it leaves as little."""
+    samples, baseline = ready.samples, ready.baseline
+    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+    scale = np.maximum(tau.std(axis=0), 1e-9)
+    scorer = Scorer(baseline, ready.spectral, unrepeated(samples, ready.noise * baseline.strict), scale)
+    together = unison(baseline)
+    # On one path any list of effects could stand for any other.
+    effects = record.effects if together is None else _own_terms(record.effects)
+    found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
+    budget = budget_of(found, ready.spectral, scale)
+    read = attributed(baseline, scorer, found, budget, ready.spectral)
+    said = (*(() if together is None else (together,)), *other_machine(found.search.model))
+    if together is None and _few(read):
+        single = _one_by_one(record, ready)
+        strange = single.attribution.stranger is not None and _nameless(found)
+        if strange or _left(single.attribution) <= _AS_LITTLE * _left(read.attribution):
+            return replace(single, budget=budget, findings=said)
+    attribution, judgement = read.attribution, read.judgement
+    return Judged(samples, baseline, ready.spectral, ready.noise, attribution, judgement, (), budget, said)
+
+
+def _few(read: Read) -> bool:
+    """Whether no more than a few effects take a share of the whole that counts."""
+    return sum(item.share >= THRESHOLDS.trifle for item in read.reading.effects) <= _FEW
+
+
+def _nameless(found: Found) -> bool:
+    """Whether the model of the gap has physics that no effect's name stands for."""
+    return any(term.effect.nameless for term in found.search.model.terms)
+
+
+def _left(attribution: Attribution) -> float:
+    """Normalised root mean square that is left of the trials that judge."""
+    final, rows = attribution.final, ~attribution.final.samples.identification
+    rest = final.plain(attribution.after.residual)
+    rest = rest[:, rows] if rows.any() else rest
+    return float(np.sqrt(np.mean((rest**2).mean(axis=1) / attribution.scale**2)))
+
+
+def _one_by_one(record: TorqueRecord, ready: _Ready) -> Judged:
+    """The search for one effect after the other."""
+    baseline = ready.baseline
+    judged = unrepeated(ready.samples, ready.noise * baseline.strict)
+    attribution = Attributor(baseline, ready.spectral, judged, effects=record.effects).run()
+    judgement = judge(attribution, ready.spectral)
+    impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
+    if judgement.verdict == "unknown" and attribution.accepted:
+        attribution = withdrawn(attribution, baseline)
+    return Judged(ready.samples, baseline, ready.spectral, ready.noise, attribution, judgement, impossible)
+
+
+def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Effects that are terms of a joint's drive, told by its own motion."""
+    return tuple(effect for effect in effects if effect.term is not None)

@@ -1,0 +1,104 @@
+"""All terms that a model of the gap may have: what it begins with, and every effect at every place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.budget.thresholds import THRESHOLDS
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Theta
+from excite.diagnosis.effects.forces.end_stop import EndStop
+from excite.diagnosis.equations.friction_sign import SignChange
+from excite.diagnosis.equations.own_columns import CONSTANT, COULOMB, VISCOUS, OwnTerm, own_signals
+from excite.diagnosis.equations.samples import ArmSamples
+
+# Physics without a name: where it says more than what has one, the gap is unknown, and follows what it follows.
+NAMELESS: tuple[Effect, ...] = (EndStop(),)
+# What a model of an arm begins with at every joint, whether or not the log says that it is modelled: each of the
+# three passes alone only where the others are there, so they are judged together and pruned.
+_BEGUN = (VISCOUS, COULOMB, CONSTANT)
+
+
+def with_begun(modelled: Sequence[str]) -> tuple[str, ...]:
+    """Words of ``modelled`` with those that every model begins with."""
+    return (*modelled, *(term.words[0] for term in _BEGUN if not term.asked(modelled)))
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Makes the terms of a record.
+
+    Attributes:
+        modelled: words of ``modelled`` in the log.
+        effects: what may be named.
+    """
+
+    modelled: tuple[str, ...]
+    effects: tuple[Effect, ...]
+
+    def begun(self, maker: TermMaker) -> list[Term]:
+        """Friction and constants that the log does not call modelled."""
+        base = maker.context.baseline
+        missing = [term for term in _BEGUN if not term.asked(self.modelled)]
+        named = {id(effect.term): effect for effect in self.effects if effect.term is not None}
+        made = []
+        for j, joint in enumerate(maker.context.joints):
+            for term in missing:
+                effect = named[id(term)]
+                theta: Theta = ()
+                if term is COULOMB:
+                    sign = base.signs[j]
+                    effect = effect.forms[0] if sign.bent else effect
+                    theta = (sign.breakaway if sign.bent else sign.width,)
+                column = _own_rows(base.samples, term, j, base.signs[j], maker.weight)
+                size = float(np.sqrt((column**2).mean()))
+                if size > 0.0:
+                    made.append(
+                        Term(
+                            effect,
+                            joint,
+                            theta,
+                            maker.context,
+                            {j: column / size},
+                            np.array([1.0 / size]),
+                            kept=(0,),
+                            own=j,
+                            started=True,
+                        )
+                    )
+        return made
+
+    def candidates(self, maker: TermMaker, *, gears: bool = True) -> list[Term]:
+        """Every effect at every place where it can be told, at every point of its grid."""
+        made = (maker.make(e, place, theta, kept) for e, place, theta, kept in self._places(maker.context))
+        return [term for term in made if term is not None]
+
+    def _places(self, context: Context) -> Iterable[tuple[Effect, str, Theta, tuple[int, ...] | None]]:
+        full = with_begun(self.modelled)
+        for effect in self.effects:
+            if not effect.offered(full):
+                continue
+            for place in effect.locations(context):
+                if effect.by_load and not loaded(context, place):
+                    continue
+                for form in (effect, *effect.forms, *(f for f in effect.richer if f.seen_alone)):
+                    for theta in form.grid(context, place):
+                        yield from ((form, place, theta, kept) for kept in (None, *effect.parts))
+
+
+def loaded(context: Context, joint: str) -> bool:
+    """Whether a joint's rigid bodies ask for enough of its torque."""
+    j, samples = context.row(joint), context.baseline.samples
+    load = float(np.sqrt(np.mean(context.baseline.rigid[:, j] ** 2)))
+    torque = float(np.sqrt(np.mean(samples.stacked("tau")[:, j] ** 2)))
+    return load >= THRESHOLDS.load * torque
+
+
+def _own_rows(samples: ArmSamples, term: OwnTerm, j: int, sign: SignChange, weight: Array) -> Array:
+    column = own_signals(samples, (term,), j, sign)[:, :1]
+    return samples.rows(column) * weight[j][:, None]

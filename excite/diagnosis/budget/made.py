@@ -1,0 +1,105 @@
+"""The budget of a record from its model of the gap."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.answer.budget import (
+    NOT_REPEATED,
+    Budget,
+    ChannelBudget,
+    EffectShare,
+    Named,
+    UnnamedShare,
+)
+from excite.diagnosis.budget.detectable import detectable_sizes
+from excite.diagnosis.budget.evidence import probability
+from excite.diagnosis.budget.record import Found
+from excite.diagnosis.budget.shares import Shares, deviation, shares_of
+from excite.diagnosis.budget.unnamed import unnamed_of
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.equations.noise_floor import repeat_floor
+
+# Share of a channel from which an effect of another place is listed there.
+_LISTED = 0.01
+
+
+def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
+    """Share out the gap.
+
+    Args:
+        found: the model of the gap.
+        floor: ``(n_joints,)`` noise in the rows' band.
+        scale: ``(n_joints,)`` standard deviation of each torque in the trials that are fitted.
+    """
+    search, joints = found.search, found.prediction.context.joints
+    model = search.model
+    shares = shares_of(model, floor)
+    relative = shares.open / scale**2
+    weight = relative / max(float(relative.sum()), 1e-300)
+    context = found.prediction.context
+    again = repeat_floor(found.baseline.samples, model.residual)
+    channels = {
+        name: _channel(found, context, shares, floor, j, float(weight[j]), again)
+        for j, name in enumerate(joints)
+    }
+    named = [
+        _named(found, i, float(shares.value[i] @ weight))
+        for i, term in enumerate(model.terms)
+        if not term.effect.nameless
+    ]
+    sizes = detectable_sizes(model, found.baseline.samples.robot, search.candidates)
+    return Budget(channels, tuple(sorted(named, key=lambda item: -item.share)), sizes)
+
+
+def _channel(
+    found: Found, context: Context, shares: Shares, floor: Array, j: int, weight: float, again: Array | None
+) -> ChannelBudget:
+    model, room = found.search.model, float(shares.open[j])
+    level, gap = float(np.sqrt(shares.level[j])), float(np.sqrt(shares.before[j]))
+    if room <= 0.0:
+        return ChannelBudget(min(level, gap), gap, (), (), 1.0, 0.0)
+    effects, strange = [], []
+    for i, term in enumerate(model.terms):
+        share, half = float(shares.value[i, j]), float(shares.half[i, j])
+        if term.effect.nameless:
+            strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
+        elif term.own == j or abs(share) >= _LISTED:
+            effects.append(EffectShare(term.name, term.location, share, (share - half, share + half)))
+    effects.sort(key=lambda item: -item.share)
+    generic = [
+        UnnamedShare(left.follows, left.power / room, tuple(left.knots.tolist()), tuple(left.torque.tolist()))
+        for left in unnamed_of(model, context, found.baseline.strict, floor, j)
+    ]
+    unnamed = strange + generic
+    if again is not None:
+        left = max(float(shares.after[j]) - level**2, 0.0) / room - sum(item.share for item in generic)
+        differs = max(float(again[j]) ** 2 - level**2, 0.0) / room
+        share = min(differs, max(left, 0.0))
+        unnamed += [UnnamedShare(NOT_REPEATED, share)] if share > 0.0 else []
+    rest = 1.0 - sum(item.share for item in effects) - sum(item.share for item in unnamed)
+    return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight)
+
+
+def _named(found: Found, i: int, share: float) -> Named:
+    search = found.search
+    model, k = search.model, search.model.chosen[i]
+    term, merit = model.design.terms[k], search.merits[k]
+    first = model.layout.begin[i]
+    here = slice(first, first + term.size)
+    beta, spread = term.beta(model.x[here]), term.beta(deviation(model.left_out[:, here]))
+    values: dict[str, tuple[float, float | None]] = {
+        p.name: (float(b), float(abs(s))) for p, b, s in zip(term.effect.linear, beta, spread, strict=False)
+    }
+    values |= {p.name: (t, None) for p, t in zip(term.effect.searched, term.theta, strict=False)}
+    rivals = search.rivals.get(k, [])
+    return Named(
+        effect=term.name,
+        location=term.location,
+        share=share,
+        probability=probability(merit.score, [r.merit.score for r in rivals]),
+        values=values,
+        nats=merit.score,
+        rivals=tuple(model.design.terms[r.index].key for r in rivals),
+    )

@@ -1,0 +1,168 @@
+"""The model of the gap of a record: columns made, searched, made again at what was found, and searched again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.budget.design import Design, Rows, blocks_of
+from excite.diagnosis.budget.joint_fit import fit
+from excite.diagnosis.budget.library import Library, with_begun
+from excite.diagnosis.budget.merge import merge
+from excite.diagnosis.budget.prediction import Prediction, predicted
+from excite.diagnosis.budget.refine import Beside, Refiner
+from excite.diagnosis.budget.search import Search
+from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.own_columns import COULOMB, own_signals, own_terms
+from excite.diagnosis.equations.samples import ArmSamples
+
+# Share of what is left at its place that an effect of the first search has to take: small ones patch up what a large
+# one leaves at its first, rough parameters.
+_LARGE = 0.3
+# Of what might stand in a term's place, how many have their non-linear parameters searched as well.
+_INSTEAD = 2
+# Joints at which resonances are searched, and how far above the noise they have to stand [power].
+_RESONANT, _STANDS = 3, 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A model of the gap.
+
+    Attributes:
+        search: the last search, with its design and rivals.
+        baseline: what every model begins with, fitted.
+        prediction: its torques.
+    """
+
+    search: Search
+    baseline: Baseline
+    prediction: Prediction
+
+
+def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
+    """What every model of a record begins with: what is modelled, and friction and constants whether or not."""
+    return fit_baseline(samples, with_begun(modelled), floor)
+
+
+def model_of_gap(
+    full: Baseline, modelled: tuple[str, ...], effects: tuple[Effect, ...], floor: Array
+) -> Found:
+    """Search for the model of a record's gap.
+
+    Args:
+        full: what every model begins with, fitted (:func:`begun_baseline`).
+        modelled: words of ``modelled``.
+        effects: that may be named.
+        floor: ``(n_joints,)`` noise in the rows' band.
+    """
+    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
+    maker = TermMaker(Context(full), full.strict)
+    kept: list[Term] = []
+    near: list[Term] = []
+    for least in (_LARGE, 0.0):
+        begun = library.begun(maker)
+        terms = [*begun, *library.candidates(maker)]
+        chosen = [k for k, term in enumerate(terms) if term.started]
+        if least == 0.0:
+            number = {t.key: k for k, t in enumerate(terms) if t.started}
+            chosen = [number[t.key] for t in kept if t.started]
+            found = [t for t in kept if not t.started]
+            chosen += range(len(terms), len(terms) + len(found))
+            terms += found
+        design = Design(rows, (*terms, *near))
+        search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
+        search.run()
+        kept, near, maker = _refined(full, search, resonances=least > 0.0)
+    last = _settled(search, kept, near, maker)
+    return Found(last, full, predicted(full, last.model))
+
+
+def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMaker) -> Search:
+    """The terms found, at their better parameters, judged once more beside each other."""
+    begun = [t for t in search.design.terms if t.started and t.key not in {k.key for k in kept}]
+    design = Design(search.design.rows, (*kept, *begun, *near))
+    model = fit(design, range(len(kept)))
+    last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
+    last.backward()
+    merge(last)
+    last.backward()
+    return last
+
+
+def _refined(full: Baseline, search: Search, *, resonances: bool) -> tuple[list[Term], list[Term], TermMaker]:
+    """Accepted terms at better non-linear parameters, and what might stand in their places at its best."""
+    model, terms = search.model, search.model.design.terms
+    now = predicted(full, model)
+    maker = TermMaker(now.context, full.strict)
+    kept: list[Term] = []
+    near: list[Term] = []
+    for k in model.chosen:
+        term = terms[k]
+        if term.started:
+            kept.append(term)
+            continue
+        own = TermMaker(now.without(k), full.strict)
+        again = own.again(term) or term
+        if not (term.theta or term.effect.richer):
+            kept.append(again)
+            continue
+        refiner = Refiner(own)
+        others = [i for i in model.chosen if i != k]
+        beside = Beside.of(fit(model.design, others, model.weight, left_out=False))
+        kept.append(refiner.refined(beside, again, term.effect.richer))
+        neighbours = [i for i in others if terms[i].own == term.own and not terms[i].started]
+        if term.own is not None and neighbours:
+            alone = [i for i in others if i not in neighbours]
+            apart = Beside.of(fit(model.design, alone, model.weight, left_out=False))
+            near.append(refiner.refined(apart, again))
+        for other in search.instead(k, beside.model)[:_INSTEAD]:
+            near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
+    if resonances:
+        near += _resonances(search, Refiner(maker))
+    return kept, near, maker
+
+
+def _resonances(search: Search, refiner: Refiner) -> list[Term]:
+    """Effects with several non-linear parameters at the joints that have most left: no grid finds a resonance."""
+    model = search.model
+    beside, floor = Beside.of(model), model.design.rows.floor
+    use = model.design.rows.block >= 0
+    left = (model.residual[:, use] ** 2).mean(axis=1) / floor**2
+    worst = [j for j in np.argsort(-left)[:_RESONANT] if left[j] > _STANDS]
+    best: dict[tuple[str, str], tuple[float, Term]] = {}
+    keys = {term.key for term in model.terms}
+    for term in model.design.terms:
+        if term.own not in worst or len(term.theta) < 2 or term.key in keys:
+            continue
+        gain = beside.gain(term)[0]
+        if term.key not in best or gain > best[term.key][0]:
+            best[term.key] = (gain, term)
+    made = [refiner.refined(beside, term) for _, term in best.values()]
+    return made + [found for _, term in best.values() for found in refiner.unlike(beside, term)]
+
+
+def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
+    """Weighted rows of what is modelled."""
+    samples, weight = full.samples, full.strict
+    e = full.solver.equations
+    again = weight / full.root_weight
+    terms = own_terms(modelled)
+    own = []
+    for j, sign in enumerate(full.signs):
+        columns = own_signals(samples, terms, j, sign)
+        own.append(
+            samples.rows(columns) * weight[j][:, None] if columns.shape[1] else np.zeros((e.y.shape[1], 0))
+        )
+    outside = not samples.identification.all()
+    block = blocks_of(samples, identification=True)
+    judged = blocks_of(samples, identification=False) if outside else block
+    return Rows(
+        e.shared * again[:, :, None], tuple(own), e.y * again, block, judged, samples.trial_of_row, floor
+    )

@@ -1,0 +1,120 @@
+"""Non-linear parameters of a term searched between those of the grid, in the joint fit with all others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.budget.joint_fit import Model
+from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.effects.effect import Effect, Theta
+
+# Factors between neighbouring values, first and last, and how many of a kind are tried.
+_FIRST, _LAST, _MOST = 1.5, 1.04, 40
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What columns gain beside a model, its weights as they are.
+
+    Attributes:
+        model: without the term.
+        inverse: of its normal matrix.
+    """
+
+    model: Model
+    inverse: Array
+
+    @classmethod
+    def of(cls, model: Model) -> Beside:
+        """Beside a model."""
+        return cls(model, np.asarray(np.linalg.inv(model.normal)))
+
+    def gain(self, term: Term) -> tuple[float, Array]:
+        """Nats that a term's columns gain, and its parameters."""
+        m = self.model
+        use = m.design.rows.block >= 0
+        size, count = term.size, float(use.sum())
+        cross, inner, slope = np.zeros((m.layout.size, size)), np.zeros((size, size)), np.zeros(size)
+        for j, block in term.columns.items():
+            inside, w = block[use], m.weight[j]
+            cross[m.layout.numbers[j]] += w * (m.design.matrices[j][:, m.layout.columns[j]][use].T @ inside)
+            inner += w * inside.T @ inside
+            slope += w * (inside.T @ m.residual[j][use])
+        if (np.diag(inner) <= 0.0).any():
+            return -np.inf, np.zeros(size)
+        left = inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner))
+        x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
+        power = float(2.0 * slope @ x - x @ left @ x)
+        joint = term.own if term.own is not None else int(np.argmax(m.share))
+        share = float(m.share[joint])
+        return -0.5 * count * share * float(np.log(max(1.0 - power / count, 1e-9))), x
+
+
+@dataclass(eq=False)
+class Refiner:
+    """Searches non-linear parameters.
+
+    Attributes:
+        maker: makes the columns.
+    """
+
+    maker: TermMaker
+
+    def refined(self, beside: Beside, term: Term, forms: Sequence[Effect] = ()) -> Term:
+        """The term at better parameters, or in a richer form where that is worth its parameters."""
+        best, gain = self._searched(beside, term)
+        for form in forms:
+            for start in form.starts(best.theta)[:3]:
+                begun = self._made(form, term, start)
+                if begun is None:
+                    continue
+                item, more = self._searched(beside, begun)
+                if more - gain > 3.0 + (item.n_parameters - best.n_parameters):
+                    best, gain = item, more
+        return best
+
+    def unlike(self, beside: Beside, term: Term) -> list[Term]:
+        """Richer forms that begin far from where the plain one does, each at its best."""
+        found = []
+        for form in term.effect.richer:
+            starts = form.own_starts(self.maker.context, term.location)
+            begun = [t for t in (self._made(form, term, start) for start in starts) if t is not None]
+            if begun:
+                found.append(self._searched(beside, max(begun, key=lambda t: beside.gain(t)[0]))[0])
+        return found
+
+    def _searched(self, beside: Beside, term: Term) -> tuple[Term, float]:
+        """Steps on a logarithmic scale, one parameter after the other, the steps ever smaller."""
+        best, gain = term, beside.gain(term)[0]
+        step, tried = _FIRST, 0
+        while step > _LAST and term.theta and tried < _MOST:
+            moved = False
+            for i, parameter in enumerate(term.effect.searched):
+                for way in (step, 1.0 / step):
+                    value = best.theta[i] * way
+                    if not parameter.low <= value <= parameter.high:
+                        continue
+                    theta = (*best.theta[:i], value, *best.theta[i + 1 :])
+                    item = self._made(term.effect, term, theta)
+                    tried += 1
+                    if item is None:
+                        continue
+                    new, x = beside.gain(item)
+                    if new > gain + 1e-3 and self._can_be(item, x):
+                        best, gain, moved = item, new, True
+                        break
+            step = step if moved else step**0.5
+        return best, gain
+
+    def _made(self, effect: Effect, like: Term, theta: Theta) -> Term | None:
+        whole = len(like.kept) == len(like.effect.linear) or effect is not like.effect
+        return self.maker.make(effect, like.location, theta, None if whole else like.kept)
+
+    def _can_be(self, term: Term, x: Array) -> bool:
+        if term.known:
+            return True
+        return term.effect.admissible(self.maker.context, term.location, term.theta, term.beta(x))

@@ -1,0 +1,244 @@
+"""The search for the model of the gap: forward, backward and by swaps, each term in the company of all others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.budget.design import Design
+from excite.diagnosis.budget.evidence import Merit, merit
+from excite.diagnosis.budget.joint_fit import Model, fit
+from excite.diagnosis.budget.screening import Screened, screened
+from excite.diagnosis.budget.thresholds import THRESHOLDS
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.gears.gear_effect import GearEffect
+from excite.diagnosis.equations.own_columns import COULOMB
+
+_SWEEPS = 4
+# Front-runners of the screening that are fitted in full at a time, and how often the next ones are tried.
+_FITTED, _BATCHES = 14, 2
+# Candidates that are fitted in the place of a term that is taken out.
+_SWAPPED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A term with the model that has it.
+
+    Attributes:
+        index: of the term in the design.
+        model: with it.
+        merit: what it gains.
+    """
+
+    index: int
+    model: Model
+    merit: Merit
+
+
+@dataclass(eq=False)
+class Search:
+    """Searches one design.
+
+    Attributes:
+        design: all columns.
+        context: at which they were made.
+        model: the terms so far.
+        tried: effects and places that were tried before this search.
+        least: share of what is left at its place that a term has to take away to be added.
+        dry_given: whether the log says that Coulomb friction is modelled.
+        rivals: by index of an accepted term, what else scores alike in the company of all others.
+    """
+
+    design: Design
+    context: Context
+    model: Model
+    dry_given: bool
+    least: float = 0.0
+    tried: int = 0
+    rivals: dict[int, list[Tried]] = field(default_factory=dict)
+    merits: dict[int, Merit] = field(default_factory=dict)
+
+    @property
+    def candidates(self) -> int:
+        """Number of effects and places."""
+        return max(self.tried, len({t.key for t in self.design.terms}))
+
+    def run(self) -> Model:
+        """Sweep until nothing changes."""
+        seen: set[frozenset[int]] = set()
+        for _ in range(_SWEEPS):
+            self.backward()
+            self.forward()
+            now = frozenset(self.model.chosen)
+            if now in seen:
+                break
+            seen.add(now)
+        self.backward()
+        return self.model
+
+    def forward(self) -> None:
+        """Add terms while any passes."""
+        while True:
+            found = self._best_of_screening()
+            if not found:
+                return
+            chosen = list(self.model.chosen)
+            taken: set[int | None] = set()
+            for item in found:
+                term = self.design.terms[item.index]
+                # What acts on one joint alone does not compete with what acts on another.
+                alone = term.own is not None and len(term.columns) == 1
+                if taken and (not alone or term.own in taken):
+                    continue
+                chosen.append(item.index)
+                taken.add(term.own)
+                if not alone:
+                    break
+            self.model = fit(self.design, chosen, self.model.weight)
+
+    def _best_of_screening(self) -> list[Tried]:
+        """Those that pass, best first."""
+        ranking = screened(self.model, self.allowed(self.model))
+        ranking = [item for item in ranking if self._can_be(item.index, item.x)]
+        ranking = _one_each(self.design, ranking)
+        for batch in range(_BATCHES):
+            part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
+            tried = [self.try_beside(self.model, item.index) for item in part]
+            passing = [t for t in tried if t is not None and t.merit.passes and self._large(t)]
+            if passing:
+                passing.sort(key=lambda item: -item.merit.score)
+                return self._simpler_first(passing)
+        return []
+
+    def _large(self, item: Tried) -> bool:
+        """Whether a term takes away enough of what is left where it acts most."""
+        if self.least <= 0.0:
+            return True
+        old, new = self.model.predicted.sum(axis=0), item.model.predicted.sum(axis=0)
+        noise = self.design.rows.floor**2 * self.design.fitted.count.sum()
+        room = np.maximum(old - noise, 1e-300)
+        return float(np.max(np.where(old > noise, (old - new) / room, 0.0))) >= self.least
+
+    def _simpler_first(self, passing: list[Tried]) -> list[Tried]:
+        """The simplest of those that score like the best at its place comes first."""
+        best = passing[0]
+        least = (1.0 - THRESHOLDS.alike) * best.merit.score
+        alike = [t for t in passing if t.merit.score >= least and self._same_place(t.index, best.index)]
+        simple = min(alike, key=lambda t: self.design.terms[t.index].n_parameters)
+        return [simple, *(t for t in passing if t is not simple)]
+
+    def backward(self) -> None:
+        """Take each term out in the company of all others: drop it, or swap it for what scores better."""
+        self.rivals, self.merits = {}, {}
+        order = sorted(self.model.chosen, key=lambda k: self._weight_of(k))
+        for k in order:
+            if k not in self.model.chosen:
+                continue
+            others = [i for i in self.model.chosen if i != k]
+            without = fit(self.design, others, self.model.weight)
+            term = self.design.terms[k]
+            here = merit(without, self.model, term, self.candidates)
+            orphan = term.effect.friction and not self._rubs(others, term.location)
+            tried = self._in_place_of(k, without)
+            best = max(tried, key=lambda t: t.merit.score, default=None)
+            keep = here.passes and not orphan and self._can_be(k, self.model.parameters(k))
+            if best is not None and best.merit.passes:
+                simple = self.design.terms[best.index].n_parameters < term.n_parameters
+                gain = best.merit.score - here.score
+                better = gain > max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
+                alike = simple and gain > -THRESHOLDS.alike * here.score and self._same_place(best.index, k)
+                if not keep or better or alike:
+                    self.model = best.model
+                    self.merits[best.index] = best.merit
+                    continue
+            if not keep:
+                self.model = without
+                continue
+            self.merits[k] = here
+            width = max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
+            self.rivals[k] = [t for t in tried if t.merit.passes and t.merit.score > here.score - width]
+
+    def _in_place_of(self, k: int, without: Model) -> list[Tried]:
+        """What else might stand in a term's place, fitted in full."""
+        term = self.design.terms[k]
+        allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key and i != k]
+        joints = set(term.columns) if term.own is None else {term.own}
+        ranking = screened(without, allowed)
+        ranking = [item for item in ranking if self._can_be(item.index, item.x)]
+        near = [item for item in _one_each(self.design, ranking) if item.joint in joints]
+        made = [self.try_beside(without, item.index) for item in near[:_SWAPPED]]
+        return [item for item in made if item is not None]
+
+    def _same_place(self, a: int, b: int) -> bool:
+        """Whether two terms are at one place: the simpler one is preferred there, not a simpler one elsewhere."""
+        one, other = self.design.terms[a], self.design.terms[b]
+        return one.location == other.location
+
+    def instead(self, k: int, without: Model) -> list[int]:
+        """Other effects with non-linear parameters that might stand in a term's place, likeliest first."""
+        term = self.design.terms[k]
+        allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key]
+        ranking = [s for s in screened(without, allowed) if self._can_be(s.index, s.x)]
+        near = [s.index for s in _one_each(self.design, ranking) if s.joint == term.own]
+        return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
+
+    def try_beside(self, without: Model, k: int) -> Tried | None:
+        model = fit(self.design, (*without.chosen, k), without.weight)
+        if not self._can_be(k, model.parameters(k)):
+            return None
+        return Tried(k, model, merit(without, model, self.design.terms[k], self.candidates))
+
+    def allowed(self, model: Model) -> list[int]:
+        """Terms that may join a model."""
+        terms = [self.design.terms[k] for k in model.chosen]
+        keys = {t.key for t in terms}
+        timed = any(t.effect.timing for t in terms)
+        # Play and compliance of one gear are two forms of one thing.
+        gears = {t.location for t in terms if isinstance(t.effect, GearEffect)}
+        return [
+            k
+            for k, t in enumerate(self.design.terms)
+            if t.key not in keys
+            and not (timed and t.effect.timing)
+            and not (t.location in gears and isinstance(t.effect, GearEffect))
+            and (not t.effect.friction or self._rubs(model.chosen, t.location))
+        ]
+
+    def _rubs(self, chosen: Sequence[int], location: str) -> bool:
+        """Whether a joint has Coulomb friction for others to grow on."""
+        return self.dry_given or any(
+            self.design.terms[k].location == location and self.design.terms[k].effect.term is COULOMB
+            for k in chosen
+        )
+
+    def _can_be(self, k: int, x: Array) -> bool:
+        term = self.design.terms[k]
+        if term.known:
+            return True
+        beta = term.beta(x)
+        effect = term.effect
+        if not effect.possible(self.context, term.location, beta):
+            return False
+        if term.started:
+            return all(p.low <= b <= p.high for p, b in zip(effect.linear, beta, strict=True))
+        return effect.admissible(self.context, term.location, term.theta, beta)
+
+    def _weight_of(self, k: int) -> float:
+        """About how much a term takes away: the weakest are judged first."""
+        size = 0.0
+        x = self.model.parameters(k)
+        for j, block in self.design.terms[k].columns.items():
+            size += float(self.model.weight[j] * ((block @ x) ** 2).sum())
+        return size
+
+
+def _one_each(design: Design, ranking: list[Screened]) -> list[Screened]:
+    """The best form of each effect at each place."""
+    found: dict[tuple[str, str], Screened] = {}
+    for item in ranking:
+        found.setdefault(design.terms[item.index].key, item)
+    return list(found.values())

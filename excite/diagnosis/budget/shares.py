@@ -1,0 +1,139 @@
+"""What each named effect takes of each channel's gap: the mean of taken out last and let in alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+from excite.arrays import Array
+from excite.diagnosis.budget.design import Design
+from excite.diagnosis.budget.joint_fit import Model, fit
+
+# Power above the floor, as a share of the floor, below which a channel has no gap to share out.
+_NOTHING = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Power:
+    """Mean squares on the trials that judge.
+
+    Attributes:
+        mean: ``(n_joints,)``.
+        blocks: ``(n_judged, n_joints)`` without a block each of those that judge.
+        fits: ``(n_blocks, n_joints)`` of fits without a block each.
+    """
+
+    mean: Array
+    blocks: Array
+    fits: Array
+
+    def combined(self, other: Power, sign: float) -> Power:
+        """Sum with a multiple of another."""
+        return Power(
+            self.mean + sign * other.mean, self.blocks + sign * other.blocks, self.fits + sign * other.fits
+        )
+
+
+def power_of(model: Model) -> Power:
+    """Mean squares that a fitted model leaves."""
+    grams = model.design.judged
+    left = model.power(grams) * grams.count[:, None]
+    total, count = left.sum(axis=0), float(grams.count.sum())
+    without = (total - left) / np.maximum(count - grams.count, 1.0)[:, None]
+    fits = np.empty((len(model.left_out), len(grams.total)))
+    for j, (g, c, p) in enumerate(zip(grams.total, model.layout.columns, model.layout.numbers, strict=True)):
+        z = model.left_out[:, p]
+        inner = z @ g[np.ix_(c, c)] - 2.0 * g[c, -1]
+        fits[:, j] = (g[-1, -1] + (inner * z).sum(axis=1)) / count
+    return Power(total / count, without, fits)
+
+
+def judged_power(design: Design, chosen: Sequence[int], weight: Array | None = None) -> Power:
+    """What the terms leave when they are fitted together."""
+    return power_of(fit(design, chosen, weight))
+
+
+def deviation(values: Array) -> Array:
+    """Standard deviation of a jackknife ``(n, …)`` (Miller 1974)."""
+    n = len(values)
+    if n < 2:
+        return np.zeros(values.shape[1:])
+    return np.sqrt((n - 1) / n * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """Shares of each channel's power above the floor.
+
+    Attributes:
+        level: ``(n_joints,)`` power of the noise.
+        open: ``(n_joints,)`` power above the floor without effects; 0 where there is none.
+        before: ``(n_joints,)`` power without effects.
+        after: ``(n_joints,)`` power with all.
+        value: ``(n_terms, n_joints)``.
+        half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
+    """
+
+    level: Array
+    open: Array
+    before: Array
+    after: Array
+    value: Array
+    half: Array
+
+
+def shares_of(model: Model, floor: Array) -> Shares:
+    """Share out the gap of every channel.
+
+    Two effects that overlap share what they both take (Shapley's value is the mean over orders; of many effects the
+    first and the last place stand for all). What the means miss of all that is closed is made up in proportion.
+
+    Args:
+        model: the model of the gap.
+        floor: ``(n_joints,)`` noise in the rows' band.
+    """
+    design = model.design
+    nothing, everything = judged_power(design, ()), power_of(model)
+    chosen = model.chosen
+    taken = []
+    for k in chosen:
+        last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
+        alone = nothing.combined(judged_power(design, (k,)), -1.0)
+        taken.append(Power(*(0.5 * (a + b) for a, b in zip(_parts(last), _parts(alone), strict=True))))
+    # What all effects leave is no less than the noise.
+    level = np.minimum(floor**2, everything.mean)
+    room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
+    if not taken:
+        empty = np.zeros((0, len(floor)))
+        return Shares(level, room, nothing.mean, everything.mean, empty, empty)
+    values = [
+        _normalised(
+            np.array([getattr(t, name) for t in taken]),
+            getattr(nothing, name),
+            getattr(everything, name),
+            level,
+        )
+        for name in ("mean", "blocks", "fits")
+    ]
+    value = np.where(room > 0.0, values[0], 0.0)
+    spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values[1:]))
+    freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
+    half = np.where(room > 0.0, float(stdtrit(freedom, 0.95)) * spread, 0.0)
+    return Shares(level, room, nothing.mean, everything.mean, value, half)
+
+
+def _parts(power: Power) -> tuple[Array, Array, Array]:
+    return power.mean, power.blocks, power.fits
+
+
+def _normalised(taken: Array, before: Array, after: Array, level: Array) -> Array:
+    """Shares that add up to what all effects together close, ``taken``'s shape."""
+    room = np.maximum(before - level, _NOTHING * level)
+    positive = np.maximum(taken, 0.0)
+    total, closed = positive.sum(axis=0), before - after
+    scaled = positive * (np.maximum(closed, 0.0) / np.maximum(total, 1e-300))
+    # Where nothing is closed in sum, each stands for itself.
+    return np.where((closed > 0.0) & (total > 0.0), scaled, taken) / room

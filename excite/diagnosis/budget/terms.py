@@ -1,0 +1,140 @@
+"""A term of the model of the gap: an effect at a place with its columns at the rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.effects.effect import Effect, Shape, Theta
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """An effect at a place, at given non-linear parameters.
+
+    Attributes:
+        effect: the effect, in the form that is tried.
+        location: its place.
+        theta: non-linear parameters.
+        context: predictions at which its columns were made.
+        columns: by index of the joint's row, ``(n_rows, n_linear)`` weighted, each parameter in units of ``scale``.
+        scale: ``(n_linear,)`` what a column was multiplied by.
+        known: whether its size is known, one, as that of a gear whose stiffness is given.
+        kept: which of the effect's linear parameters it has, the others are zero.
+        own: index of the row that it has to improve; None where any will do.
+        started: whether the model begins with it.
+    """
+
+    effect: Effect
+    location: str
+    theta: Theta
+    context: Context
+    columns: dict[int, Array]
+    scale: Array
+    known: bool = False
+    kept: tuple[int, ...] = ()
+    own: int | None = None
+    started: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Name and place."""
+        return self.name, self.location
+
+    @property
+    def size(self) -> int:
+        """Number of linear parameters."""
+        return len(self.scale)
+
+    @property
+    def n_parameters(self) -> int:
+        """Linear and searched parameters."""
+        return (0 if self.known else self.size) + len(self.theta)
+
+    def beta(self, x: Array) -> Array:
+        """The effect's linear parameters from fitted ones ``(size,)``; none of what it does not have."""
+        if self.known:
+            return np.zeros(0)
+        beta = np.zeros(len(self.effect.linear))
+        beta[list(self.kept)] = x * self.scale
+        return beta
+
+
+@dataclass(frozen=True, eq=False)
+class TermMaker:
+    """Makes terms at one fit of the model.
+
+    Attributes:
+        context: predictions at that fit.
+        weight: ``(n_joints, n_rows)`` square roots of the rows' weights.
+    """
+
+    context: Context
+    weight: Array
+    _loaded: dict = field(default_factory=dict)
+
+    def make(
+        self, effect: Effect, location: str, theta: Theta, kept: tuple[int, ...] | None = None
+    ) -> Term | None:
+        """The term; None where no joint feels it or it is not finite."""
+        joints = self.context.joints
+        own = joints.index(location) if location in joints and not effect.timing else None
+        context = self._context_for(effect)
+        shape = effect.shape(context, location, theta)
+        known = bool(shape.offset)
+        columns = self._rows(shape)
+        if kept is not None and not known:
+            columns = {j: block[:, list(kept)] for j, block in columns.items()}
+        if not columns or not all(np.isfinite(block).all() for block in columns.values()):
+            return None
+        power = sum((block**2).sum(axis=0) for block in columns.values())
+        size = np.sqrt(power / self.weight.shape[1])
+        if known:
+            return Term(effect, location, theta, context, columns, np.ones(1), known=True, own=own)
+        index = np.arange(len(effect.linear)) if kept is None else np.array(kept)
+        felt = size > 1e-7 * max(float(size.max()), 1e-300)
+        if not felt.any() or float(size.max()) < 1e-12:
+            return None
+        scaled = {j: block[:, felt] / size[felt] for j, block in columns.items()}
+        return Term(
+            effect,
+            location,
+            theta,
+            context,
+            scaled,
+            1.0 / size[felt],
+            kept=tuple(index[felt].tolist()),
+            own=own,
+        )
+
+    def again(self, term: Term) -> Term | None:
+        """A term made anew at these predictions."""
+        whole = len(term.kept) == len(term.effect.linear)
+        return self.make(term.effect, term.location, term.theta, None if whole else term.kept)
+
+    def _context_for(self, effect: Effect) -> Context:
+        """Effects of the load are told from the rigid bodies' torque: friction would explain itself."""
+        if not effect.by_load:
+            return self.context
+        if "load" not in self._loaded:
+            base = self.context.baseline
+            self._loaded["load"] = Context(replace(base, total=base.rigid))
+        return self._loaded["load"]
+
+    def _rows(self, shape: Shape) -> dict[int, Array]:
+        samples = self.context.baseline.samples
+        blocks = shape.columns or {j: values[:, None] for j, values in shape.offset.items()}
+        keys = [j for j in sorted(blocks) if blocks[j].any()]
+        if not keys:
+            return {}
+        width = blocks[keys[0]].shape[1]
+        rows = samples.rows(np.concatenate([blocks[j] for j in keys], axis=1))
+        return {j: rows[:, k * width : (k + 1) * width] * self.weight[j][:, None] for k, j in enumerate(keys)}

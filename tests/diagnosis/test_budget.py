@@ -1,0 +1,194 @@
+"""The model of the gap: what it names beside each other, and that its shares add up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.budget.made import budget_of
+from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
+from excite.diagnosis.budget.same_machine import other_machine
+from excite.diagnosis.budget.unison import independent_joints, unison
+from excite.diagnosis.diagnose import diagnose
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.equations.baseline_fit import fit_baseline
+from excite.diagnosis.equations.noise_floor import spectral_floor
+from excite.diagnosis.equations.samples import arm_samples
+from excite.errors import LogError
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Log, Trial
+from excite.logs.robot import nominal_robot
+from tests.diagnosis.two_joints import COULOMB, VISCOUS, moved, two_joint_log
+from tests.reproduction import airbot_play_load, emps
+
+FRICTION = ("rigid_body", "viscous_friction", "coulomb_friction")
+More = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def searched(log: Log, modelled: tuple[str, ...]) -> Found:
+    """The model of the gap of a log's own rows."""
+    samples = arm_samples(nominal_robot(log), log, log.trials)
+    floor = spectral_floor(samples)
+    full = begun_baseline(samples, modelled, floor)
+    return model_of_gap(full, modelled, tuple(EFFECTS.values()), floor)
+
+
+def budgeted(log: Log, modelled: tuple[str, ...]) -> Budget:
+    """The budget of a log's own rows."""
+    found = searched(log, modelled)
+    samples = found.baseline.samples
+    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+    return budget_of(found, spectral_floor(samples), tau.std(axis=0))
+
+
+def two_joints(folder: Path, more: More | None = None) -> Log:
+    """A record of two joints, with torques by position and velocity beside those of the model."""
+    rng = np.random.default_rng(3)
+    trials = [
+        moved(n, role, s, rng, np.eye(2))
+        for n, role, s in (("a", "identification", 40.0), ("b", "validation", 15.0))
+    ]
+    made = []
+    for trial in trials:
+        assert trial.tau is not None
+        v = np.gradient(trial.q, trial.time, axis=0)
+        added = np.zeros_like(trial.tau) if more is None else more(trial.q, v)
+        made.append(
+            Trial(name=trial.name, role=trial.role, time=trial.time, q=trial.q, tau=trial.tau + added)
+        )
+    return load_log(save_log(two_joint_log(tuple(made)), folder))
+
+
+def bias_and_stribeck(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    slow = 0.8 * np.exp(-((v[:, 0] / 0.3) ** 2)) * np.sign(v[:, 0])
+    return np.column_stack([slow, np.full(len(q), 0.4)])
+
+
+def names(budget: Budget, joint: str) -> set[str]:
+    return {item.effect for item in budget.named if item.location == joint}
+
+
+def test_nothing_is_named_on_a_robot_that_is_its_model(tmp_path: Path) -> None:
+    assert budgeted(two_joints(tmp_path), FRICTION).named == ()
+
+
+def test_two_effects_are_both_named_with_the_sizes_of_the_joint_fit(tmp_path: Path) -> None:
+    budget = budgeted(two_joints(tmp_path, bias_and_stribeck), FRICTION)
+    assert {(item.effect, item.location) for item in budget.named} == {
+        ("stribeck", "first"),
+        ("torque_bias", "second"),
+    }
+    values = {item.effect: item.values for item in budget.named}
+    bias, spread = values["torque_bias"]["bias"]
+    assert spread is not None
+    assert bias == pytest.approx(0.4, abs=max(4.0 * spread, 0.04))
+    assert values["stribeck"]["velocity"][0] == pytest.approx(0.3, rel=0.3)
+    assert all(item.probability > 0.9 for item in budget.named if not item.rivals)
+
+
+def test_an_effect_at_one_joint_does_not_change_the_names_at_another(tmp_path: Path) -> None:
+    def both(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return bias_and_stribeck(q, v) + np.column_stack([0.5 * np.cos(12.0 * q[:, 0]), np.zeros(len(q))])
+
+    plain = budgeted(two_joints(tmp_path / "plain", bias_and_stribeck), FRICTION)
+    more = budgeted(two_joints(tmp_path / "more", both), FRICTION)
+    assert names(plain, "second") == names(more, "second") == {"torque_bias"}
+    assert "torque_ripple" in names(more, "first")
+
+
+@pytest.mark.parametrize("modelled", [("rigid_body",), FRICTION])
+def test_shares_of_every_channel_add_up_to_one(tmp_path: Path, modelled: tuple[str, ...]) -> None:
+    budget = budgeted(two_joints(tmp_path, bias_and_stribeck), modelled)
+    for channel in budget.channels.values():
+        shares = [item.share for item in (*channel.effects, *channel.unnamed)]
+        assert sum(shares) + channel.rest == pytest.approx(1.0)
+        assert all(low <= item.share <= high for item in channel.effects for low, high in [item.interval90])
+
+
+def test_friction_that_is_not_modelled_is_named_at_every_joint(tmp_path: Path) -> None:
+    """Neither term passes without the other: they are judged together and pruned."""
+    budget = budgeted(two_joints(tmp_path), ("rigid_body",))
+    found = {(item.effect, item.location): item.values for item in budget.named}
+    for j, joint in enumerate(("first", "second")):
+        assert found["coulomb_friction", joint]["level"][0] == pytest.approx(COULOMB[j], rel=0.1)
+        assert found["viscous_friction", joint]["coefficient"][0] == pytest.approx(VISCOUS[j], rel=0.1)
+    assert len(found) == 4
+
+
+def test_what_has_no_name_is_said_with_what_it_follows(tmp_path: Path) -> None:
+    """A torque that follows another joint's position is in no library."""
+
+    def strange(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.zeros(len(q)), 1.5 * np.abs(q[:, 0])])
+
+    channel = budgeted(two_joints(tmp_path, strange), FRICTION).channels["second"]
+    named = sum(item.share for item in channel.effects)
+    assert max(channel.unnamed, key=lambda item: item.share).follows == "first"
+    assert channel.unnamed[0].share > 0.5 > named
+
+
+def test_both_frictions_of_a_ball_screw_are_named_with_their_published_sizes(
+    data_dir: Path, tmp_path: Path
+) -> None:
+    budget = budgeted(emps.emps_log(data_dir, tmp_path, 0.67), ("rigid_body",))
+    values = {item.effect: item.values for item in budget.named}
+    coulomb, spread = values["coulomb_friction"]["level"]
+    viscous, spread_v = values["viscous_friction"]["coefficient"]
+    assert spread is not None
+    assert spread_v is not None
+    assert abs(coulomb - 20.39) < 1.9 * spread
+    assert abs(viscous - 203.5) < 1.9 * spread_v
+
+
+def test_a_log_that_says_nothing_of_friction_has_the_baseline_of_an_identification(tmp_path: Path) -> None:
+    """Hand-written logs leave ``modelled`` out: friction is then no effect, as it is none for ``identify``."""
+    folder = save_log(two_joint_log(two_joints(tmp_path / "plain").trials), tmp_path / "log")
+    header = yaml.safe_load((folder / "log.yaml").read_text())
+    del header["modelled"]
+    (folder / "log.yaml").write_text(yaml.safe_dump(header))
+    result = diagnose(folder)
+    assert result.verdict == "none"
+    assert result.effects == ()
+
+
+def test_a_log_may_name_a_bundled_robot(tmp_path: Path) -> None:
+    folder = save_log(two_joints(tmp_path / "plain"), tmp_path / "log")
+    header = yaml.safe_load((folder / "log.yaml").read_text())
+    (folder / "log.yaml").write_text(yaml.safe_dump(header | {"robot": "ur10"}))
+    with pytest.raises(LogError, match="has no joint 'first'"):
+        diagnose(folder)
+
+
+@pytest.mark.parametrize(("judged", "said"), [(0.4, []), (1.2, ["other_machine"])])
+def test_trials_of_another_machine_are_said_to_be(tmp_path: Path, judged: float, said: list[str]) -> None:
+    """The same constant in all trials is one machine; another one in those that judge is not."""
+    log = two_joints(tmp_path / "plain")
+    sizes = {"identification": 0.4, "validation": judged}
+    trials = tuple(replace(t, tau=t.tau + np.array([0.0, sizes[t.role]])) for t in log.trials)
+    found = searched(load_log(save_log(two_joint_log(trials), tmp_path / "log")), FRICTION)
+    assert [item.kind for item in other_machine(found.search.model)] == said
+
+
+def test_joints_that_move_on_one_path_are_counted_as_one() -> None:
+    rng = np.random.default_rng(0)
+    path, free = rng.normal(size=(500, 1)), rng.normal(size=(500, 4))
+    assert independent_joints(path @ np.array([[1.0, -2.0, 0.1, 5.0]])) == pytest.approx(1.0, abs=1e-6)
+    assert independent_joints(free) == pytest.approx(4.0, rel=0.05)
+
+
+def test_of_an_arm_that_moves_in_unison_only_its_torque_scales_are_said(
+    data_dir: Path, tmp_path: Path
+) -> None:
+    log = airbot_play_load.chirp_log(data_dir, tmp_path, loaded=False)
+    samples = arm_samples(nominal_robot(log), log, log.trials)
+    finding = unison(fit_baseline(samples, ("rigid_body_fixed", *FRICTION[1:]), spectral_floor(samples)))
+    assert finding is not None
+    assert finding.figures["independent"] == pytest.approx(1.0, abs=0.1)
+    assert finding.figures["torque_scale.joint4"] == pytest.approx(1.6, rel=0.1)
+    assert finding.figures["torque_scale.joint5"] == pytest.approx(1.6, rel=0.1)
