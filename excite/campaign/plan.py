@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from excite.campaign.candidates.refusal import FirstOf, none_is_safe, refusals_of
 from excite.campaign.candidates.registry import SEARCHES
 from excite.campaign.candidates.search import Asked
 from excite.campaign.candidates.series import SeriesSettings
@@ -14,7 +15,6 @@ from excite.campaign.candidates.source import candidates_of, check_generator
 from excite.campaign.choice import Rule, choose
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool, ranked_segments
-from excite.campaign.refusal import FirstOf, none_is_safe, refusals_of
 from excite.errors import InputError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
@@ -77,7 +77,7 @@ def plan(
 
     Raises:
         NoSolutionError: no candidate was accepted; the error says what refuses most and what would help; its
-            ``best`` are the :class:`~excite.campaign.refusal.Refusals`.
+            ``best`` are the :class:`~excite.campaign.candidates.refusal.Refusals`.
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from excite.atomic import all_or_nothing
+from excite.campaign.candidates.refusal import Refusals
 from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.campaign.on_disk import OnDisk
 from excite.campaign.outlook import Outlook, outlook, predictable
 from excite.campaign.pool import Pool
-from excite.campaign.refusal import Refusals
 from excite.excitation.conditioning import Conditioning, MotionFactor
 from excite.excitation.selection import Selection
 from excite.json_document import write_json

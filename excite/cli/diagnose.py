@@ -18,13 +18,19 @@ NAME = "diagnose"
 
 def command(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
+    budget: Annotated[
+        bool,
+        typer.Option(
+            "--budget/--no-budget", help="Say where each joint's gap goes, all effects taken together."
+        ),
+    ] = True,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = None,
 ) -> None:
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
-    result = excite.diagnose(log, seed=seed, out=out)
+    result = excite.diagnose(log, seed=seed, out=out, budget=budget)
     summary = result.summary()
     if out is not None:
         summary += f"\nreport: {_save(result, out)}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +28,12 @@ from excite.threads import one_blas_thread
 
 @one_blas_thread
 def diagnose(
-    log: str | Path | Log, robot: Robot | None = None, *, seed: int = 0, out: str | Path | None = None
+    log: str | Path | Log,
+    robot: Robot | None = None,
+    *,
+    seed: int = 0,
+    out: str | Path | None = None,
+    budget: bool = False,
 ) -> Diagnosis:
     """Find where a robot differs from its nominal model, which effect causes it, and how far it shrinks.
 
@@ -38,6 +42,8 @@ def diagnose(
         robot: the nominal model; by default the one that the log names.
         seed: of the bootstrap.
         out: folder for the augmented simulator and motions; none are written without it.
+        budget: whether to say, of an arm's torques or currents, where each joint's gap goes: shares of all effects
+            together, what has no name, what does not repeat. Takes as long again.
 
     Returns:
         The diagnosis (``excite.diagnosis/1``).
@@ -56,14 +62,16 @@ def diagnose(
         )
     chart = examine(robot, loaded)
     chart.check_usable()
-    found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
+    found = _diagnosed(robot, chart, rng, None if out is None else Path(out), budget=budget)
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
     doubts = (said(chart.doubts),) if chart.doubts else ()
     warnings = (*limits, *doubts, *found.warnings)
     return replace(found, faults=(*chart.findings, *found.faults), warnings=warnings)
 
 
-def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
+def _diagnosed(
+    robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None, *, budget: bool
+) -> Diagnosis:
     """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
     loaded = chart.log
     modelled = _modelled(loaded.header)
@@ -72,7 +80,10 @@ def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Pat
     if modelled != loaded.header.modelled:
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":
-        return _of_arm(loaded.header.torque)(robot, loaded, rng, folder)
+        if loaded.header.torque == "none":
+            return diagnose_commands(robot, loaded, rng, folder)
+        verb = diagnose_currents if loaded.header.torque == "current" else diagnose_arm
+        return verb(robot, loaded, rng, folder, budget=budget)
     if loaded.header.sensors:
         return diagnose_floating(loaded, robot, rng, folder)
     raise InputError(
@@ -88,10 +99,3 @@ def _modelled(header: LogHeader) -> tuple[str, ...]:
         return header.modelled
     usual = (DRIVE_TERMS[name].effects for name in drive_terms(header, ProblemSettings()))
     return (*header.modelled, *(effects[0] for effects in usual if effects))
-
-
-def _of_arm(torque: str | None) -> Callable[[Robot, Log, np.random.Generator, Path | None], Diagnosis]:
-    """The diagnosis of a fixed base for what the log says of its torques."""
-    if torque == "current":
-        return diagnose_currents
-    return diagnose_commands if torque == "none" else diagnose_arm

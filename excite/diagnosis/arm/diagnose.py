@@ -33,7 +33,9 @@ from excite.logs.log import Log
 from excite.robot.robot import Robot
 
 
-def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
+def diagnose_arm(
+    robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None, *, budget: bool = False
+) -> Diagnosis:
     """Diagnose a log of a fixed-base arm with joint torques.
 
     Args:
@@ -41,6 +43,7 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
         log: the log, with an identification trial.
         rng: of the bootstrap.
         out: folder for the augmented simulator; none is written without it.
+        budget: whether to say where each joint's gap goes.
 
     Returns:
         The diagnosis.
@@ -52,7 +55,7 @@ def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | N
     def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
         return simulated(attribution, baseline, out)
 
-    return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, simulate)
+    return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out, budget=budget), rng, simulate)
 
 
 def diagnose_torques(

@@ -1,4 +1,4 @@
-"""What is found in a record of torques: the reading of its budget, or the search for one effect after the other."""
+"""What is found in a record of torques: effects, one after the other, and beside them the budget of the gap."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.budget import Budget
-from excite.diagnosis.arm.attributed import Read, attributed
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
+from excite.diagnosis.budget.record import begun_baseline, model_of_gap
 from excite.diagnosis.budget.same_machine import other_machine
-from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.budget.unison import unison
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
@@ -24,14 +22,8 @@ from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, w
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.search.attribute import Attributor
 from excite.diagnosis.search.attribution import Attribution, Scored
-from excite.diagnosis.search.scoring import Scorer
 from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
 from excite.finding import Finding
-
-# The search for one effect after the other has finer forms of each; it is asked where so few take a share that counts.
-_FEW = 2
-# What it leaves may be so much more than what the model of the gap leaves.
-_AS_LITTLE = 1.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,54 +70,27 @@ def judged_record(record: TorqueRecord) -> Judged:
     # Torques that were not measured are no better further up in the spectrum.
     measured = record.reconstructed_noise is None
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
-    full = begun_baseline(samples, record.modelled, least) if measured else None
-    baseline = fit_baseline(samples, record.modelled, least, like=full)
+    baseline = fit_baseline(samples, record.modelled, least)
     columns = [record.log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, record.log.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
-    ready = _Ready(samples, baseline, spectral, noise)
-    return _one_by_one(record, ready) if full is None else _by_budget(record, ready, full, least)
+    found = _one_by_one(record, _Ready(samples, baseline, spectral, noise))
+    return _with_budget(record, found, least) if record.budget and measured else found
 
 
-def _by_budget(record: TorqueRecord, ready: _Ready, full: Baseline, least: Array) -> Judged:
-    """The reading of the budget; of few effects, the search for them where it leaves as little."""
-    samples, baseline = ready.samples, ready.baseline
+def _with_budget(record: TorqueRecord, found: Judged, least: Array) -> Judged:
+    """The same verdict, and beside it where each joint's gap goes by one model of all effects."""
+    samples = found.samples
     tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
-    scale = np.maximum(tau.std(axis=0), 1e-9)
-    scorer = Scorer(baseline, ready.spectral, unrepeated(samples, ready.noise * baseline.strict), scale)
-    together = unison(baseline)
+    full = begun_baseline(samples, record.modelled, least)
+    together = unison(full)
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
-    found = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
-    budget = budget_of(found, ready.spectral, scale)
-    read = attributed(baseline, scorer, found, budget, ready.spectral)
-    said = (*(() if together is None else (together,)), *other_machine(found.search.model))
-    if together is None and _few(read):
-        single = _one_by_one(record, ready)
-        strange = single.attribution.stranger is not None and _nameless(found)
-        if strange or _left(single.attribution) <= _AS_LITTLE * _left(read.attribution):
-            return replace(single, budget=budget, findings=said)
-    attribution, judgement = read.attribution, read.judgement
-    return Judged(samples, baseline, ready.spectral, ready.noise, attribution, judgement, (), budget, said)
-
-
-def _few(read: Read) -> bool:
-    """Whether no more than a few effects take a share of the whole that counts."""
-    return sum(item.share >= THRESHOLDS.trifle for item in read.reading.effects) <= _FEW
-
-
-def _nameless(found: Found) -> bool:
-    """Whether the model of the gap has physics that no effect's name stands for."""
-    return any(term.effect.nameless for term in found.search.model.terms)
-
-
-def _left(attribution: Attribution) -> float:
-    """Normalised root mean square that is left of the trials that judge."""
-    final, rows = attribution.final, ~attribution.final.samples.identification
-    rest = final.plain(attribution.after.residual)
-    rest = rest[:, rows] if rows.any() else rest
-    return float(np.sqrt(np.mean((rest**2).mean(axis=1) / attribution.scale**2)))
+    gap = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
+    budget = budget_of(gap, found.spectral, np.maximum(tau.std(axis=0), 1e-9))
+    said = (*(() if together is None else (together,)), *other_machine(gap.search.model))
+    return replace(found, budget=budget, findings=said)
 
 
 def _one_by_one(record: TorqueRecord, ready: _Ready) -> Judged:
