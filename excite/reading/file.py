@@ -54,15 +54,27 @@ def read_bytes(
     """The content of a file, at most ``limit`` bytes of it; errors as for :func:`check_file`."""
     path = check_file(path, limit=limit, error=error)
     try:
-        # Not blocking, for what became a pipe meanwhile and for files of the system's own that wait for news; one
-        # byte more than allowed, for a file that grows while it is read.
-        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as stream:
-            content = stream.read(limit + 1) or b""
+        # One byte more than allowed, for a file that grows while it is read.
+        content = _beginning(path, limit + 1)
     except OSError as reason:
         raise unreadable_file(path, reason, error) from reason
     if len(content) > limit:
         raise too_large(path, len(content), limit, error)
     return content
+
+
+def first_bytes(path: str | Path, count: int = 512) -> bytes:
+    """At most ``count`` bytes from the beginning of a regular file; none of what is no such file or cannot be read."""
+    try:
+        return _beginning(check_file(path), count)
+    except (InputError, OSError):
+        return b""
+
+
+def _beginning(path: Path, count: int) -> bytes:
+    # Not blocking, for what became a pipe meanwhile and for files of the system's own that wait for news.
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as stream:
+        return stream.read(count) or b""
 
 
 def read_text(

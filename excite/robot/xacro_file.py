@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 from xml.parsers.expat import ExpatError
 
 from excite.errors import RobotError
+from excite.reading.file import first_bytes
 from excite.reading.xml_document import read_xml
 from excite.robot.urdf.reading import find_mesh
 
@@ -17,13 +18,7 @@ _NAMESPACE = "ros.org/wiki/xacro"
 
 def is_xacro(path: Path) -> bool:
     """Whether a file is to be expanded before it is a URDF."""
-    if path.suffix == ".xacro":
-        return True
-    try:
-        with path.open("rb") as file:
-            return _NAMESPACE.encode() in file.read(4096)
-    except OSError:
-        return False
+    return path.suffix == ".xacro" or _NAMESPACE.encode() in first_bytes(path, 4096)
 
 
 def expanded(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, ...] = ()) -> str:

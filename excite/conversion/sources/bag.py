@@ -8,9 +8,10 @@ from typing import ClassVar
 
 from excite.conversion.recording import Recording
 from excite.conversion.sources.messages import is_trajectory, is_wanted
-from excite.conversion.sources.source import Source, damaged, first_bytes
+from excite.conversion.sources.source import Source, damaged
 from excite.conversion.sources.topics import Topics
 from excite.conversion.sources.unitree_types import register_unitree
+from excite.reading.file import first_bytes
 
 
 class BagSource(Source):

@@ -10,9 +10,9 @@ import numpy as np
 
 from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
 from excite.conversion.sources.npz import constants
-from excite.conversion.sources.source import Source, damaged, first_bytes
+from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
-from excite.reading.file import check_file
+from excite.reading.file import check_file, first_bytes
 
 # Ten times what is read as JSON elsewhere is still read at once in a gigabyte.
 _MAX_BYTES = 512 * 1024 * 1024

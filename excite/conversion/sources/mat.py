@@ -9,9 +9,9 @@ import numpy as np
 
 from excite.conversion.recording import Recording
 from excite.conversion.sources.hdf5 import hdf5_arrays, recordings_of
-from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged, first_bytes
+from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
-from excite.reading.file import check_file
+from excite.reading.file import check_file, first_bytes
 
 # Structs within structs; Simulink's logs have four.
 _DEEPEST = 8

@@ -8,9 +8,10 @@ from typing import Any, ClassVar
 
 from excite.conversion.recording import Recording
 from excite.conversion.sources.messages import is_trajectory, is_wanted
-from excite.conversion.sources.source import Source, damaged, first_bytes
+from excite.conversion.sources.source import Source, damaged
 from excite.conversion.sources.topics import Topics
 from excite.errors import LogError
+from excite.reading.file import first_bytes
 
 # What decoders raise for messages that are cut short or of types that they do not know.
 _DAMAGED = (

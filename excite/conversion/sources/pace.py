@@ -16,9 +16,9 @@ import numpy as np
 
 from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
 from excite.conversion.sources.npz import constants
-from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged, first_bytes
+from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged
 from excite.errors import LogError
-from excite.reading.file import check_file
+from excite.reading.file import check_file, first_bytes
 
 _TYPES = {
     "DoubleStorage": "<f8",

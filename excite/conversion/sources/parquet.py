@@ -10,9 +10,9 @@ import pyarrow as pa
 
 from excite.arrow_columns import read_parquet
 from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
-from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged, first_bytes
+from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
-from excite.reading.file import check_file
+from excite.reading.file import check_file, first_bytes
 
 
 class ParquetSource(Source):

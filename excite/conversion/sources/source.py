@@ -48,12 +48,3 @@ def damaged(path: Path, error: BaseException, what: str) -> LogError:
     return LogError(
         f"cannot be read as {what} ({text[:160]})", source=path, remedy="check that the file is complete"
     )
-
-
-def first_bytes(path: Path, count: int = 512) -> bytes:
-    """The beginning of a file; nothing where there is none."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(count)
-    except OSError:
-        return b""

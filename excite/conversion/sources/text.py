@@ -14,10 +14,10 @@ import pyarrow.csv
 from excite.arrow_columns import numpy_columns
 from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
-from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged, first_bytes
+from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.conversion.sources.table_habits import COMMENTS, Habits, split_line, table_habits
 from excite.errors import LogError
-from excite.reading.file import check_file
+from excite.reading.file import check_file, first_bytes
 
 # Lines that are looked at to find the table's habits; headers of data loggers have some dozen lines.
 _LOOKED_AT = 200

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import least_squares
 
 from excite.arrays import Array
-from excite.robot.scaffold.limbs import Figure, FootGuess
+from excite.robot.scaffold.footing import Footing, Standing
+from excite.robot.scaffold.limbs import Figure
 from excite.robot.shapes.ignored_pairs import PairSearch
 
 # Bends of hip, knee and ankle from which standing postures are sought, and how far hips turn out [rad].
@@ -19,16 +17,10 @@ _WIDE = (0.0, 0.12)
 # of the Go2 and the HyQ turn knees by some 0.3 rad (with 0.16 rad of room no candidate of either passes, with 0.35 most
 # do); candidates of a humanoid whose links rest at the margin collide.
 _ROOM, _APART = 0.35, 0.02
+# Angle of knees from which a leg can lift and lower its hip both ways [rad]: the bundled humanoids stand with 0.7.
+_BEND = 0.6
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """A posture ``(n_joints,)`` on feet."""
-
-    q: Array
-    feet: tuple[FootGuess, ...]
 
 
 class Postures:
@@ -39,6 +31,7 @@ class Postures:
         limits = figure.robot.limits
         room = 0.1 * (limits.position_upper - limits.position_lower)
         self.lower, self.upper = limits.position_lower + room, limits.position_upper - room
+        self.footing = Footing(figure, self.lower, self.upper)
         self.wanted = np.clip(wanted, limits.position_lower, limits.position_upper)
 
     def clear(self, ground: float | None, ignored: frozenset[tuple[str, str]]) -> Array | None:
@@ -78,11 +71,11 @@ class Postures:
         """A posture with all feet on one plane, the centre of mass above their middle, and nothing touching."""
         best: tuple[float, Standing, int] | None = None
         for start in self._starts(legs):
-            found = self._stand(start, legs)
+            found = self.footing.stand(start, legs)
             if found is None:
                 continue
             touching = len(self.touching(found.q, ignored))
-            room = self._room(found.q, legs, ignored)
+            room = self._room(found, legs, ignored)
             score = room - touching
             if best is None or score > best[0]:
                 best = (score, found, touching)
@@ -92,8 +85,9 @@ class Postures:
             return None
         return best[1] if best[2] == 0 else self._spread(best[1], legs, ignored)
 
-    def _room(self, q: Array, legs: list[int], ignored: frozenset[tuple[str, str]]) -> float:
+    def _room(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> float:
         """How much of the room that motions need is there, 0 … 1."""
+        q = stand.q
         limits = self.figure.robot.limits
         joints = sorted({joint - 1 for leg in legs for joint in self.figure.chain(leg)})
         to_limits = np.minimum(q - limits.position_lower, limits.position_upper - q)[joints]
@@ -105,13 +99,18 @@ class Postures:
             )
             if pair not in ignored
         ]
-        shares = (float(to_limits.min(initial=_ROOM)) / _ROOM, min(apart, default=_APART) / _APART)
-        return 0.5 * sum(min(max(share, 0.0), 1.0) for share in shares)
+        shares = (
+            float(to_limits.min(initial=_ROOM)) / _ROOM,
+            min(apart, default=_APART) / _APART,
+            min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
+            / _BEND,
+        )
+        return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
 
     def _spread(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing:
         """The same feet with arms and head out of the way, if that can be; else as far as it could."""
         of_legs = {joint for leg in legs for joint in self.figure.chain(leg)}
-        found = self._stand(self._parted(stand.q, of_legs, ignored), legs)
+        found = self.footing.stand(self._parted(stand.q, of_legs, ignored), legs)
         return (
             found
             if found and len(self.touching(found.q, ignored)) < len(self.touching(stand.q, ignored))
@@ -174,59 +173,3 @@ class Postures:
         side = np.sign(data.oMi[leg].translation[1])
         for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
             q[joint - 1] += turn * side * wide * np.sign(columns[joint])
-
-    def _stand(self, start: Array, legs: list[int]) -> Standing | None:
-        """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
-        q, feet = start, tuple(self.figure.foot(leg, start) for leg in legs)
-        limits = self.figure.robot.limits
-        low, high = limits.position_lower + 1e-4, limits.position_upper - 1e-4
-        flat = self.lower < self.upper
-        low, high = (
-            np.where(flat, 0.6 * low + 0.4 * self.lower, low),
-            np.where(flat, 0.6 * high + 0.4 * self.upper, high),
-        )
-        if (high - low <= 1e-6).any():
-            return None
-        for _ in range(3):
-            solved = least_squares(
-                self._residual,
-                np.clip(q, low + 1e-9, high - 1e-9),
-                bounds=(low, high),
-                args=(start, legs, feet),
-                max_nfev=40,
-            )
-            q = solved.x
-            again = tuple(self.figure.foot(leg, q) for leg in legs)
-            feet = tuple(new if len(old.sole) < 3 else old for old, new in zip(feet, again, strict=True))
-        heights, tilts, offset = self._contacts(q, legs, feet)
-        # A millimetre and half a degree are below what soles and floors are flat to.
-        level = np.ptp(heights) < 2e-3 and np.abs(tilts).max(initial=0.0) < 0.01
-        return Standing(q, feet) if level and np.linalg.norm(offset) < 0.02 else None
-
-    def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> tuple[Array, Array, Array]:
-        """Heights of the soles' middles, their tilts, and the centre of mass from their middle [m, rad]."""
-        figure = self.figure
-        centre = figure.centre(q)
-        heights, tilts, middles = [], [], []
-        for leg, foot in zip(legs, feet, strict=True):
-            pose = figure.data.oMi[leg] * self._placement(foot)
-            corners = foot.sole @ pose.rotation.T + pose.translation
-            middles.append(corners.mean(axis=0))
-            heights.append(corners[:, 2].mean())
-            if len(corners) >= 3:
-                normal = np.linalg.svd(corners - middles[-1])[2][2]
-                tilts += list(normal[:2] * np.sign(normal[2]))
-            elif len(corners) == 2:
-                tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
-        middle = np.mean(middles, axis=0)
-        return np.array(heights), np.array(tilts), (centre - middle)[:2]
-
-    def _placement(self, foot: FootGuess) -> pin.SE3:
-        model = self.figure.model
-        return model.frames[model.getFrameId(foot.link, pin.BODY)].placement
-
-    def _residual(self, q: Array, start: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> Array:
-        heights, tilts, offset = self._contacts(q, legs, feet)
-        return np.concatenate(
-            [10.0 * (heights - heights.mean()), 3.0 * tilts, 3.0 * offset, 0.02 * (q - start)]
-        )

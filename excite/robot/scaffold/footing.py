@@ -1,0 +1,103 @@
+"""A figure's feet flat on one plane, its centre of mass above their middle, found from a posture nearby."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import least_squares
+
+from excite.arrays import Array
+from excite.robot.scaffold.limbs import Figure, FootGuess
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A posture ``(n_joints,)`` on feet."""
+
+    q: Array
+    feet: tuple[FootGuess, ...]
+
+
+class Footing:
+    """Postures of a figure on its feet, by least squares within limits.
+
+    Args:
+        figure: the robot with its root at the world's origin.
+        lower, upper: where joints should stay ``(n_joints,)`` [rad or m]; they may go two fifths of the way from there to
+            the robot's limits.
+    """
+
+    def __init__(self, figure: Figure, lower: Array, upper: Array) -> None:
+        self.figure, self.lower, self.upper = figure, lower, upper
+
+    def stand(self, start: Array, legs: list[int]) -> Standing | None:
+        """Inverse kinematics from ``start``; a foot that is no sole touches elsewhere when it turns, so thrice."""
+        q, feet = start, tuple(self.figure.foot(leg, start) for leg in legs)
+        limits = self.figure.robot.limits
+        low, high = limits.position_lower + 1e-4, limits.position_upper - 1e-4
+        flat = self.lower < self.upper
+        low, high = (
+            np.where(flat, 0.6 * low + 0.4 * self.lower, low),
+            np.where(flat, 0.6 * high + 0.4 * self.upper, high),
+        )
+        if (high - low <= 1e-6).any():
+            return None
+        for _ in range(3):
+            solved = least_squares(
+                self._residual,
+                np.clip(q, low + 1e-9, high - 1e-9),
+                bounds=(low, high),
+                args=(start, legs, feet),
+                max_nfev=40,
+            )
+            q = solved.x
+            again = tuple(self.figure.foot(leg, q) for leg in legs)
+            feet = tuple(new if len(old.sole) < 3 else old for old, new in zip(feet, again, strict=True))
+        heights, tilts, offset = self._contacts(q, legs, feet)
+        # Two millimetres and half a degree are below what soles and floors are flat to.
+        level = np.ptp(heights) < 2e-3 and np.abs(tilts).max(initial=0.0) < 0.01
+        return Standing(q, feet) if level and np.linalg.norm(offset) < 0.02 else None
+
+    def bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
+        """Angle [rad] between thigh and shank, a leg's two longest parts in a row; a stretched leg lifts no hip."""
+        figure = self.figure
+        figure.centre(stand.q)
+        pose = figure.data.oMi[leg] * self._placement(foot)
+        ends = [figure.data.oMi[joint].translation for joint in figure.chain(leg)]
+        parts = np.diff([*ends, pose.act(foot.sole.mean(axis=0))], axis=0)
+        sizes = np.linalg.norm(parts, axis=1)
+        if len(parts) < 2:
+            return np.inf
+        k = int(np.argmax(sizes[:-1] + sizes[1:]))
+        cosine = parts[k] @ parts[k + 1] / max(sizes[k] * sizes[k + 1], 1e-12)
+        return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+    def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> tuple[Array, Array, Array]:
+        """Heights of the soles' middles, their tilts, and the centre of mass from their middle [m, rad]."""
+        figure = self.figure
+        centre = figure.centre(q)
+        heights, tilts, middles = [], [], []
+        for leg, foot in zip(legs, feet, strict=True):
+            pose = figure.data.oMi[leg] * self._placement(foot)
+            corners = foot.sole @ pose.rotation.T + pose.translation
+            middles.append(corners.mean(axis=0))
+            heights.append(corners[:, 2].mean())
+            if len(corners) >= 3:
+                normal = np.linalg.svd(corners - middles[-1])[2][2]
+                tilts += list(normal[:2] * np.sign(normal[2]))
+            elif len(corners) == 2:
+                tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
+        middle = np.mean(middles, axis=0)
+        return np.array(heights), np.array(tilts), (centre - middle)[:2]
+
+    def _placement(self, foot: FootGuess) -> pin.SE3:
+        model = self.figure.model
+        return model.frames[model.getFrameId(foot.link, pin.BODY)].placement
+
+    def _residual(self, q: Array, start: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> Array:
+        heights, tilts, offset = self._contacts(q, legs, feet)
+        return np.concatenate(
+            [10.0 * (heights - heights.mean()), 3.0 * tilts, 3.0 * offset, 0.02 * (q - start)]
+        )
