@@ -32,7 +32,7 @@ class Course:
 
     Attributes:
         seconds: (n,) since the start [s].
-        parent_mb: (n,) proportional set size of the campaign itself [MB].
+        parent_mb: (n,) that the campaign itself took, without libraries that others use too [MB].
         workers_mb: (n,) of all its workers together [MB].
     """
 

@@ -40,9 +40,17 @@ class TreeMemory:
 
 
 def tree_memory(root: int) -> tuple[float, float]:
-    """Proportional set size of a process, and of all its descendants together [MB]."""
-    parent, *workers = (_memory(pid)[0] / 2**10 for pid in _tree(root))
-    return parent, sum(workers)
+    """Memory that a process took for itself, and that of all its descendants together [MB].
+
+    Proportional set size without pages of files: what libraries take of it rises and falls with other programs on
+    the machine that use them too.
+    """
+    parent, *workers = (_sizes(pid) for pid in _tree(root))
+    return _own(parent), sum(map(_own, workers))
+
+
+def _own(sizes: dict[str, float]) -> float:
+    return (sizes.get("Pss_Anon", 0.0) + sizes.get("Pss_Shmem", 0.0)) / 2**10
 
 
 def _tree(root: int) -> list[int]:
@@ -62,9 +70,14 @@ def _tree(root: int) -> list[int]:
 
 def _memory(pid: int) -> tuple[float, float]:
     """Proportional and resident set size [kB]; zeros for a process that has ended."""
+    sizes = _sizes(pid)
+    return sizes.get("Pss", 0.0), sizes.get("Rss", 0.0)
+
+
+def _sizes(pid: int) -> dict[str, float]:
+    """What the kernel says of a process's memory, by name [kB]; nothing of a process that has ended."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except OSError:
-        return 0.0, 0.0
-    sizes = {line.split(":")[0]: float(line.split()[1]) for line in lines if line.endswith("kB")}
-    return sizes.get("Pss", 0.0), sizes.get("Rss", 0.0)
+        return {}
+    return {line.split(":")[0]: float(line.split()[1]) for line in lines if line.endswith("kB")}
