@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from excite.arrays import Array
 from excite.errors import NoSolutionError
@@ -57,10 +58,10 @@ class Adaptation:
     left: float
 
 
-def without_extensions(problem: IdentificationProblem, kept: Sequence[str] = ()) -> IdentificationProblem:
-    """The problem without the columns of terms that may be added, but for some."""
+def without_terms(problem: IdentificationProblem, terms: Sequence[str]) -> IdentificationProblem:
+    """The problem without the columns of some terms."""
     names = problem.parameter_names
-    columns = np.array([k for k, name in enumerate(names) if not _is_extension(name) or _term(name) in kept])
+    columns = np.array([k for k, name in enumerate(names) if _term(name) not in terms])
     if len(columns) == len(names):
         return problem
     drives = columns[columns >= problem.n_inertial] - problem.n_inertial
@@ -73,13 +74,19 @@ def without_extensions(problem: IdentificationProblem, kept: Sequence[str] = ())
     )
 
 
-def extended(log: Log, settings: ProblemSettings | None, own: AdaptiveSettings) -> ProblemSettings:
-    """Settings of a problem that has the columns of all terms that may be added to an arm's equations."""
-    settings = settings or ProblemSettings()
+def extended(
+    log: Log, settings: ProblemSettings | None, own: AdaptiveSettings
+) -> tuple[ProblemSettings | None, tuple[str, ...]]:
+    """Settings of a problem with the columns of all terms that may be added to an arm's equations, and these terms.
+
+    A term that is stated is none that may be added: it stays, whatever the log says of it.
+    """
     if log.header.free_base or own.terms == "stated":
-        return settings
-    terms = drive_terms(log.header, settings)
-    return replace(settings, drive_terms=(*terms, *(name for name in EXTENSIONS if name not in terms)))
+        return settings, ()
+    settings = settings or ProblemSettings()
+    stated = drive_terms(log.header, settings)
+    added = tuple(name for name in EXTENSIONS if name not in stated)
+    return replace(settings, drive_terms=(*stated, *added)), added
 
 
 def adaptation_finding(found: Adaptation, identified: IdentifiedParameters) -> tuple[Finding, ...]:
@@ -103,6 +110,7 @@ def adapt(
     plain: Regression,
     settings: Sequence[AdaptiveSettings],
     estimator: Adaptive,
+    addable: Sequence[str],
 ) -> tuple[Adaptation, AdaptiveSettings]:
     """Choose settings, then terms, one at a time and the most helpful first, then the nominal model's weight.
 
@@ -112,11 +120,12 @@ def adapt(
         settings: of the estimator, one after another taken where it is better than those before it; a stated
             ``alpha`` stays, as do the terms where they are ``stated``.
         estimator: finds bodies that can exist.
+        addable: the terms that may be added.
 
     Returns:
         What was chosen, and the settings with it.
     """
-    trial = _Trial(_blocks(problem), plain, problem, estimator)
+    trial = _Trial(_blocks(problem), plain, problem, estimator, tuple(addable))
     own = settings[0]
     first = best = trial.left((), own)
     for other in [item for item in settings[1:] if item != own]:
@@ -126,8 +135,7 @@ def adapt(
     if not np.isfinite(best).all():
         return Adaptation((), own.alpha or 1.0, 1.0), own
     chosen: tuple[str, ...] = ()
-    names = dict.fromkeys(_term(name) for name in problem.parameter_names if _is_extension(name))
-    rest = list(names) if own.terms == "chosen" else []
+    rest = list(addable)
     while rest:
         tried = {term: trial.left((*chosen, term), own) for term in rest}
         term = min(rest, key=lambda name: float(tried[name].mean()))
@@ -170,10 +178,11 @@ class _Trial:
     plain: Regression
     problem: IdentificationProblem
     estimator: Adaptive
+    addable: tuple[str, ...]
 
     def left(self, terms: tuple[str, ...], settings: AdaptiveSettings) -> Array:
         """Logarithm of the mean square left over in each block by what the others say, ``(n_blocks,)``."""
-        problem = _only(self.problem, terms)
+        problem = _at_zero(self.problem, set(self.addable) - set(terms))
         squares = np.full(len(self.factors), np.inf)
         for block, judged in enumerate(self.factors):
             others = np.delete(self.factors, block, axis=0)
@@ -183,21 +192,18 @@ class _Trial:
             rows = Regression(problem, (), stacked, self.plain.std, self.plain.noise)
             try:
                 parameters = self.estimator.solve(rows, settings).parameters
-            except NoSolutionError:
+            except (NoSolutionError, LinAlgError):
                 return np.full(len(self.factors), np.inf)
             misfit = np.einsum("cij,j->ci", judged, np.append(parameters, -1.0)) / self.plain.std[:, None]
             squares[block] = np.sum(misfit**2)
         return np.asarray(np.log(squares))
 
 
-def _only(problem: IdentificationProblem, terms: tuple[str, ...]) -> IdentificationProblem:
-    """The problem in which terms that may be added stay at zero, but for some."""
+def _at_zero(problem: IdentificationProblem, terms: set[str]) -> IdentificationProblem:
+    """The problem in which some terms stay at zero."""
     if problem.drive_spread is None:
         return problem
-    out = [
-        _is_extension(name) and _term(name) not in terms
-        for name in problem.parameter_names[problem.n_inertial :]
-    ]
+    out = [_term(name) in terms for name in problem.parameter_names[problem.n_inertial :]]
     return replace(problem, drive_spread=np.where(out, _OUT * problem.drive_spread, problem.drive_spread))
 
 
@@ -218,7 +224,3 @@ def _blocks(problem: IdentificationProblem) -> Array:
 
 def _term(name: str) -> str:
     return name.split(".")[0]
-
-
-def _is_extension(name: str) -> bool:
-    return _term(name) in EXTENSIONS

@@ -17,7 +17,7 @@ from excite.identification.adaptation import (
     adapt,
     adaptation_finding,
     extended,
-    without_extensions,
+    without_terms,
 )
 from excite.identification.attempt import attempt, equations_of, failure_finding
 from excite.identification.constraints.com_box import equivalent_boxes
@@ -90,15 +90,16 @@ def identify(
     chart.check_usable()
     log = chart.log
     with equations_of(log):
+        addable: tuple[str, ...] = ()
         if isinstance(own, AdaptiveSettings):
-            problem_settings = extended(log, problem_settings, own)
+            problem_settings, addable = extended(log, problem_settings, own)
         problem = build_problem(robot, log, problem_settings, role="identification")
         validation = None
         if log.role("validation"):
             validation = build_problem(robot, log, problem_settings, role="validation")
         # A mistake in the log is the likeliest reason for whatever else is found, so it is said first.
         odd = (*nominal_faults(robot), *chart.findings)
-        return identify_problem(problem, validation, estimator, own, odd)
+        return identify_problem(problem, validation, estimator, own, odd, addable)
 
 
 @one_blas_thread
@@ -108,6 +109,7 @@ def identify_problem(
     estimator: Estimator[Any],
     settings: EstimatorSettings | None = None,
     known: Sequence[Finding] = (),
+    addable: Sequence[str] = (),
 ) -> Identification:
     """Identify from a problem that has been built.
 
@@ -117,6 +119,7 @@ def identify_problem(
         estimator: the estimator.
         settings: its settings; defaults if None.
         known: what was found of the log already, which comes before all other findings.
+        addable: terms whose columns come last in both problems and that an adaptive method may leave out.
 
     Raises:
         NoSolutionError: see :func:`identify`.
@@ -128,7 +131,7 @@ def identify_problem(
     if isinstance(settings, BoxSettings):
         settings = replace(settings, com_boxes=boxes)
     # What is known of rigid bodies and friction is stated without the terms that only an adaptive method adds.
-    plain = without_extensions(problem)
+    plain = without_terms(problem, addable)
     weighted = iterate_weights(regression(plain))
     weighted_statistics = base_statistics(weighted)
     changes = find_changes(weighted, weighted_statistics.noise)
@@ -136,10 +139,11 @@ def identify_problem(
     adaptation = Adaptation((), 1.0, 1.0)
     if isinstance(settings, AdaptiveSettings) and plain.channel_names[0] != "fx":
         tried = [item for item in (informed, settings) if isinstance(item, AdaptiveSettings)]
-        adaptation, informed = adapt(problem, weighted, tried, Adaptive())
+        adaptation, informed = adapt(problem, weighted, tried, Adaptive(), addable)
     settings = informed
-    problem = without_extensions(problem, adaptation.terms)
-    validation = None if validation is None else without_extensions(validation, adaptation.terms)
+    left_out = [term for term in addable if term not in adaptation.terms]
+    problem = without_terms(problem, left_out)
+    validation = None if validation is None else without_terms(validation, left_out)
     estimate, failure = attempt(
         estimator, problem, settings, regression(problem) if adaptation.terms else weighted
     )

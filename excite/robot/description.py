@@ -230,8 +230,11 @@ def read_description(path: Path) -> RobotDescription:
                 remedy="give a value; the comment beside it says which",
             ) from error
         remedy = first.get("ctx", {}).get("remedy", "see `excite init-robot` for the expected form")
+        said = first["msg"].removeprefix("Value error, ")
+        # What several fields say together names them itself.
+        found = f", got {_shorten(first['input'])}" if field else ""
         raise RobotError(
-            f"{first['msg']}, got {_shorten(first['input'])}{more}",
+            f"{said}{found}{more}",
             source=path,
             field=field,
             remedy=str(remedy),

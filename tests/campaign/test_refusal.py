@@ -70,9 +70,9 @@ def test_an_acceleration_limit_that_is_too_small_is_named_by_its_joint(ur10: Rob
 
 
 def test_a_robot_that_cannot_balance_is_told_so(g1: Robot) -> None:
-    """On soles of a twentieth of their size."""
+    """On soles of a seventh of their size."""
     feet = tuple(
-        replace(foot, sole=foot.sole.mean(axis=0) + 0.05 * (foot.sole - foot.sole.mean(axis=0)))
+        replace(foot, sole=foot.sole.mean(axis=0) + 0.15 * (foot.sole - foot.sole.mean(axis=0)))
         for foot in g1.feet
     )
     found = refusals(replace(g1, feet=feet, hash="points"), n_candidates=2, seed=1, generator="squat")

@@ -325,7 +325,7 @@ _PATHS = (
     ("above the log", _trial(file="../../etc/passwd"), "outside the folder"),
     ("absolute", _trial(file="/etc/passwd"), "outside the folder"),
     ("above by backslashes", _trial(file="..\\..\\secret.csv"), "outside the folder"),
-    ("zero byte", _text('schema: excite.log/1\nrobot: "a\\0b"\n'), "robot.*cannot be printed"),
+    ("zero byte", _stated(robot="a\0b"), "robot.*cannot be printed"),
     ("too long", _trial(file="x" * 300 + ".csv"), "too long"),
     ("not there", _trial(file="three.csv"), "no such file"),
     ("unknown format", _trial(file="two.xlsx"), "unknown format"),

@@ -202,8 +202,16 @@ _YAML_NAMES: dict[str, tuple[str, str, str]] = {
     "path is a device": ("path: arm.urdf", "path: /dev/zero", r"/dev/zero: is a device"),
     "NUL in path": ("path: arm.urdf", 'path: "a\\0.urdf"', r"model\.path: .*pattern"),
     "other schema": ("excite.robot/1", "excite.robot/2", r"schema: .*excite\.robot/1"),
-    "no foot": ("base: fixed", "base: floating", r"sensors\.wrench: a floating-base robot needs"),
-    "no torque": ("joint_torque: link_side, ", "", r"joint_torque: a fixed-base robot needs"),
+    "no foot": (
+        "base: fixed",
+        "base: floating",
+        r"feet: a floating base needs a foot to stand on; else",
+    ),
+    "no torque": (
+        "joint_torque: link_side, ",
+        "",
+        r"joint_torque: a fixed base needs link_side or motor_side; see",
+    ),
     "gain for nobody": (
         "kp: {default: 100.0, ",
         "kp: {",
@@ -569,7 +577,7 @@ _ARGUMENTS: dict[str, tuple[str, str]] = {
     "no robot": ("", r"unknown robot ''; choose one of"),
     "long name": ("x" * 5000, r"unknown robot 'x+"),
     "NUL in name": ("a\0b", r"unknown robot"),
-    "URDF": ("arm.urdf", r"is a model, and a robot also needs limits.*init-robot"),
+    "URDF": ("arm.urdf", r"arm\.urdf: no such file; check the path"),
 }
 
 

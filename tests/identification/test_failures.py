@@ -15,6 +15,7 @@ from excite.errors import NoSolutionError
 from excite.identification.constraints.com_box import equivalent_boxes
 from excite.identification.constraints.inertia_cone import icosphere
 from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.conic.adaptive import Adaptive
 from excite.identification.estimators.conic.cls2 import PhysicallyFeasible
 from excite.identification.estimators.conic.cls3 import DensityRealisable
 from excite.identification.estimators.conic.conic import interior_point
@@ -178,6 +179,7 @@ SOLVERS = {
     "cls2": (PhysicallyFeasible, no_cone),
     "cls3": (DensityRealisable, no_cone_numbers),
     "lmi": (PhysicallyConsistent, broken),
+    "adaptive": (Adaptive, broken),
 }
 STEPS = {
     "ls": (ls, "least_squares", broken),

@@ -173,7 +173,7 @@ HEADER_FAULTS: dict[str, tuple[dict, str]] = {
         {"coupling": {"elbow": {"shoulder": 1.0}, "shoulder": {"elbow": 1.0}}},
         "coupling: has no inverse",
     ),
-    "floating": ({"base": "floating"}, "base_link: is missing"),
+    "floating": ({"base": "floating"}, "base_link, wrench: are missing"),
 }
 
 

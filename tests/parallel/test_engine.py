@@ -141,6 +141,7 @@ def _every_error() -> list[ExciteError]:
         "LogError": errors.LogError("is 1", source="log"),
         "UnknownNameError": errors.UnknownNameError("joint", "elbow", ["knee", "hip"]),
         "IllLogError": errors.IllLogError("no torques", source="log.yaml", findings=["bad"]),
+        "NothingSafeError": errors.NothingSafeError("none is safe", best={"refused": 3}, remedy="more room"),
         "UnsafeMotionError": errors.UnsafeMotionError("falls", verdicts=["bad"], remedy="no"),
         "NoSolutionError": errors.NoSolutionError("none", best=[1, 2], remedy="more"),
         "ExciteError": errors.ExciteError("plain"),

@@ -10,6 +10,7 @@ from importlib.metadata import Distribution
 _TEXTS = {
     "MIT License": "MIT",
     "Qhull, Copyright": "Qhull",
+    "Neither the name of": "BSD-3-Clause",
 }
 _UNSTATED = {"", "UNKNOWN", "OSI Approved"}
 _WEAK = re.compile(r"\bLGPL|Lesser General Public|\bMPL\b|\bMPL-|Mozilla Public|\bEPL\b|\bEPL-|\bCDDL")

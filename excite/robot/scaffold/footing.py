@@ -25,8 +25,8 @@ class Footing:
 
     Args:
         figure: the robot with its root at the world's origin.
-        lower, upper: where joints should stay ``(n_joints,)`` [rad or m]; they may go two fifths of the way from there to
-            the robot's limits.
+        lower, upper: where joints should stay ``(n_joints,)`` [rad or m]; they may go three fifths of the way from
+            there to the robot's limits.
     """
 
     def __init__(self, figure: Figure, lower: Array, upper: Array) -> None:
