@@ -165,9 +165,11 @@ def _weighted(
 
 
 def _better(found: Array, best: Array) -> bool:
+    if not np.isfinite(found).all():
+        return False
     gain = best - found
     error = float(gain.std(ddof=1)) / np.sqrt(len(gain))
-    return bool(np.isfinite(found).all() and gain.mean() > max(_LEAST_GAIN, error))
+    return bool(gain.mean() > max(_LEAST_GAIN, error))
 
 
 @dataclass(frozen=True, eq=False)
