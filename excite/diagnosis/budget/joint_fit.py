@@ -120,7 +120,7 @@ def _prior(design: Design, chosen: Sequence[int], layout: Layout) -> tuple[Array
         if term.known:
             prior[here] = known[here] = _KNOWN * float(design.fitted.count.sum())
         else:
-            prior[here] += (term.scale / term.effect.widths[list(term.kept)]) ** 2
+            prior[here] += term.precision
     return prior, known
 
 

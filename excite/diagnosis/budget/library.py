@@ -75,20 +75,27 @@ class Library:
 
     def candidates(self, maker: TermMaker, *, gears: bool = True) -> list[Term]:
         """Every effect at every place where it can be told, at every point of its grid."""
-        made = (maker.make(e, place, theta, kept) for e, place, theta, kept in self._places(maker.context))
+        made = (maker.make(effect, place, theta) for effect, place, theta in self._places(maker.context))
         return [term for term in made if term is not None]
 
-    def _places(self, context: Context) -> Iterable[tuple[Effect, str, Theta, tuple[int, ...] | None]]:
+    def bodies(self, context: Context) -> Iterable[tuple[Effect, str]]:
+        """Every effect that is a body, at every link."""
         full = with_begun(self.modelled)
         for effect in self.effects:
-            if not effect.offered(full):
+            if effect.is_body and effect.offered(full):
+                yield from ((effect, place) for place in effect.locations(context))
+
+    def _places(self, context: Context) -> Iterable[tuple[Effect, str, Theta]]:
+        full = with_begun(self.modelled)
+        for effect in self.effects:
+            if effect.is_body or not effect.offered(full):
                 continue
             for place in effect.locations(context):
                 if effect.by_load and not loaded(context, place):
                     continue
                 for form in (effect, *effect.forms, *(f for f in effect.richer if f.seen_alone)):
                     for theta in form.grid(context, place):
-                        yield from ((form, place, theta, kept) for kept in (None, *effect.parts))
+                        yield form, place, theta
 
 
 def loaded(context: Context, joint: str) -> bool:

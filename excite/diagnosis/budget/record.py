@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.budget.bodies import body
 from excite.diagnosis.budget.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.joint_fit import fit
 from excite.diagnosis.budget.library import Library, with_begun
@@ -68,20 +70,23 @@ def model_of_gap(
     near: list[Term] = []
     for least in (_LARGE, 0.0):
         begun = library.begun(maker)
-        terms = [*begun, *library.candidates(maker)]
-        chosen = [k for k, term in enumerate(terms) if term.started]
-        if least == 0.0:
-            number = {t.key: k for k, t in enumerate(terms) if t.started}
-            chosen = [number[t.key] for t in kept if t.started]
-            found = [t for t in kept if not t.started]
-            chosen += range(len(terms), len(terms) + len(found))
-            terms += found
-        design = Design(rows, (*terms, *near))
+        pruned = {t.key for t in begun} - {t.key for t in kept} if least == 0.0 else set()
+        first = [*begun, *(t for t in kept if not t.started)]
+        chosen = [k for k, term in enumerate(first) if term.key not in pruned]
+        beside = Beside.of(fit(Design(rows, tuple(first)), chosen, left_out=False))
+        bodies = _bodies(library.bodies(maker.context), beside, maker)
+        design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
         search.run()
-        kept, near, maker = _refined(full, search, resonances=least > 0.0)
+        kept, near, maker = _refined(full, search, library, resonances=least > 0.0)
     last = _settled(search, kept, near, maker)
     return Found(last, full, predicted(full, last.model))
+
+
+def _bodies(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMaker) -> list[Term]:
+    """The likeliest body at each link, beside a model."""
+    made = (body(beside, maker, effect, link) for effect, link in places)
+    return [term for term in made if term is not None]
 
 
 def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMaker) -> Search:
@@ -96,7 +101,9 @@ def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMake
     return last
 
 
-def _refined(full: Baseline, search: Search, *, resonances: bool) -> tuple[list[Term], list[Term], TermMaker]:
+def _refined(
+    full: Baseline, search: Search, library: Library, *, resonances: bool
+) -> tuple[list[Term], list[Term], TermMaker]:
     """Accepted terms at better non-linear parameters, and what might stand in their places at its best."""
     model, terms = search.model, search.model.design.terms
     now = predicted(full, model)
@@ -109,13 +116,19 @@ def _refined(full: Baseline, search: Search, *, resonances: bool) -> tuple[list[
             kept.append(term)
             continue
         own = TermMaker(now.without(k), full.strict)
+        others = [i for i in model.chosen if i != k]
+        beside = Beside.of(fit(model.design, others, model.weight, left_out=False))
+        if term.effect.is_body:
+            # Of all links, its own first: beside all others, not beside what it was taken for at first.
+            made = _bodies(library.bodies(own.context), beside, own)
+            kept.append(next((t for t in made if t.key == term.key), term))
+            near += [t for t in made if t.key != term.key]
+            continue
         again = own.again(term) or term
         if not (term.theta or term.effect.richer):
             kept.append(again)
             continue
         refiner = Refiner(own)
-        others = [i for i in model.chosen if i != k]
-        beside = Beside.of(fit(model.design, others, model.weight, left_out=False))
         kept.append(refiner.refined(beside, again, term.effect.richer))
         neighbours = [i for i in others if terms[i].own == term.own and not terms[i].started]
         if term.own is not None and neighbours:

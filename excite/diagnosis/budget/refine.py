@@ -36,22 +36,27 @@ class Beside:
     def gain(self, term: Term) -> tuple[float, Array]:
         """Nats that a term's columns gain, and its parameters."""
         m = self.model
+        left, slope = self.information(term)
+        if (np.diag(left) <= 0.0).any():
+            return -np.inf, np.zeros(term.size)
+        x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
+        power, count = float(2.0 * slope @ x - x @ left @ x), float((m.design.rows.block >= 0).sum())
+        joint = term.own if term.own is not None else int(np.argmax(m.share))
+        share = float(m.share[joint])
+        return -0.5 * count * share * float(np.log(max(1.0 - power / count, 1e-9))), x
+
+    def information(self, term: Term) -> tuple[Array, Array]:
+        """Normal matrix ``(size, size)`` of a term's parameters beside the model's, and their right side."""
+        m = self.model
         use = m.design.rows.block >= 0
-        size, count = term.size, float(use.sum())
+        size = term.size
         cross, inner, slope = np.zeros((m.layout.size, size)), np.zeros((size, size)), np.zeros(size)
         for j, block in term.columns.items():
             inside, w = block[use], m.weight[j]
             cross[m.layout.numbers[j]] += w * (m.design.matrices[j][:, m.layout.columns[j]][use].T @ inside)
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
-        if (np.diag(inner) <= 0.0).any():
-            return -np.inf, np.zeros(size)
-        left = inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner))
-        x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
-        power = float(2.0 * slope @ x - x @ left @ x)
-        joint = term.own if term.own is not None else int(np.argmax(m.share))
-        share = float(m.share[joint])
-        return -0.5 * count * share * float(np.log(max(1.0 - power / count, 1e-9))), x
+        return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope
 
 
 @dataclass(eq=False)

@@ -26,6 +26,7 @@ class Term:
         kept: which of the effect's linear parameters it has, the others are zero.
         own: index of the row that it has to improve; None where any will do.
         started: whether the model begins with it.
+        direction: the effect's linear parameters for a size of one, where they stand in fixed proportions.
     """
 
     effect: Effect
@@ -38,6 +39,7 @@ class Term:
     kept: tuple[int, ...] = ()
     own: int | None = None
     started: bool = False
+    direction: Array | None = None
 
     @property
     def name(self) -> str:
@@ -57,12 +59,21 @@ class Term:
     @property
     def n_parameters(self) -> int:
         """Linear and searched parameters."""
-        return (0 if self.known else self.size) + len(self.theta)
+        return (0 if self.known else len(self.kept)) + len(self.theta)
+
+    @property
+    def precision(self) -> Array:
+        """Inverse variances of its parameters a priori, ``(size,)``."""
+        if self.direction is not None:
+            return np.array([float(((self.scale[0] * self.direction / self.effect.widths) ** 2).sum())])
+        return np.asarray((self.scale / self.effect.widths[list(self.kept)]) ** 2)
 
     def beta(self, x: Array) -> Array:
         """The effect's linear parameters from fitted ones ``(size,)``; none of what it does not have."""
         if self.known:
             return np.zeros(0)
+        if self.direction is not None:
+            return np.asarray(self.direction * (x * self.scale))
         beta = np.zeros(len(self.effect.linear))
         beta[list(self.kept)] = x * self.scale
         return beta

@@ -89,7 +89,7 @@ class Effect(ABC):
         nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
         seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
         by_load: whether it is a share of what the rigid bodies ask of its joint.
-        parts: linear parameters, by index, that may be all that a motion shows of it; one tuple a part.
+        is_body: whether its linear parameters are the ten of a body.
         of_channel: whether it is of the torque channel alone: a log without one has none of it.
         twins_without_torque: other names that mean the same where only commands and positions are known.
         twins_of_a_gain: other names for what a servo's gain does that was estimated wrongly.
@@ -113,7 +113,7 @@ class Effect(ABC):
     nameless: ClassVar[str] = ""
     seen_alone: ClassVar[bool] = False
     by_load: ClassVar[bool] = False
-    parts: ClassVar[tuple[tuple[int, ...], ...]] = ()
+    is_body: ClassVar[bool] = False
     of_channel: ClassVar[bool] = False
     twins_without_torque: ClassVar[tuple[str, ...]] = ()
     twins_of_a_gain: ClassVar[tuple[str, ...]] = ()
@@ -154,6 +154,19 @@ class Effect(ABC):
     def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
         """Non-linear parameters that say about the same on another fit of the baseline."""
         return theta
+
+    def nearest_body(
+        self, context: Context, location: str, information: Array, target: Array
+    ) -> Array | None:
+        """Linear parameters of the body that can exist and is the most likely, of effects that are bodies.
+
+        Args:
+            context: where its columns were made.
+            location: the link.
+            information: inverse covariance of the linear parameters, ``(10, 10)``.
+            target: ``information`` times their estimate.
+        """
+        return None
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         """Whether it can be told from what the baseline has."""

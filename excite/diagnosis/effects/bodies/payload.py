@@ -6,6 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
+from excite.diagnosis.effects.bodies.likeliest_body import likeliest_body
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
@@ -52,7 +53,7 @@ class Payload(Effect):
     separating_motion = "the same motion without the load; wide wrist motion for the place"
     mujoco = "body mass, pos and inertia"
     moves = True
-    parts = ((0, 1, 2, 3), (1, 2, 3))
+    is_body = True
 
     def offered(self, modelled: tuple[str, ...]) -> bool:
         return "rigid_body" not in modelled and self.name not in modelled
@@ -81,6 +82,13 @@ class Payload(Effect):
         moment = float(np.linalg.norm(beta[1:4]))
         # Without a mass of its own, moments are all that was seen.
         return beta[0] == 0.0 or (link + beta[0] >= 0.0 and moment <= _REACH * abs(float(beta[0])))
+
+    def nearest_body(
+        self, context: Context, location: str, information: Array, target: Array
+    ) -> Array | None:
+        joint = self.locations(context).index(location) + 1
+        link = float(context.baseline.samples.robot.model.inertias[joint].mass)
+        return likeliest_body(information, target, _REACH, link)
 
     def physical(self, context: Context, location: str, fit: Fit) -> bool:
         """Whether link and body together may have their mass: less than none is another effect's doing."""
