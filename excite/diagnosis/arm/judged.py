@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.arm.joined import joined
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of
@@ -22,6 +23,7 @@ from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, w
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.search.attribute import Attributor
 from excite.diagnosis.search.attribution import Attribution, Scored
+from excite.diagnosis.search.scoring import Scorer
 from excite.diagnosis.search.verdict import Judgement, judge, withdrawn
 from excite.finding import Finding
 
@@ -80,7 +82,7 @@ def judged_record(record: TorqueRecord) -> Judged:
 
 
 def _with_budget(record: TorqueRecord, found: Judged, least: Array) -> Judged:
-    """The same verdict, and beside it where each joint's gap goes by one model of all effects."""
+    """Where each joint's gap goes by one model of all effects, and those that show only there named too."""
     samples = found.samples
     tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
     full = begun_baseline(samples, record.modelled, least)
@@ -88,9 +90,17 @@ def _with_budget(record: TorqueRecord, found: Judged, least: Array) -> Judged:
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
     gap = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
-    budget = budget_of(gap, found.spectral, np.maximum(tau.std(axis=0), 1e-9))
+    scale = np.maximum(tau.std(axis=0), 1e-9)
+    budget = budget_of(gap, found.spectral, scale)
     said = (*(() if together is None else (together,)), *other_machine(gap.search.model))
-    return replace(found, budget=budget, findings=said)
+    found = replace(found, budget=budget, findings=said)
+    if together is not None:
+        return found
+    scorer = Scorer(
+        found.baseline, found.spectral, unrepeated(samples, found.noise * found.baseline.strict), scale
+    )
+    attribution, judgement = joined(found.attribution, found.judgement, gap, budget, scorer)
+    return replace(found, attribution=attribution, judgement=judgement)
 
 
 def _one_by_one(record: TorqueRecord, ready: _Ready) -> Judged:
