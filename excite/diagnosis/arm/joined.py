@@ -13,7 +13,7 @@ from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.fitted_signs import signs_again
 from excite.diagnosis.search.attribution import Attribution, Scored, Stage
-from excite.diagnosis.search.hypotheses import Hypothesis, at_rows
+from excite.diagnosis.search.hypotheses import Hypothesis, Search, at_rows
 from excite.diagnosis.search.refinement import extended
 from excite.diagnosis.search.scoring import Scorer
 from excite.diagnosis.search.structured import structured_joints
@@ -41,9 +41,12 @@ def joined(
     if unknown and not explained(budget, named):
         return attribution, judgement
     terms = {term.key: term for term in found.search.model.terms}
-    new = [item for item in named if not _known(item, attribution.accepted)]
-    stages = [stage for stage in attribution.stages if stage.accepted is not None]
-    current = attribution.final
+    kept = [k for k, item in enumerate(attribution.accepted) if not _taken_for(item, named, budget)]
+    new = [item for item in named if not _known(item, [attribution.accepted[k] for k in kept])]
+    begun = _kept(attribution, kept, scorer.baseline)
+    if begun is None:
+        return attribution, judgement
+    stages, current = begun
     for item in new:
         scored = _scored(item, terms[item.effect, item.location], current, scorer)
         if scored is None:
@@ -52,7 +55,7 @@ def joined(
         ranking = (scored, *(s for s in others if (s.name, s.location) != (scored.name, scored.location)))
         stages.append(Stage(Context(current), ranking, scored))
         current = extended(scored.hypothesis)
-    if len(stages) == len(attribution.accepted):
+    if len(stages) == len(kept):
         return attribution, judgement
     current = signs_again(current)
     stages.append(Stage(Context(current), (), None))
@@ -63,23 +66,48 @@ def joined(
         final=current,
         floor=scorer.floor(current.fit),
     )
-    return after, _judged(judgement, after, len(attribution.accepted), scorer)
+    return after, _judged(judgement, after, kept, scorer)
 
 
-def _judged(judgement: Judgement, after: Attribution, before: int, scorer: Scorer) -> Judgement:
-    """The verdict with the effects that joined the first ``before``; rivals of the first one stay as they were."""
-    added = after.accepted[before:]
-    renamed = tuple(
+def _kept(
+    attribution: Attribution, kept: Sequence[int], first: Baseline
+) -> tuple[list[Stage], Baseline] | None:
+    """Stages of the effects that stay and the baseline with them, fitted anew where others have gone.
+
+    None where one of them cannot be fitted without those.
+    """
+    stages = [stage for stage in attribution.stages if stage.accepted is not None]
+    if len(kept) == len(stages):
+        return stages, attribution.final
+    made, current = list[Stage](), first
+    for k in kept:
+        old, context = attribution.accepted[k], Context(current)
+        item = old.hypothesis
+        again = Search(context, current.solver).try_at(item.effect, item.location, item.theta)
+        if again is None:
+            return None
+        made.append(Stage(context, stages[k].ranking, replace(old, hypothesis=again)))
+        current = extended(again)
+    return made, current
+
+
+def _judged(judgement: Judgement, after: Attribution, kept: Sequence[int], scorer: Scorer) -> Judgement:
+    """The verdict with the effects that joined those ``kept``; rivals of the first one stay if it does."""
+    first, added = kept[:1] == [0], after.accepted[len(kept) :]
+    names = tuple(
         item.hypothesis.effect.second_name(after.final, item.location, item.hypothesis.fit) for item in added
     )
+    renamed = (*(judgement.renamed[k] for k in kept), *names)
     verdict = judgement.verdict
-    if verdict == "unknown":
+    if not first:
         verdict = "effect" if renamed[0] is None else "ambiguous"
     return replace(
         judgement,
         verdict=verdict,
-        tied=(*judgement.tied, *((item.location,) for item in added)),
-        renamed=(*judgement.renamed, *renamed),
+        rivals=judgement.rivals if first else (),
+        twins=judgement.twins if first else (),
+        tied=(*(judgement.tied[k] for k in kept), *((item.location,) for item in added)),
+        renamed=renamed,
         structured=structured_joints(after, scorer.spectral),
     )
 
@@ -93,6 +121,14 @@ def _known(item: Named, accepted: Sequence[Scored]) -> bool:
         if other.name == item.effect and effect.is_body:
             return True
     return False
+
+
+def _taken_for(item: Scored, named: Sequence[Named], budget: Budget) -> bool:
+    """Whether the model of all effects has another in the place of one that was found alone."""
+    if any((other.effect, other.location) == (item.name, item.location) for other in budget.named):
+        return False
+    alike = item.hypothesis.effect.confusable_with
+    return any(other.location == item.location and other.effect in alike for other in named)
 
 
 def _scored(item: Named, term: Term, baseline: Baseline, scorer: Scorer) -> Scored | None:
