@@ -34,7 +34,7 @@ def joined(
         budget: its budget.
         scorer: merits of hypotheses.
     """
-    if judgement.verdict == "none" or attribution.stranger is not None:
+    if judgement.verdict == "none":
         return attribution, judgement
     named = namable(budget)
     unknown = judgement.verdict == "unknown"
