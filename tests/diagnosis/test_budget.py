@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
@@ -24,7 +25,7 @@ from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
-from tests.diagnosis.two_joints import COULOMB, VISCOUS, moved, two_joint_log
+from tests.diagnosis.two_joints import COULOMB, RATE_HZ, URDF, VISCOUS, moved, two_joint_log
 from tests.reproduction import airbot_play_load, emps
 
 FRICTION = ("rigid_body", "viscous_friction", "coulomb_friction")
@@ -102,6 +103,26 @@ def test_an_effect_at_one_joint_does_not_change_the_names_at_another(tmp_path: P
     assert "torque_ripple" in names(more, "first")
 
 
+def test_a_load_is_one_body_at_its_link(tmp_path: Path) -> None:
+    """Half a kilogram at the tip: no first moments at one link and a mass at another, no factor beside it."""
+    model = pin.buildModelFromXML(URDF)
+    model.inertias[2] += pin.Inertia(0.5, np.array([0.25, 0.0, 0.05]), 1e-4 * np.eye(3))
+    bare, data = pin.buildModelFromXML(URDF), model.createData()
+
+    def load(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        a = np.gradient(v, 1.0 / RATE_HZ, axis=0)
+        rows = list(zip(q, v, a, strict=True))
+        without = np.array([pin.rnea(bare, data, *row) for row in rows])
+        return np.array([pin.rnea(model, data, *row) for row in rows]) - without
+
+    budget = budgeted(two_joints(tmp_path, load), ("rigid_body_fixed", *FRICTION[1:]))
+    found, *others = budget.named
+    assert (found.effect, found.location) == ("payload", "lower")
+    assert found.values["mass"][0] == pytest.approx(0.5, rel=0.03)
+    assert found.share > 0.95
+    assert all(abs(item.share) < 0.02 for item in others)
+
+
 @pytest.mark.parametrize("modelled", [("rigid_body",), FRICTION])
 def test_shares_of_every_channel_add_up_to_one(tmp_path: Path, modelled: tuple[str, ...]) -> None:
     budget = budgeted(two_joints(tmp_path, bias_and_stribeck), modelled)
@@ -109,6 +130,19 @@ def test_shares_of_every_channel_add_up_to_one(tmp_path: Path, modelled: tuple[s
         shares = [item.share for item in (*channel.effects, *channel.unnamed)]
         assert sum(shares) + channel.rest == pytest.approx(1.0)
         assert all(low <= item.share <= high for item in channel.effects for low, high in [item.interval90])
+
+
+def test_many_effects_at_once_are_named_where_one_by_one_none_is(gap_dir: Path) -> None:
+    """A lag, friction that grows with the load, offsets and bristles on seven joints; shares as the simulator's."""
+    alone, together = (diagnose(gap_dir / "many" / "case_006", budget=budget) for budget in (False, True))
+    assert (alone.verdict, together.verdict) == ("unknown", "effect")
+    found = {(item.effect, item.location) for item in together.effects}
+    assert {("load_dependent_friction", "arm_6_joint"), ("torque_bias", "arm_7_joint")} <= found
+    assert together.gap.after < together.gap.before
+    assert together.budget is not None
+    shares = {(item.effect, item.location): item.share for item in together.budget.named}
+    assert shares["load_dependent_friction", "arm_6_joint"] == pytest.approx(0.258, abs=0.1)
+    assert shares["torque_bias", "arm_7_joint"] == pytest.approx(0.241, abs=0.1)
 
 
 def test_friction_that_is_not_modelled_is_named_at_every_joint(tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ from excite.diagnosis.budget.joint_fit import Model
 from excite.diagnosis.budget.terms import Term
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.fitted_signs import signs_again
+from excite.diagnosis.equations.joint_torque import Solver
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.regressor.kernels import inverse_dynamics
 
@@ -81,6 +83,22 @@ def predicted(full: Baseline, model: Model) -> Prediction:
     total = rigid + np.column_stack(own) + driven
     base = replace(full, fit=now, phi=phi, rigid=rigid, total=total, added=moved, added_drive=driven)
     return Prediction(base, torques, moves)
+
+
+def signs_beside(full: Baseline, model: Model) -> Baseline:
+    """What every model begins with, its friction's sign changes searched again: a large effect has bent them.
+
+    Args:
+        full: what every model begins with, fitted.
+        model: the model so far.
+    """
+    now = predicted(full, model).baseline
+    apart = replace(now, solver=Solver(now.fit.equations))
+    again = signs_again(apart.updated(apart.solver.fit()))
+    if again.signs == full.signs and again.samples.lead == full.samples.lead:
+        return full
+    moved = full.with_signs(again.signs, again.samples.lead)
+    return moved.updated(moved.solver.fit())
 
 
 def torque_of(term: Term, x: Array) -> Array:

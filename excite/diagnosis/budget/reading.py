@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from excite.diagnosis.answer.budget import NOT_REPEATED, Budget, ChannelBudget, EffectShare, Named
+from excite.diagnosis.answer.budget import Budget, EffectShare, Named
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 
@@ -16,22 +16,13 @@ def namable(budget: Budget) -> tuple[Named, ...]:
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     """Whether effects are what the gap is: most of it together, or one surely most of what its own place has.
 
-    One that stands clear at a quiet joint is no answer to the gap of another, and where the largest share has no name,
-    what is smaller is none either.
+    One that stands clear at a quiet joint is no answer to the gap of another.
     """
-    largest = max((item.share for item in effects), default=0.0)
-    if largest < max((_nameless(channel) for channel in budget.channels.values()), default=0.0):
-        return False
     if sum(item.share for item in effects) >= THRESHOLDS.most:
         return True
     return any(
         item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
     )
-
-
-def _nameless(channel: ChannelBudget) -> float:
-    """Share of the whole gap that follows something at a channel and has no name."""
-    return channel.weight * sum(item.share for item in channel.unnamed if item.follows != NOT_REPEATED)
 
 
 def _alone(item: Named) -> bool:

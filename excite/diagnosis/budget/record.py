@@ -13,7 +13,7 @@ from excite.diagnosis.budget.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.joint_fit import fit
 from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge
-from excite.diagnosis.budget.prediction import Prediction, predicted
+from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.budget.terms import Term, TermMaker
@@ -78,6 +78,9 @@ def model_of_gap(
         design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
         search.run()
+        if least > 0.0:
+            full = signs_beside(full, search.model)
+            rows = rows_of(full, modelled, floor)
         kept, near, maker = _refined(full, search, library, resonances=least > 0.0)
     last = _settled(search, kept, near, maker)
     return Found(last, full, predicted(full, last.model))
@@ -97,8 +100,31 @@ def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMake
     last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
     last.backward()
     merge(last)
+    if any(term.effect.is_body for term in last.model.terms):
+        design = Design(design.rows, _bodies_again(last, maker))
+        model = fit(design, last.model.chosen)
+        last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
     last.backward()
     return last
+
+
+def _bodies_again(search: Search, maker: TermMaker) -> tuple[Term, ...]:
+    """The design's terms, its model's bodies the likeliest beside the others."""
+    terms = list(search.design.terms)
+    for k in search.model.chosen:
+        term = terms[k]
+        if term.effect.is_body:
+            terms[k] = body(_beside_others(search, k), maker, term.effect, term.location) or term
+    return tuple(terms)
+
+
+def _beside_others(search: Search, k: int) -> Beside:
+    """A model's other terms; smaller bodies may have patched up the first, rough form of the largest."""
+    model, terms = search.model, search.design.terms
+    bodies = [i for i in model.chosen if terms[i].effect.is_body]
+    left_out = set(bodies) if bodies and k == max(bodies, key=search.weight_of) else {k}
+    others = [i for i in model.chosen if i not in left_out]
+    return Beside.of(fit(model.design, others, model.weight, left_out=False))
 
 
 def _refined(
@@ -116,10 +142,8 @@ def _refined(
             kept.append(term)
             continue
         own = TermMaker(now.without(k), full.strict)
-        others = [i for i in model.chosen if i != k]
-        beside = Beside.of(fit(model.design, others, model.weight, left_out=False))
+        beside = _beside_others(search, k)
         if term.effect.is_body:
-            # Of all links, its own first: beside all others, not beside what it was taken for at first.
             made = _bodies(library.bodies(own.context), beside, own)
             kept.append(next((t for t in made if t.key == term.key), term))
             near += [t for t in made if t.key != term.key]
@@ -130,6 +154,7 @@ def _refined(
             continue
         refiner = Refiner(own)
         kept.append(refiner.refined(beside, again, term.effect.richer))
+        others = [i for i in model.chosen if i != k]
         neighbours = [i for i in others if terms[i].own == term.own and not terms[i].started]
         if term.own is not None and neighbours:
             alone = [i for i in others if i not in neighbours]

@@ -71,13 +71,12 @@ class Search:
         """Sweep until nothing changes."""
         seen: set[frozenset[int]] = set()
         for _ in range(_SWEEPS):
-            self.backward()
             self.forward()
+            self.backward()
             now = frozenset(self.model.chosen)
             if now in seen:
                 break
             seen.add(now)
-        self.backward()
         return self.model
 
     def forward(self) -> None:
@@ -134,7 +133,7 @@ class Search:
     def backward(self) -> None:
         """Take each term out in the company of all others: drop it, or swap it for what scores better."""
         self.rivals, self.merits = {}, {}
-        order = sorted(self.model.chosen, key=lambda k: self._weight_of(k))
+        order = sorted(self.model.chosen, key=lambda k: self.weight_of(k))
         for k in order:
             if k not in self.model.chosen:
                 continue
@@ -227,7 +226,7 @@ class Search:
             return all(p.low <= b <= p.high for p, b in zip(effect.linear, beta, strict=True))
         return effect.admissible(self.context, term.location, term.theta, beta)
 
-    def _weight_of(self, k: int) -> float:
+    def weight_of(self, k: int) -> float:
         """About how much a term takes away: the weakest are judged first."""
         size = 0.0
         x = self.model.parameters(k)
