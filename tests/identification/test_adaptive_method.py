@@ -180,7 +180,7 @@ class TestSettings:
             assert error.remedy == f"choose {low:g} … {high:g}"
 
     def test_an_inertia_floor_is_needed_a_weight_is_not(self):
-        with pytest.raises(InputError, match="inertia_floor: is None; choose 0 … 0.9"):
+        with pytest.raises(InputError, match=r"inertia_floor: is None; choose 0 … 0\.9"):
             AdaptiveSettings(inertia_floor=None)
         assert AdaptiveSettings(alpha=None).alpha is None
 
