@@ -191,8 +191,11 @@ def conic_violations(problem: ConicProblem, z: Array) -> dict[str, float]:
 def conic_distance(problem: ConicProblem, answer: ConicAnswer) -> float:
     """Bound on the distance from an answer to the optimum, from its duality gap; ``weights`` must be None.
 
-    Multipliers are put into their cones first; nothing that the solver says of itself is used.
+    Multipliers are put into their cones first; nothing that the solver says of itself is used. Infinite where they are
+    not finite.
     """
+    if not np.isfinite(answer.multipliers).all():
+        return np.inf
     matrix, offset = stacked(problem)
     dual = _projected(problem, answer.multipliers)
     stationarity = answer.z - problem.target - matrix.T @ dual

@@ -149,12 +149,20 @@ class _System:
         inner = (aim - point.dual * self.primal) / point.s
         right = rows.T @ inner - self.slope + np.tensordot(shape.vectors(wish), p.maps, 2)
         free = cho_solve(self.factor, right, check_finite=False)
-        nu = np.linalg.solve(equal @ self.across, -self.tied - equal @ free) if e else np.zeros(0)
+        nu = _solved(equal @ self.across, -self.tied - equal @ free)
         dz = free + self.across @ nu
         ds = rows @ dz + self.primal
         product = self.inverse @ shape.matrices(p.maps @ dz) @ point.big
         big = wish - 0.5 * (product + product.swapaxes(1, 2))
         return _Point(dz, ds, (aim - point.dual * ds) / point.s, nu, big)
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solution of a linear system, NaN where rounding has made it singular: no step is taken then."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.full(len(right), np.nan)
 
 
 def cholesky(matrix: Array) -> tuple[Array, bool] | None:

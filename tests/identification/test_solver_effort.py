@@ -1,0 +1,165 @@
+"""How many steps solvers take, how coarse an answer may be, and where coordinates that do not count end up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.conic import conic
+from excite.identification.estimators.conic.conic import conic_distance, interior_point, refined
+from excite.identification.estimators.entropic.entropic import entropic_distance
+from excite.identification.estimators.entropic.entropic_newton import cholesky, newton
+from excite.identification.estimators.entropic.entropic_problem import EntropicProblem
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.hierarchy import solve_hierarchy
+from excite.identification.estimators.quadratic.hierarchy_state import HierarchyAnswer, Level
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.semi_projection import (
+    SemiProjection,
+    completed,
+    pursue,
+    semi_project,
+)
+from tests.identification.test_solvers import conic_problem, entropic_problem, semi_problem
+
+
+class Counted(EntropicProblem):
+    """Counts the points at which bodies are looked at: one a step."""
+
+    points = 0
+
+    def relative(self, z: np.ndarray) -> np.ndarray:
+        type(self).points += 1
+        return super().relative(z)
+
+
+@pytest.mark.parametrize("weight", [1e-4, 1e-2, 1.0, 10.0, 100.0])
+def test_small_weights_take_no_more_steps_than_large_ones(weight):
+    for seed in range(4):
+        for n_equal in (0, 1, 2):
+            problem = entropic_problem(seed, weight, n_equal)
+            Counted.points = 0
+            found = newton(Counted(problem.target, problem.maps, problem.weights, problem.linear))
+            assert found is not None and Counted.points <= 22
+            assert entropic_distance(problem, found) < 1e-4
+
+
+def test_matrices_that_rounding_has_made_singular_are_no_error():
+    """Bodies at the edge of what can exist: whatever comes back is feasible, and good or refused by its distance."""
+    problem = entropic_problem(2, 1e4, 2)
+    found = newton(problem)
+    if found is not None:
+        assert np.isfinite(found.z).all()
+        assert max(problem.violations(found.z).values()) < 1e-7
+        assert not np.isnan(entropic_distance(problem, found))
+
+
+def test_a_cholesky_factor_is_that_of_the_matrix_itself_where_it_has_one():
+    given = np.array([[4.0, 2.0], [2.0, 10.0]])
+    factor = cholesky(given)
+    assert factor is not None and np.tril(factor[0]) == pytest.approx(np.array([[2.0, 0.0], [1.0, 3.0]]))
+    assert factor[1] is True, "it is the lower one"
+    assert given.tolist() == [[4.0, 2.0], [2.0, 10.0]], "and the matrix stays as it was"
+    # Indefinite by 1e-9 of its size: the last hair helps; by 1e-6 it is no rounding.
+    near, far = (np.array([[1.0, 1.0], [1.0, 1.0 - size]]) for size in (1e-9, 1e-6))
+    assert cholesky(near) is not None and cholesky(far) is None
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-10])
+def test_refinement_takes_few_steps(tolerance, monkeypatch):
+    """Newton's steps converge quadratically: an answer to three digits needs three of them."""
+    steps, jacobian = [], conic._jacobian
+    monkeypatch.setattr(conic, "_jacobian", lambda *given: steps.append(0) or jacobian(*given))
+    for seed in range(6):
+        problem = conic_problem(seed)
+        steps.clear()
+        found = refined(problem, interior_point(problem, tolerance))
+        assert 0 < len(steps) <= 4 and conic_distance(problem, found) < 1e-6
+
+
+# --- Coordinates that do not count
+
+
+def test_a_proximal_answer_leads_to_the_optimum():
+    reached = 0
+    for seed in range(12):
+        for n_equal in (0, 1, 2):
+            problem = semi_problem(seed, n_equal)
+            near = semi_project(problem, np.zeros(3), project)
+            if near is None:
+                continue
+            reached += 1
+            found = completed(problem, near)
+            assert found.gap < 1e-10 and found.violation < 1e-10
+            assert found.distance == pytest.approx(np.sqrt(2.0 * found.gap))
+    assert reached > 25, "most of them have a point"
+
+
+def test_free_coordinates_move_to_the_nearest_point_with_room():
+    """``n₁ ≥ 1`` and ``n₁ + n₂ ≥ 4``: of all points of both the nearest to the start, not their corner."""
+    counted = np.array([[1.0], [0.0], [0.0]])
+    free = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    problem = SemiProjection(np.zeros(1), counted, free, np.array([2.0, 1.0, 4.0]), 0)
+    first = np.array([True, False, False])
+    for start, end in (([0.0, 0.0], [2.0, 2.0]), ([0.0, 5.0], [1.0, 5.0]), ([3.0, 3.0], [3.0, 3.0])):
+        found = pursue(problem, first, np.array(start))
+        assert found is not None
+        assert found.p == pytest.approx([2.0]) and found.n == pytest.approx(end, abs=1e-9)
+        assert found.multipliers == pytest.approx([2.0, 0.0, 0.0]) and found.violation < 1e-10
+
+
+def test_no_room_where_free_rows_exclude_each_other():
+    free = np.array([[1.0], [-1.0]])
+    shut = SemiProjection(np.zeros(1), np.zeros((2, 1)), free, np.array([1.0, 0.0]), 0)
+    assert pursue(shut, np.zeros(2, bool), np.zeros(1)) is None
+    assert semi_project(shut, np.zeros(1), project) is None
+    assert semi_project(shut, np.zeros(1), ActiveSetProjector()) is None
+
+
+# --- How coarse an answer may be
+
+
+def off_by(step: float):
+    """A projector whose answers to a target off the origin lie a step aside, along a direction without rows."""
+
+    def projector(target: np.ndarray, rows: LinearConstraints) -> ProjectionAnswer | None:
+        true = project(target, rows)
+        if true is None or not target.any():
+            return true
+        aside = np.zeros(len(target))
+        aside[-1] = step
+        return ProjectionAnswer(true.z + aside, true.multipliers)
+
+    return projector
+
+
+def last_level(step: float, size: float) -> HierarchyAnswer:
+    """``x₀ ≥ size`` and nothing measured, from a start that is farther out."""
+    level = Level("1", LinearConstraints(np.eye(1, 3), np.array([size]), ("row:x",)))
+    return solve_hierarchy(
+        (level,), np.zeros((0, 3)), np.zeros(0), off_by(step), np.array([size + 0.5, 0.0, 0.0])
+    )
+
+
+@pytest.mark.parametrize(
+    ("step", "size", "status"),
+    [
+        (0.0, 1.0, SolveStatus.SOLVED),
+        (0.9e-3, 1.0, SolveStatus.SOLVED),
+        (1.1e-3, 1.0, SolveStatus.NOT_OPTIMAL),
+        (0.9e-1, 100.0, SolveStatus.SOLVED),
+        (1.1e-1, 100.0, SolveStatus.NOT_OPTIMAL),
+        (np.nan, 1.0, SolveStatus.NOT_FINITE),
+    ],
+)
+def test_the_last_level_takes_a_thousandth_of_the_way_and_no_more(step, size, status):
+    found = last_level(step, size)
+    assert found.status is status and found.slacks == pytest.approx((0.0,))
+    if status is SolveStatus.SOLVED:
+        assert found.x == pytest.approx([size, 0.0, step], abs=1e-9)
+        assert found.distance == pytest.approx(step, abs=1e-6)
+        assert found.fit_distance == pytest.approx(0.0, abs=1e-9)
+    else:
+        assert np.isfinite(found.x).all() and found.distance == np.inf

@@ -1,0 +1,395 @@
+"""What methods say: the exact words of refusals, what an error carries, limits of single segments, summaries."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from excite.errors import InputError, NoSolutionError, UnknownNameError
+from excite.identification.constraints.com_box import equivalent_boxes
+from excite.identification.constraints.linear import LinearConstraints
+from excite.identification.constraints.sphere import SphereRows
+from excite.identification.estimators.base import SolveStatus
+from excite.identification.estimators.conic.lmi import LmiSettings, PhysicallyConsistent
+from excite.identification.estimators.entropic.geometric import entropic_divergence
+from excite.identification.estimators.least_squares.ls import LeastSquares, LsSettings
+from excite.identification.estimators.least_squares.map import MapSettings, MaximumAPosteriori
+from excite.identification.estimators.least_squares.robust import Huber, RobustSettings
+from excite.identification.estimators.least_squares.wls import WeightedLeastSquares, WlsSettings
+from excite.identification.estimators.method_settings import estimator_settings, methods_with
+from excite.identification.estimators.physical import PhysicalRetrieval, PhysicalSettings
+from excite.identification.estimators.quadratic import qp as qp_module
+from excite.identification.estimators.quadratic.active_set import ActiveSetProjector
+from excite.identification.estimators.quadratic.hqp import (
+    HierarchicalProgram,
+    HqpSettings,
+    ScaledSphere,
+    paper_levels,
+)
+from excite.identification.estimators.quadratic.projection import ProjectionAnswer, project
+from excite.identification.estimators.quadratic.qp import QpSettings, QuadraticProgram
+from excite.identification.estimators.quadratic.semi_projection import SemiProjection, pursue, semi_project
+from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
+from excite.identification.estimators.scaled import scaled_parameters
+from excite.identification.estimators.settings import EstimatorSettings, known_segments
+from excite.identification.estimators.summary import method_summaries
+from excite.identification.inertia import inertia_matrices
+from excite.identification.physical.default_bounds import default_bounds
+from excite.identification.physical.known_bounds import KnownBounds
+from excite.identification.problem import IdentificationProblem
+from excite.identification.regression import iterate_weights, prior_std, regression
+from excite.robot.loading import load_robot
+from tests.identification.synthetic import arm_problem
+
+
+@pytest.fixture(scope="module")
+def arm() -> IdentificationProblem:
+    return arm_problem(load_robot("panda"), seed=8, duration=1.0, noise=0.02, error=0.01)
+
+
+# --- Settings
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "value", "text"),
+    [
+        ("qp", "total_mass", 0.0, "settings: total_mass: is 0.0; choose 0.001 … 10000 kg"),
+        ("ls", "total_mass", 1e5, "settings: total_mass: is 100000.0; choose 0.001 … 10000 kg"),
+        ("hqp", "sphere_epsilon", -1.0, "settings: sphere_epsilon: is -1.0; choose 0 … 1000 kg·m²"),
+        ("qp", "alpha", 0.0, "settings: alpha: is 0.0; choose 1e-12 … 1e+12"),
+        ("qp", "alpha", None, "settings: alpha: is None; choose 1e-12 … 1e+12"),
+        ("wls", "weight_iterations", 101, "settings: weight_iterations: is 101; choose 0 … 100"),
+        ("robust", "huber", 0.01, "settings: huber: is 0.01; choose 0.1 … 100"),
+        ("robust", "huber", True, "settings: huber: is True; choose 0.1 … 100"),
+        ("ls", "ls_reference", "one", "settings: ls_reference: is 'one'; choose zero or nominal"),
+        (
+            "lmi",
+            "regulariser",
+            "x",
+            "settings: regulariser: is 'x'; choose euclidean or pullback or entropic",
+        ),
+        ("ls", "huber", 2.0, "settings: huber: is not used by method 'ls'; choose robust, or leave it out"),
+        (
+            "wls",
+            "symmetry",
+            0.1,
+            "settings: symmetry: is not used by method 'wls'; choose one of qp, lmi, or leave it out",
+        ),
+    ],
+)
+def test_a_refusal_says_what_is_wrong_and_what_to_do(method, name, value, text):
+    with pytest.raises(InputError) as caught:
+        estimator_settings(method, **{name: value})
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("segment_spread", 1e-6, 1e6), ("segment_mass_range", 0.0, 1e6)]
+)
+def test_shares_of_single_segments_have_limits(name, low, high):
+    for value in (low, high):
+        assert getattr(estimator_settings("hqp", **{name: {"hand": value}}), name) == {"hand": value}
+    for value in (low - 1e-7, high * (1.0 + 1e-9), np.nan, "1"):
+        with pytest.raises(InputError) as caught:
+            estimator_settings("hqp", **{name: {"fine": 1.0, "hand": value}})
+        assert caught.value.field == f"{name}.hand" and caught.value.source == "settings"
+        assert caught.value.remedy == f"choose {low:g} to {high:g}"
+    with pytest.raises(InputError) as caught:
+        estimator_settings("hqp", **{name: {"x" * 100: -1.0}})
+    assert caught.value.field == f"{name}." + "x" * 60, "a name that fills the line is cut"
+
+
+def test_unknown_segments_are_named_with_those_that_have_a_mass(arm):
+    robot = arm.robot
+    links = [segment.link for segment in robot.segments]
+    assert known_segments(robot, ()) == links and known_segments(robot, links[2:4]) == links
+    with pytest.raises(UnknownNameError) as caught:
+        known_segments(robot, [links[0], "nose"])
+    heavy = [link for link, mass in zip(links, robot.nominal_parameters[::10], strict=True) if mass > 0.0]
+    assert "unknown segment 'nose'" in str(caught.value)
+    assert all(link in str(caught.value) for link in heavy[:1])
+
+
+def test_settings_of_methods_are_found_by_name():
+    assert methods_with("alpha") == ("adaptive", "map", "qp", "cls2", "cls3", "lmi")
+    assert methods_with("nothing") == ()
+    with pytest.raises(UnknownNameError) as caught:
+        estimator_settings("ls", nothing=1)
+    assert "'nothing'" in str(caught.value)
+
+
+CONSISTENT = {"adaptive", "cls3", "lmi", "physical"}
+
+
+def test_summaries_say_of_each_method_what_it_is():
+    found = {item.name: item for item in method_summaries()}
+    assert list(found) == list(ESTIMATORS)
+    assert {name for name, item in found.items() if item.consistent} == CONSISTENT
+    assert {name for name, item in found.items() if item.default} == {"adaptive"} == {DEFAULT_METHOD}
+    assert {name for name, kind in ESTIMATORS.items() if kind.adapts} == {"adaptive"}
+    assert found["robust"].settings == ("huber",) and found["map"].settings == ("alpha",)
+    for name, item in found.items():
+        kind = ESTIMATORS[name]
+        assert (item.title, item.use, item.guarantees) == (kind.title, kind.use, kind.guarantees)
+        assert not {"prior_spread", "segment_spread", "total_mass"} & set(item.settings)
+        known = {declared.name for declared in fields(kind.settings_class)}
+        assert len(item.settings) == len(known) - 3
+        document = json.loads(json.dumps(item.to_json()))
+        assert document["settings"] == list(item.settings)
+        assert document["name"] == name and document["consistent"] is item.consistent
+
+
+# --- Least squares in closed form
+
+
+def test_least_squares_leaves_what_numpy_leaves(arm):
+    """Residuals of ``ls`` in the rows' units, of ``wls`` divided by each channel's noise."""
+    left = arm.y - arm.Y @ np.linalg.lstsq(arm.Y, arm.y, rcond=1e-9)[0]
+    for reference in ("zero", "nominal"):
+        found = LeastSquares().estimate(arm, LsSettings(ls_reference=reference))
+        assert found.residual == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-8)
+        assert (found.method, found.status, found.distance) == ("ls", SolveStatus.SOLVED, 0.0)
+    stated = WeightedLeastSquares().estimate(arm, WlsSettings(weight_iterations=0))
+    rows, y = arm.Y * arm.weights[:, None], arm.y * arm.weights
+    left = y - rows @ np.linalg.lstsq(rows, y, rcond=1e-9)[0]
+    assert stated.residual == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-8)
+    iterated = WeightedLeastSquares().estimate(arm, WlsSettings())
+    assert iterated.residual == pytest.approx(1.0, abs=0.1), "weights that follow the residuals make them one"
+    assert (iterated.method, iterated.status) == ("wls", SolveStatus.SOLVED)
+
+
+@pytest.mark.parametrize("reference", ["zero", "nominal"])
+def test_the_solution_of_ls_is_the_shortest(reference, arm):
+    scales = prior_std(arm, 0.5) if reference == "nominal" else np.ones(arm.n_params)
+    centre = arm.prior if reference == "nominal" else np.zeros(arm.n_params)
+    found = LeastSquares().estimate(arm, LsSettings(ls_reference=reference)).parameters
+    moved = (found - centre) / scales
+    # What the rows do not see is not moved.
+    _, size, right = np.linalg.svd(arm.Y * scales, full_matrices=True)
+    unseen = right[(size > 1e-9 * size[0]).sum() :]
+    assert len(unseen) > 5 and np.abs(unseen @ moved).max() < 1e-6 * np.linalg.norm(moved)
+
+
+@pytest.mark.parametrize("kind", [LeastSquares, WeightedLeastSquares])
+def test_unseen_segments_stay_as_they_are(kind, arm):
+    blind = replace(arm, Y=np.where(np.arange(arm.n_params) // 10 == 3, 0.0, arm.Y), unmeasured=(3,))
+    found = kind().estimate(blind, kind.settings_class()).parameters
+    assert np.array_equal(found[30:40], arm.prior[30:40])
+    assert not np.allclose(found[40:50], arm.prior[40:50])
+
+
+@pytest.mark.parametrize("alpha", [1e-3, 1.0, 1e4])
+def test_the_most_probable_parameters_are_those_of_the_normal_equations(alpha, arm):
+    found = MaximumAPosteriori().estimate(arm, MapSettings(alpha=alpha, prior_spread=0.3))
+    rows = found.regression
+    weights = 1.0 / (rows.std * np.sqrt(rows.noise.inflation))[arm.channel]
+    scales = prior_std(arm, 0.3)
+    a = np.vstack([arm.Y * weights[:, None] * scales, np.sqrt(alpha) * np.eye(arm.n_params)])
+    b = np.concatenate([arm.residual(arm.prior) * weights, np.zeros(arm.n_params)])
+    expected = np.linalg.lstsq(a, b, rcond=None)[0]
+    assert np.allclose((found.parameters - arm.prior) / scales, expected, atol=1e-8)
+    assert (found.method, found.distance, found.active, found.violations) == ("map", 0.0, (), {})
+
+
+@pytest.mark.parametrize("huber", [0.5, 1.345, 3.0])
+def test_robust_balances_clipped_residuals(huber, arm):
+    """Huber's condition: ``Yᵀ ψ(r/σ)/σ = 0`` with residuals clipped at the bound."""
+    y = arm.y.copy()
+    y[::97] += 5.0
+    spoiled = replace(arm, y=y)
+    found = Huber().estimate(spoiled, RobustSettings(huber=huber))
+    std = found.regression.std[arm.channel]
+    clipped = np.clip(spoiled.residual(found.parameters) / std, -huber, huber)
+    rows = arm.Y / std[:, None]
+    left = rows.T @ clipped
+    size = np.linalg.norm(rows, axis=0)
+    assert np.abs(left / np.maximum(size, 1e-6 * size.max())).max() < 1e-5
+    assert (np.abs(clipped) >= huber).any() and found.status is SolveStatus.SOLVED
+
+
+# --- Quadratic programs
+
+
+def test_qp_says_that_no_point_is_there_and_what_it_breaks(arm):
+    boxes = equivalent_boxes(arm.robot)
+    hidden = tuple(range(1, len(arm.robot.segments)))
+    blind = replace(arm, Y=np.where(np.arange(arm.n_params) < 10, arm.Y, 0.0), unmeasured=hidden)
+    with pytest.raises(NoSolutionError, match=r"^method qp found no solution \(infeasible\)") as caught:
+        QuadraticProgram().estimate(blind, QpSettings(total_mass=0.5, com_boxes=boxes))
+    best = caught.value.best
+    assert best.status is SolveStatus.INFEASIBLE and caught.value.remedy == best.status.value
+    assert best.violations["total_mass"] > 0.0 and best.distance == np.inf
+
+
+def test_qp_gives_up_after_its_rounds_with_the_best_it_knows(arm, monkeypatch):
+    noisy = arm_problem(arm.robot, seed=5, duration=1.0, noise=0.3)
+    settings = QpSettings(alpha=1e-4, inertia_floor=0.5, sphere_subdivisions=3)
+    assert QuadraticProgram().estimate(noisy, settings).status is SolveStatus.SOLVED
+    monkeypatch.setattr(qp_module, "_MAX_ROUNDS", 1)
+    with pytest.raises(NoSolutionError, match=r"method qp found no solution \(cut limit\)") as caught:
+        QuadraticProgram().estimate(noisy, settings)
+    best = caught.value.best
+    assert best.status is SolveStatus.CUT_LIMIT and caught.value.remedy == SolveStatus.CUT_LIMIT.value
+    least, usual = (np.linalg.eigvalsh(inertia_matrices(x))[:, 0] for x in (best.parameters, arm.prior))
+    assert (least >= 0.49 * usual).all(), "the best point known meets what it was asked for"
+
+
+def test_qp_refuses_an_answer_off_the_optimum(arm):
+    def lazy(target: np.ndarray, rows: LinearConstraints) -> ProjectionAnswer | None:
+        true = project(target + 1.0, rows)
+        return None if true is None else ProjectionAnswer(true.z, np.zeros(len(rows.bound)))
+
+    with pytest.raises(NoSolutionError, match=r"\(not optimal\)") as caught:
+        QuadraticProgram(lazy).estimate(arm, QpSettings())
+    assert caught.value.best.status is SolveStatus.NOT_OPTIMAL
+    assert np.isfinite(caught.value.best.parameters).all()
+
+
+def test_hqp_starts_where_all_vectors_hold_and_cuts_what_does_not(arm):
+    settings = HqpSettings(sphere_epsilon=0.05, sphere_subdivisions=2, mirror=None)
+    rows = iterate_weights(regression(arm))
+    scaled = scaled_parameters(rows, settings)
+    first, _ = paper_levels(rows, settings, scaled)
+    family = first.family
+    assert isinstance(family, ScaledSphere) and isinstance(family.sphere, SphereRows)
+    start = family.start()
+    lifted = scaled.parameters(start)
+    assert np.linalg.eigvalsh(inertia_matrices(lifted))[:, 0].min() > 0.99 * 0.05
+    others = np.arange(arm.n_params) % 10 < 4
+    assert np.allclose(lifted[others], arm.prior[others]), "masses and first moments stay"
+    cuts = family.violated(np.zeros(len(start)))
+    assert len(cuts.bound) and np.allclose(np.linalg.norm(cuts.matrix, axis=1), 1.0)
+    assert (cuts.matrix @ np.zeros(len(start)) < cuts.bound).all(), "nominal violates its cuts"
+    assert (cuts.matrix @ start > cuts.bound - 1e-9).all(), "the start meets them"
+
+
+def test_hqp_carries_what_it_was_told_and_recomputes_the_rest(arm):
+    mass = float(arm.prior[::10].sum()) * 1.02
+    settings = HqpSettings(sphere_epsilon=1e-4, sphere_subdivisions=2, total_mass=mass, mirror=None)
+    found = HierarchicalProgram(ActiveSetProjector()).estimate(arm, settings)
+    assert (found.total_mass, found.method, found.status) == (mass, "hqp", SolveStatus.SOLVED)
+    assert found.parameters[::10].sum() == pytest.approx(mass, abs=1e-5)
+    nominal = arm.prior[::10]
+    assert (np.abs(found.parameters[::10] - nominal) <= 0.35 * nominal + 1e-6).all()
+    assert found.distance < 1e-3 and max(found.violations.values()) < 1e-6
+
+
+def test_hqp_without_a_solver_hands_over_a_point_that_meets_level_one(arm):
+    settings = HqpSettings(sphere_epsilon=1e-4, sphere_subdivisions=2, mirror=None)
+    with pytest.raises(NoSolutionError, match=r"\(not optimal\)") as caught:
+        HierarchicalProgram(lambda target, rows: None).estimate(arm, settings)
+    best = caught.value.best
+    assert best.status is SolveStatus.NOT_OPTIMAL, "a point that is known refutes that there is none"
+    assert max(best.violations[kind] for kind in ("non_negative", "com_box")) < 1e-6
+    assert np.linalg.eigvalsh(inertia_matrices(best.parameters))[:, 0].min() > 0.9e-4
+    weighted = arm.residual(best.parameters) / best.regression.std[arm.channel]
+    assert best.residual == pytest.approx(np.sqrt(np.mean(weighted**2)))
+    nominal = arm.residual(arm.prior) / best.regression.std[arm.channel]
+    assert best.residual <= np.sqrt(np.mean(nominal**2)) * 1.5
+
+
+# --- Coordinates that do not count
+
+
+def test_a_free_coordinate_takes_what_a_counted_one_need_not():
+    """``p + n ≥ 3`` costs nothing with ``n`` free; ``n ≤ 1`` leaves two for ``p``."""
+    open_ = SemiProjection(np.array([0.5]), np.array([[1.0]]), np.array([[1.0]]), np.array([3.0]), 0)
+    closed = open_.extended(np.array([[0.0]]), np.array([[-1.0]]), np.array([-1.0]))
+    for problem, p in ((open_, 0.5), (closed, 2.0)):
+        near = semi_project(problem, np.zeros(1), project)
+        assert near is not None and near.p == pytest.approx([p], abs=1e-3)
+        found = pursue(problem, near.multipliers > 0.0, near.n)
+        assert found is not None and found.p == pytest.approx([p], abs=1e-10)
+        assert found.p[0] + found.n[0] >= 3.0 - 1e-9 and found.gap < 1e-10
+    assert found.multipliers == pytest.approx([1.5, 1.5], abs=1e-9)
+
+
+@pytest.mark.parametrize("start", [-4.0, 0.0, 7.0])
+def test_a_free_coordinate_stays_near_where_it_was(start):
+    tied = SemiProjection(
+        np.zeros(1), np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]]), np.array([2.0, 1.0]), 1
+    )
+    near = semi_project(tied, np.array([start]), project)
+    assert near is not None
+    assert near.p == pytest.approx([2.0], abs=1e-9) and near.n == pytest.approx([max(start, 1.0)], abs=1e-6)
+    assert near.multipliers[0] == pytest.approx(2.0, abs=1e-6)
+    wrong = pursue(tied, np.array([False, True]), np.array([start]))
+    assert wrong is not None and wrong.p == pytest.approx([2.0], abs=1e-10)
+    assert wrong.n[0] >= 1.0 - 1e-9
+
+
+def test_rows_without_a_coordinate_are_passed_over():
+    blank = SemiProjection(
+        np.array([1.0, 2.0]), np.zeros((1, 2)), np.zeros((1, 1)), np.array([-1.0]), 0
+    ).extended(np.array([[1.0, 0.0]]), np.zeros((1, 1)), np.array([3.0]))
+    near = semi_project(blank, np.zeros(1), project)
+    assert near is not None and near.p == pytest.approx([3.0, 2.0], abs=1e-12)
+    assert near.multipliers == pytest.approx([0.0, 2.0], abs=1e-12) and near.violation < 1e-12
+
+
+# --- Distances between bodies, and bodies within bounds
+
+
+def test_divergence_of_scaled_bodies_by_hand(arm):
+    """``d(cP‖P) = 4(c − log c − 1)`` for any body; none that cannot exist is at a finite distance."""
+    bodies = arm.prior.reshape(-1, 10)
+    for factor in (0.3, 1.0, 2.5):
+        expected = 4.0 * (factor - np.log(factor) - 1.0)
+        assert np.allclose(entropic_divergence(factor * arm.prior, arm.prior), expected, atol=1e-7)
+    flat = bodies.copy()
+    flat[2, 4:] = 0.0
+    found = entropic_divergence(flat.ravel(), arm.prior)
+    assert found[2] == np.inf and np.allclose(np.delete(found, 2), 0.0, atol=1e-7)
+    assert entropic_divergence(-arm.prior, arm.prior).tolist() == [np.inf] * len(bodies)
+
+
+def test_segments_that_are_not_seen_stay_out_of_the_divergence(arm):
+    """The last segment hidden: the others are found as with the plain distance, since they hardly move."""
+    n = arm.n_params
+    blind = replace(arm, Y=np.where(np.arange(n) // 10 == 2, 0.0, arm.Y), unmeasured=(2,))
+    found, near = (
+        PhysicallyConsistent().estimate(blind, LmiSettings(alpha=1e9, regulariser=kind)).parameters
+        for kind in ("entropic", "pullback")
+    )
+    assert np.array_equal(found[20:30], arm.prior[20:30])
+    apart, moved = ((found - other) / prior_std(arm, 0.5) for other in (near, arm.prior))
+    assert 0.0 < np.linalg.norm(apart) < 0.05 * np.linalg.norm(moved)
+
+
+class TestPhysical:
+    def test_contradictions_are_told_by_how_much(self, arm):
+        """All masses together more than their bounds allow."""
+        links = [segment.link for segment in arm.robot.segments]
+        masses = {f"{link}.m": (1.0, 2.0) for link in links}
+        settings = PhysicalSettings(bounds=KnownBounds(parameters=masses, total_mass=(100.0, 101.0)))
+        with pytest.raises(NoSolutionError, match="leave nothing between them") as caught:
+            PhysicalRetrieval().estimate(arm, settings)
+        best = caught.value.best
+        assert (best.method, best.status, best.distance) == ("physical", SolveStatus.INFEASIBLE, np.inf)
+        assert best.residual == pytest.approx(np.sqrt(np.mean(arm.residual(best.parameters) ** 2)))
+        broken = {kind: value for kind, value in best.violations.items() if value > 1e-9}
+        assert broken and {"mass", "total_mass"} & set(broken)
+        for kind, value in broken.items():
+            unit = {"mass": "kg", "total_mass": "kg", "com": "m"}.get(kind, "kg·m²")
+            assert f"{kind} by {value:.3g} {unit}" in str(caught.value)
+        assert ": at best " in caught.value.what and caught.value.what.endswith(" outside")
+
+    def test_bounds_of_another_robot_are_told_apart(self, arm):
+        other = replace(
+            default_bounds(arm.robot, PhysicalSettings()), links=tuple("abcdefg"), source="there.yaml"
+        )
+        with pytest.raises(InputError) as caught:
+            PhysicalRetrieval(other).estimate(arm, PhysicalSettings())
+        links = ", ".join(segment.link for segment in arm.robot.segments)
+        assert (
+            str(caught.value)
+            == f"there.yaml: bounds links a, b, c, d, e, f, g; the links of panda are {links}"
+        )
+
+
+def test_shared_settings_have_the_stated_defaults():
+    settings = EstimatorSettings()
+    assert (settings.prior_spread, dict(settings.segment_spread), settings.total_mass) == (0.5, {}, None)
