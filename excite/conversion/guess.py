@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.clock import TICKS, clock_column, tick
 from excite.conversion.columns.families import Family, clues_of, families, is_measured
@@ -59,10 +60,11 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
         chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
     _add(found, chosen)
-    _other_channels(found, recording, left)
+    add_base(found, recording, left, machine, mapping)
+    _ask_for_doubts(found, recording)
     ask_for_positions(found, recording, machine)
     ask_for_torques(found, groups, mapping)
-    ask_for_base(found, machine, mapping)
+    ask_for_base(found, recording, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)
     used = {item.source for item in found.mapped} | set(clocks)
@@ -93,7 +95,7 @@ def expand(target: str, pattern: str, joints: Sequence[str]) -> list[tuple[str, 
     """Channels of single joints with their columns, for a pattern with ``{joint}``, ``{n}`` or ``{n0}``."""
     channel, _, label = target.partition(".")
     if not re.search(r"\{(joint|n0?)\}", pattern):
-        if label or channel in {"time", "base", "wrench"} or len(joints) != 1:
+        if label or channel in {"time", "base", "wrench", "imu", "contact"} or len(joints) != 1:
             return [(target, pattern)]
         return [(f"{channel}.{joints[0]}", pattern)]
     found = []
@@ -225,12 +227,9 @@ def seconds_of(stream: Stream, found: Guesses) -> Array | None:
     return stream.time
 
 
-def _other_channels(found: Guesses, recording: Recording, clues: dict[str, Clue]) -> None:
-    """Base pose and wrenches, where the format itself says them."""
-    known = {item.target for item in found.mapped}
-    for stream in recording.streams:
-        for column in stream.columns:
-            if column.channel in ("base", "wrench") and column.name in clues:
-                target = f"{column.channel}.{column.label}"
-                if target not in known:
-                    found.mapped.append(Mapped(target, column.name, 1.0, "the format says so"))
+def _ask_for_doubts(found: Guesses, recording: Recording) -> None:
+    """What the format says of columns that do not hold what their place says, unless a map states them."""
+    guessed = {item.source for item in found.mapped if not item.stated}
+    for doubt in recording.said.get("doubts", ()):
+        if guessed & set(doubt.columns):
+            found.ask(doubt.what, doubt.line)

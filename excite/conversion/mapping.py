@@ -11,7 +11,7 @@ from excite.errors import LogError
 from excite.reading.yaml_document import read_yaml
 
 SCHEMA = "excite.map/1"
-CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wrench")
+CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wrench", "imu", "contact")
 Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
 Unit = Literal[
     "rad",

@@ -32,12 +32,15 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> N
             return
 
 
-def ask_for_base(found: Guesses, machine: Machine, mapping: Map) -> None:
-    if machine.floating and "base" not in mapping.log and not found.of("base"):
-        found.ask(
-            f"the base of {machine.name} is free, and no pose of it was recorded",
-            "log: {base: fixed}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}",
-        )
+def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> None:
+    """How a base that is free was carried, where no pose of it tells."""
+    if not machine.floating or "base" in mapping.log or found.of("base"):
+        return
+    line = "log: {base: held}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}"
+    if any(column.channel == "imu" for stream in recording.streams for column in stream.columns):
+        link = machine.base_link
+        line += f"; of a robot that hangs, log: {{base: suspended, base_link: {link}, imu: {{link: {link}}}}}"
+    found.ask(f"the base of {machine.name} is free, and no pose of it was recorded", line)
 
 
 def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) -> None:

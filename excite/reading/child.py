@@ -78,7 +78,9 @@ def answer() -> None:
     os.dup2(2, 1)
     die_with_parent()
     function, args, memory_gb = pickle.load(sys.stdin.buffer)  # noqa: S301  (from our own parent)
-    limit = int(memory_gb * 1e9)
+    # Where an administrator set a lower limit, that one holds.
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    limit = int(memory_gb * 1e9) if hard == resource.RLIM_INFINITY else min(int(memory_gb * 1e9), hard)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     # A crash shall leave no core file beside people's data.
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -63,7 +63,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
     for stream in recording.streams:
         for column in stream.columns:
             said = clues.get(column.name)
-            if said is None or said.quantity in ("", "time", "skip", "base", "wrench"):
+            if said is None or said.quantity in ("", "time", "skip", "base", "wrench", "imu", "contact"):
                 continue
             # Labels of joints differ within a family; the stem is what is left of the quantity's own words.
             stem = _stem(said)

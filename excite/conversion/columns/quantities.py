@@ -34,7 +34,7 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     columns = {c.name: c for stream in recording.streams for c in stream.columns}
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
     angles = _positions(found, columns, machine, mapping)
-    for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench"):
+    for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "imu", "contact"):
         items = found.of(channel)
         if not items:
             continue
