@@ -28,6 +28,9 @@ from excite.conversion.questions import (
 )
 from excite.conversion.recording import Recording, Stream
 
+# Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
+_THERE, _FEWEST = 0.5, 20
+
 
 def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     """Understand a recording's columns.
@@ -207,12 +210,15 @@ def _without_names(
 ) -> dict[str, Family]:
     """Channels by physics alone, for columns whose names say nothing."""
     stream = max(recording.streams, key=lambda s: sum(c.name in unknown for c in s.columns))
-    columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).all()]
+    columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).mean() > _THERE]
     time = seconds_of(stream, found)
     if time is None or len(columns) < len(joints):
         return {}
     values = np.column_stack([column.values for column in columns])
-    understood: Understood | None = understand(values, time, machine, tuple(joints))
+    whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    if whole.sum() < _FEWEST:
+        return {}
+    understood: Understood | None = understand(values[whole], time[whole], machine, tuple(joints))
     if understood is None:
         return {}
     return understood.families([column.name for column in columns])

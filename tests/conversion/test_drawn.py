@@ -11,13 +11,13 @@ from excite.conversion.mapping import Map
 from excite.conversion.recording import merged_names
 from excite.conversion.sources.registry import read_source
 from tests.benchmarks.conversion import judge
-from tests.conversion.drawn import draw
+from tests.conversion.drawn import Drawn, draw
+from tests.conversion.drawn_habits import draw_habits
 
 CASES, LEAST = 20, 19
 
 
-def understood(seed: int, folder) -> bool:
-    case = draw(seed, folder)
+def understood(case: Drawn) -> bool:
     (recording,) = read_source(case.file)
     found = guess(merged_names(recording), load_machine(case.robot), Map())
     columns = {item.target: item.source for item in found.mapped}
@@ -30,7 +30,12 @@ def understood(seed: int, folder) -> bool:
 
 
 def test_columns_and_units_are_understood(tmp_path):
-    assert sum(understood(seed, tmp_path) for seed in range(CASES)) >= LEAST
+    assert sum(understood(draw(seed, tmp_path)) for seed in range(CASES)) >= LEAST
+
+
+def test_habits_of_loggers_are_understood(tmp_path):
+    """Dates, decimal commas, lines of units, encodings of Windows, currents in mA, lost rows, no names at all."""
+    assert sum(understood(draw_habits(seed, tmp_path)) for seed in range(CASES)) >= LEAST
 
 
 @pytest.mark.parametrize("seed", [1, 5])

@@ -190,6 +190,8 @@ def _ratio(
     if time is None:
         return None
     forward = np.diff(time)
+    if not (forward > 0.0).any():
+        return None
     dt = float(np.median(forward[forward > 0.0]))
     q = _values([position for position, _ in pairs], columns) * TO_SI[angle]
     v = _values([item for _, item in pairs], columns)

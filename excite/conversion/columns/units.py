@@ -22,6 +22,8 @@ _BEYOND = 0.2
 _WIDE = 6.0 * math.pi
 # How near a ratio of velocity and derivative has to be to that of two units, as a factor.
 _NEAR = 1.15
+# What is larger is a damaged number, whose square no float holds.
+_LARGEST = 1e30
 
 
 def position_unit(
@@ -100,6 +102,8 @@ def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> tuple[
 
 def derivative_of(q: Array, v: Array, dt: float) -> tuple[float, float]:
     """Slope of ``dq/dt`` over ``v`` and their correlation, both smoothed alike; zeros where one stands still."""
+    if max(np.abs(q).max(), np.abs(v).max()) > _LARGEST:
+        return 0.0, 0.0
     window = max(3, int(0.05 / dt)) if dt < 0.05 else 3
     kernel = np.ones(window) / window
     rate = np.gradient(np.convolve(q, kernel, mode="valid"), dt)

@@ -108,6 +108,10 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "qvel",
             "dtheta",
             "omega",
+            "drehzahl",
+            "vitesse",
+            "velocidad",
+            "velocita",
         ),
         *(
             "thetadot",
@@ -152,9 +156,25 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "nm",
             "mot_torque",
             "couple",
+            "coppia",
         ),
     ),
-    "i": ("current", "currents", "cur", "curr", "amp", "amps", "ampere", "iq", "i", "strom", "motcur"),
+    "i": (
+        "current",
+        "currents",
+        "cur",
+        "curr",
+        "amp",
+        "amps",
+        "ampere",
+        "iq",
+        "i",
+        "strom",
+        "motcur",
+        "courant",
+        "corrente",
+        "corriente",
+    ),
     "volt": (*("volt", "volts", "voltage", "voltages", "vir", "pwm", "duty", "u", "load", "pwms", "uq"),),
     "q": (
         *(
@@ -171,19 +191,37 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "enc",
             "qs",
         ),
-        *("displacement", "disp", "p", "th", "ang", "winkel", "phi", "posn", "jpos", "coord", "rotation"),
+        *(
+            "displacement",
+            "disp",
+            "p",
+            "th",
+            "ang",
+            "winkel",
+            "phi",
+            "posn",
+            "jpos",
+            "coord",
+            "rotation",
+            "lage",
+            "posicion",
+            "posizione",
+        ),
     ),
 }
 OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in words}
 COMMANDED = frozenset(
     "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
-    "soll ff feedforward d want demand nominal requested input in".split()
+    "soll sollwert consigne ff feedforward d want demand nominal requested input in".split()
 )
 MEASURED = frozenset(
-    "act actual meas measured state obs observation feedback fb real ist present raw fbk sensor est mes".split()
+    "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
+    "present raw sensor est mes".split()
 )
 # Words that leave no doubt; a ``feedback`` torque may be the controller's part.
-SURELY_MEASURED = frozenset(("actual", "act", "measured", "meas", "real", "ist", "mes"))
+SURELY_MEASURED = frozenset(
+    "actual act measured meas real ist istwert mes mesure mesuree reel reelle".split()
+)
 NOISE = frozenset(
     "joint joints jnt j motor mot m axis ax dof link robot arm data value msg states position0 deg rad".split()
 )
@@ -194,7 +232,7 @@ UNITS: dict[str, str] = {
     **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), "deg"),
     **dict.fromkeys(("rad/s", "radps", "rad_s", "rads-1", "radpersec", "rad_per_s", "rad/sec"), "rad/s"),
     **dict.fromkeys(("deg/s", "degps", "deg_s", "dps", "°/s", "deg/sec", "deg_per_s"), "deg/s"),
-    **dict.fromkeys(("rpm", "rev/min", "1/min"), "rpm"),
+    **dict.fromkeys(("rpm", "rev/min", "1/min", "u/min", "r/min", "min^-1"), "rpm"),
     **dict.fromkeys(("rad/s2", "rad/s^2", "radps2", "rad/s²", "rads2"), "rad/s2"),
     **dict.fromkeys(("deg/s2", "deg/s^2", "degps2", "deg/s²"), "deg/s2"),
     **dict.fromkeys(("nm", "n.m", "n·m", "n*m", "newtonmeter", "n-m", "n_m"), "N·m"),

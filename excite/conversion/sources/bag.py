@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -46,6 +47,8 @@ class BagSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
+        import apsw
+        from rosbags import rosbag1, rosbag2
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.serde import SerdeError
         from rosbags.typesys import Stores, TypesysError, get_typestore
@@ -54,6 +57,7 @@ class BagSource(Source):
         register_unitree(store)
         register_interfaces(store)
         topics = Topics()
+        notes: tuple[str, ...] = ()
         try:
             with AnyReader([path], default_typestore=store) as bag:
                 there = {c.topic: c.msgtype for c in bag.connections}
@@ -74,7 +78,14 @@ class BagSource(Source):
             AttributeError,
             TypeError,
             RuntimeError,
+            OverflowError,
             struct.error,
+            apsw.Error,
+            rosbag1.ReaderError,
+            rosbag2.ReaderError,
         ) as error:
-            raise damaged(path, error, "a bag") from error
-        return (topics.recording(path, there),)
+            if not topics.has_positions:
+                raise damaged(path, error, "a bag") from error
+            notes = ("its end is damaged: it is read as far as it goes",)
+        found = topics.recording(path, there)
+        return (replace(found, notes=found.notes + notes),)

@@ -25,6 +25,7 @@ _DAMAGED = (
     EOFError,
     TypeError,
     RuntimeError,
+    OverflowError,
     struct.error,
 )
 
