@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from excite.atomic import write_text
 from excite.conversion.assemble import Table, assemble
 from excite.conversion.capture_sheet import by_sheet, compare, read_capture
 from excite.conversion.clean_rows import whole_rows
@@ -28,11 +29,13 @@ from excite.conversion.wraps import signed
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.columns import read_columns
-from excite.logs.files import check_replaceable, load_log, save_log
+from excite.logs.files import check_replaceable, header_text, load_log, save_log
+from excite.logs.header_blocks import Guess
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 
 SCHEMA = "excite.convert/1"
+_UNSEEN = "the doctor could not look at it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +127,7 @@ def convert(
     (out / "map.yaml").write_text(map_text(found, header, cuts, stated), encoding="utf-8")
     read = load_log(out)
     chart, note = _examined(read, machine)
+    read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings[:1] for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
     notes += [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
     return Conversion(
@@ -171,14 +175,35 @@ def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) 
     return whole_rows(table, recording.source)
 
 
+def _with_findings(log: Log, chart: Chart | None, notes: Sequence[str], folder: Path) -> Log:
+    """The log with what the doctor says of it in its header, on disk too: nobody who opens it has to ask again."""
+    found = [] if chart is None else [f for f in chart.findings if f.repaired or f.severity != "note"]
+    rows = [
+        Guess(
+            what=f"{f.kind} ({f.where})",
+            source="the doctor",
+            because=f"{f.text}; {f.remedy}" if f.remedy else f.text,
+        )
+        for f in found
+    ]
+    rows += [
+        Guess(what="torque scale", source="the nominal masses", because=note)
+        for note in notes
+        if not note.startswith(_UNSEEN)
+    ]
+    if not rows:
+        return log
+    header = log.header.model_copy(update={"guessed": (*log.header.guessed, *rows)})
+    write_text(folder / "log.yaml", header_text(header))
+    return replace(log, header=header)
+
+
 def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
     """What the doctor says; a log that it cannot look at is written all the same."""
     try:
         robot = nominal_robot(log)
         return examine(robot, log), scale_notes(robot, log)
     except InputError as error:
-        return None, [f"the doctor could not look at it: {error}"]
+        return None, [f"{_UNSEEN}: {error}"]
     except ValidationError:
-        return None, [
-            "the doctor could not look at it: a base that moves needs contact wrenches (sensors in map.yaml)"
-        ]
+        return None, [f"{_UNSEEN}: a base that moves needs contact wrenches (sensors in map.yaml)"]

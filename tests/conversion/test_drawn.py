@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 
 from excite.conversion.guess import guess
 from excite.conversion.machine import load_machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import merged_names
 from excite.conversion.sources.registry import read_source
+from excite.logs.files import load_log
 from tests.benchmarks.conversion import judge
 from tests.conversion.drawn import Drawn, draw
 from tests.conversion.drawn_habits import draw_habits
@@ -42,3 +44,7 @@ def test_habits_of_loggers_are_understood(tmp_path):
 def test_the_turned_torque_is_found_and_no_other(seed, tmp_path):
     case = draw(seed, tmp_path)
     assert judge(case, tmp_path / "log") == []
+    said = yaml.safe_load((tmp_path / "log" / "log.yaml").read_text())["guessed"]
+    signs = [row for row in said if row["what"].startswith("torque_sign")]
+    assert [case.turned in row["what"] for row in signs] == ([True] if case.turned else [])
+    assert load_log(tmp_path / "log").header.guessed
