@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from excite.conversion.assemble import Table, assemble
 from excite.conversion.capture_sheet import by_sheet, compare, read_capture
 from excite.conversion.clean_rows import whole_rows
 from excite.conversion.guess import guess
-from excite.conversion.guesses import Guesses, UnclearError
+from excite.conversion.guesses import Guesses, Question, UnclearError
 from excite.conversion.header import log_header
 from excite.conversion.machine import Machine, load_machine
 from excite.conversion.map_text import map_text
@@ -22,7 +23,7 @@ from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
-from excite.conversion.scales import scale_notes
+from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.sources.registry import RECORDED, read_source, recognised
 from excite.conversion.trials import cut_trials
 from excite.conversion.wraps import signed
@@ -108,7 +109,7 @@ def convert(
     recordings = _recordings(sources)
     found = guess(recordings[0], machine, stated)
     if found.questions:
-        raise UnclearError(found.questions, recordings[0].source)
+        raise UnclearError(_weighed(found.questions, sources, robot, stated), recordings[0].source)
     tables = [_table(recording, found, machine, stated) for recording in recordings]
     said = {
         name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
@@ -173,6 +174,33 @@ def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) 
     table = assemble(recording, found, None if rate is None else float(rate))
     table = joint_sided(table, stated, stated.joints or machine.joints, recording.source)
     return whole_rows(table, recording.source)
+
+
+def _weighed(
+    questions: Sequence[Question], sources: Sequence[str | Path], robot: str | Path, stated: Map
+) -> list[Question]:
+    """The questions; one for a torque per volt or duty cycle with what the nominal weights make of it."""
+    (question,) = questions if len(questions) == 1 else (None,)
+    if question is None or not question.torques:
+        return list(questions)
+    tried = stated.model_copy(update={"columns": {**stated.columns, **question.torques}})
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            log = convert(sources, robot, Path(folder) / "log", tried).log
+            scales = torque_scales(nominal_robot(log), log)
+    except InputError:
+        return list(questions)
+    if not scales:
+        return list(questions)
+    found = {f"tau.{joint}": f"{1.0 / scale.gain:.3g}" for joint, scale in scales.items()}
+    factors = ", ".join(f"{target}: {found.get(target, 'FACTOR')}" for target in question.torques)
+    least = 100.0 * min(scale.share for scale in scales.values())
+    columns = ", ".join(f'{target}: "{column}"' for target, column in question.torques.items())
+    line = (
+        f"columns: {{{columns}}} and scale: {{{factors}}}   # N·m per unit by the nominal masses, whose weight and "
+        f"inertia are {least:.0f} % of it; or log: {{torque: none}}"
+    )
+    return [replace(question, line=line)]
 
 
 def _with_findings(log: Log, chart: Chart | None, notes: Sequence[str], folder: Path) -> Log:

@@ -28,6 +28,7 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> N
             found.ask(
                 f"{name} is a voltage or duty cycle, whose torque per unit is not known",
                 f'columns: {{tau: "{name}"}} and scale: {{tau: FACTOR}}, or log: {{torque: none}}',
+                {f"tau.{joint}": column for joint, column in family.placed.columns.items()},
             )
             return
 

@@ -151,18 +151,27 @@ class TorqueSamples:
 
     def gains(self, reading: Reading) -> tuple[Array, Array]:
         """Measured torque per modelled one beside the drive, and its share of the torque, each ``(n_torques,)``."""
+        torque = self.measured_torque(reading)
+        pairs, power = self._beside_drives(reading), ((torque - torque.mean(axis=0)) ** 2).sum(axis=0)
+        gains = np.array([float(x @ y) / max(float(x @ x), 1e-300) for y, x in pairs])
+        return gains, gains**2 * np.array([float(x @ x) for _, x in pairs]) / np.maximum(power, 1e-300)
+
+    def agreement(self, reading: Reading) -> Array:
+        """Squared correlation of measured and modelled torques beside the drive, ``(n_torques,)``."""
+        pairs = self._beside_drives(reading)
+        return np.array([float(x @ y) ** 2 / max(float(x @ x) * float(y @ y), 1e-300) for y, x in pairs])
+
+    def _beside_drives(self, reading: Reading) -> list[tuple[Array, Array]]:
+        """Measured and modelled torque of each joint without what offset, friction and rotor explain of them."""
         model, v, a = self.predicted(reading)
         torque = self.measured_torque(reading)
-        gains, shares = [], []
+        found = []
         for j in range(torque.shape[1]):
             drive = np.column_stack([np.ones(len(v)), v[:, j], smooth_sign(v[:, j], WIDTH), a[:, j]])
             basis, _ = np.linalg.qr(drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-300))
             y, x = (values - basis @ (basis.T @ values) for values in (torque[:, j], model[:, j]))
-            gain = float(x @ y) / max(float(x @ x), 1e-300)
-            power = float(((torque[:, j] - torque[:, j].mean()) ** 2).sum())
-            gains.append(gain)
-            shares.append(gain**2 * float(x @ x) / max(power, 1e-300))
-        return np.array(gains), np.array(shares)
+            found.append((y, x))
+        return found
 
     def own_inertia(self) -> Array:
         """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
