@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -13,7 +12,8 @@ from excite.arrays import Array
 from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.clock import TICKS, clock_column, tick
-from excite.conversion.columns.families import Family, clues_of, families, is_measured
+from excite.conversion.columns.families import Family, clues_of, families, is_anonymous, is_measured
+from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
@@ -23,6 +23,7 @@ from excite.conversion.questions import (
     MOST_NAMED,
     ask_for_base,
     ask_for_positions,
+    ask_for_surplus,
     ask_for_torques,
     column_names,
 )
@@ -49,7 +50,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     if wrong:
         found.ask(f"the robot has no joint {', '.join(wrong)}", f"joints: [{', '.join(machine.joints)}]")
         return found
-    ignored = [c for c in column_names(recording) if any(fnmatchcase(c, mark) for mark in mapping.ignore)]
+    ignored = [column for column in column_names(recording) if mapping.ignores(column)]
     clues = clues_of(recording, joints, ignored)
     _stated_columns(found, recording, mapping, joints)
     clocks = _clocks(found, recording, clues, mapping)
@@ -57,7 +58,11 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     left = {name: said for name, said in clues.items() if name not in taken}
     known = {item.channel for item in found.mapped}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
+    groups = [family for family in groups if not is_anonymous(family, joints)]
+    if machine.floating:
+        groups = without_base(found, groups, recording, joints)
     chosen = _chosen(groups, found)
+    ask_for_surplus(found, chosen, joints)
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from excite.conversion.columns.families import Family
 from excite.conversion.guesses import Guesses
@@ -12,6 +12,8 @@ from excite.conversion.recording import Recording
 
 # Columns that are named in one line.
 MOST_NAMED = 12
+# Columns that a gripper adds behind an arm's joints.
+_HAND = 2
 
 
 def column_names(recording: Recording) -> list[str]:
@@ -31,6 +33,20 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> N
                 {f"tau.{joint}": column for joint, column in family.placed.columns.items()},
             )
             return
+
+
+def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str]) -> None:
+    """Numbered columns of many more joints than the robot has are another machine's, or more than joints."""
+    for target in ("q", "tau", "i"):
+        family = chosen.get(target)
+        if family is None or not family.placed.because.startswith("its number"):
+            continue
+        if len(family.placed.left_over) > max(_HAND, len(joints) // 2):
+            first = family.columns[0]
+            found.ask(
+                f"{first} … are {len(family.columns)} columns for {len(joints)} joints",
+                f'columns: {{{target}.{joints[0]}: "{first}", …}}, or joints: [those that the columns begin with]',
+            )
 
 
 def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> None:

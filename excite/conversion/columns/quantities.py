@@ -70,8 +70,15 @@ def _ask_for_sign(
     if np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all():
         found.ask(
             f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
-            f'ignore: ["{items[0].source.rpartition(".")[0] or items[0].source}*"] and log: {{torque: none}}',
+            f'ignore: ["{_beginning(items)}*"] and log: {{torque: none}}',
         )
+
+
+def _beginning(items: list[Mapped]) -> str:
+    """What the columns' names begin with, all of them; none of it means anything else in a pattern."""
+    first, last = (end(item.source for item in items) for end in (min, max))
+    same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
+    return first[:same].rstrip("[0123456789") or first[:same]
 
 
 def _map_unit(mapping: Map, channel: str) -> str:
