@@ -24,7 +24,7 @@ from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.scales import scale_notes, torque_scales
-from excite.conversion.sources.registry import RECORDED, read_source, recognised
+from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trials import cut_trials
 from excite.conversion.wraps import signed
 from excite.doctor.examine import Chart, examine
@@ -163,10 +163,12 @@ def _read(source: Path) -> list[Recording]:
     """Recordings of a source; a folder that is no recording itself stands for the files in it that are."""
     if not source.is_dir() or recognised(source) is not None:
         return list(read_source(source))
-    files = [file for file in sorted(source.iterdir()) if file.is_file() and file.suffix.lower() in RECORDED]
+    files = [file for file in sorted(source.iterdir()) if recognised_recording(file)]
+    # Descriptions beside recordings are JSON, too.
+    tables = [file for file in files if file.suffix.lower() != ".json"]
     if not files:
         raise LogError("holds no recordings", source=source, remedy="name the files")
-    return [recording for file in files for recording in read_source(file)]
+    return [recording for file in tables or files for recording in read_source(file)]
 
 
 def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> Table:

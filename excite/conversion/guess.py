@@ -133,7 +133,7 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
             column = clock_column(seen, known)
             name, because = column if column else (None, "")
         if name is None:
-            _without_clock(found, recording, stream, mapping)
+            _without_clock(found, recording, stream, mapping, clues)
             continue
         values = next(c.values for c in stream.columns if c.name == name)
         unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
@@ -148,13 +148,17 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
     return clocks
 
 
-def _without_clock(found: Guesses, recording: Recording, stream: Stream, mapping: Map) -> None:
+def _without_clock(
+    found: Guesses, recording: Recording, stream: Stream, mapping: Map, clues: dict[str, Clue]
+) -> None:
     rate = mapping.log.get("rate_hz") or recording.said.get("fps")
     if rate:
         fact = ("time", f"rows at {float(rate):g} Hz", "no column holds a time")
         found.facts += [] if fact in found.facts else [fact]
     else:
-        found.ask(f"{stream.name} has no column of times", "log: {rate_hz: 100}   # rows a second")
+        named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
+        but = f" ({named[0]} does not go forward evenly)" if named else ""
+        found.ask(f"{stream.name} has no column of times{but}", "log: {rate_hz: 100}   # rows a second")
 
 
 def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:

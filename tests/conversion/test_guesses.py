@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -244,3 +246,36 @@ def test_a_simulators_whole_state_is_told_apart_by_physics(arm, tmp_path):
     assert found.columns["time"] == ("state[0]", 1.0)
     assert [found.columns[f"q.{j}"][0] for j in JOINTS] == ["state[1]", "state[2]", "state[3]"]
     assert [found.columns[f"v.{j}"][0] for j in JOINTS] == ["state[4]", "state[5]", "state[6]"]
+
+
+def _pipe(file: Path) -> None:
+    os.mkfifo(file)
+
+
+def _text(content: str) -> Callable[[Path], None]:
+    return lambda file: file.write_text(content) and None
+
+
+ROWS = "".join(f"{{time}},0.{k},0.1,0.2\n" for k in range(10, 60))
+WILD = "".join(f"{k},1e308,-1e300,1\n" for k in range(60))
+UNREADABLE = {
+    "a pipe": ("run.csv", _pipe, "is a pipe"),
+    "a bag that is a pipe": ("run.mcap", _pipe, "is a pipe"),
+    "names alone": ("run.csv", _text("t,q1,q2,q3\n"), "no columns of numbers"),
+    "times that are none": ("run.csv", _text("time,q1,q2,q3\n" + ROWS.format(time="nan")), "column of times"),
+    "one time": ("run.csv", _text("time,q1,q2,q3\n" + ROWS.format(time="1.0")), "column of times .time"),
+    "numbers of no joint": ("run.csv", _text("time,q1,q2,q3\n" + WILD), "unit"),
+    "lists of several lengths": ("run.json", _text('{"q": [[1, 2], [3]], "t": [1e999, NaN]}'), "no columns of numbers"),
+    "brackets without end": ("run.json", _text("[" * 100_000), "cannot be read as JSON"),
+    "a type of its own": ("run.jsonl", _text('{"t": {"t": {"t": 1}}}\n'), "no columns of numbers"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_what_cannot_be_understood_is_one_line(name, arm, tmp_path):
+    file, write, said = UNREADABLE[name]
+    write(tmp_path / file)
+    with pytest.raises(LogError, match=said) as error:
+        excite.convert([tmp_path / file], arm, tmp_path / "log")
+    assert "\n" not in str(error.value) and not (tmp_path / "log").exists()
