@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from excite.conversion.columns.joints import Placed, first_number, place
-from excite.conversion.columns.vocabulary import OF_WORD, SURELY_MEASURED, UNITS
+from excite.conversion.columns.unit_words import UNITS
+from excite.conversion.columns.vocabulary import OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue
 from excite.conversion.recording import Column, Recording
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.unit_words import UNITS
 from excite.conversion.columns.units import TO_SI, position_unit, ratio_unit
-from excite.conversion.columns.vocabulary import UNITS
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine

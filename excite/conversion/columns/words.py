@@ -6,15 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from excite.conversion.columns.vocabulary import (
-    COMMANDED,
-    KNOWN,
-    MEASURED,
-    NOISE,
-    OF_WORD,
-    QUANTITY_OF_UNIT,
-    UNITS,
-)
+from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
+from excite.conversion.columns.vocabulary import COMMANDED, KNOWN, MEASURED, NOISE, OF_WORD
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from excite.conversion.recording import Recording
-from excite.conversion.sources.any_message import MOST_BYTES
-from excite.conversion.sources.controller_types import KIND, register_interfaces, register_state
-from excite.conversion.sources.messages import is_trajectory, is_wanted
+from excite.conversion.sources.ros.any_message import MOST_BYTES
+from excite.conversion.sources.ros.controller_types import KIND, register_interfaces, register_state
+from excite.conversion.sources.ros.messages import is_trajectory, is_wanted
+from excite.conversion.sources.ros.topics import Topics
+from excite.conversion.sources.ros.unitree_types import register_unitree
 from excite.conversion.sources.source import Source, damaged
-from excite.conversion.sources.topics import Topics
-from excite.conversion.sources.unitree_types import register_unitree
 from excite.reading.file import first_bytes
 
 

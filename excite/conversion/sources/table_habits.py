@@ -6,7 +6,7 @@ import csv
 import re
 from dataclasses import dataclass
 
-from excite.conversion.columns.vocabulary import UNITS
+from excite.conversion.columns.unit_words import UNITS
 from excite.conversion.sources.stamps import is_stamp
 
 COMMENTS = ("#", "%", "//", ";;", "!")

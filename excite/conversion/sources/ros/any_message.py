@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.conversion.sources.gathered import Field
+from excite.conversion.sources.ros.gathered import Field
 
 # Longer lists are images, clouds and scans; joints with hands are below a hundred.
 _MOST_NUMBERS = 100

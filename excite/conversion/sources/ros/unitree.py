@@ -15,7 +15,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.recording import Column, Stream
-from excite.conversion.sources.gathered import Field
+from excite.conversion.sources.ros.gathered import Field
 
 _LEGS = ("FR", "FL", "RR", "RL")
 _QUADRUPED = tuple(f"{leg}_{joint}_joint" for leg in _LEGS for joint in ("hip", "thigh", "calf"))

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from excite.conversion.sources.gathered import Field
-from excite.conversion.sources.unitree import LOW_COMMAND, LOW_STATE, Row
+from excite.conversion.sources.ros.gathered import Field
+from excite.conversion.sources.ros.unitree import LOW_COMMAND, LOW_STATE, Row
 
 
 def is_wanted(kind: str) -> bool:

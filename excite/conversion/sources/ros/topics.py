@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from excite.conversion.recording import Recording, Stream
-from excite.conversion.sources.any_message import decode_any
-from excite.conversion.sources.gathered import Gathered
-from excite.conversion.sources.messages import decode, is_trajectory, is_wanted, stamp_s, trajectory_rows
-from excite.conversion.sources.unitree import finished, is_unitree
+from excite.conversion.sources.ros.any_message import decode_any
+from excite.conversion.sources.ros.gathered import Gathered
+from excite.conversion.sources.ros.messages import decode, is_trajectory, is_wanted, stamp_s, trajectory_rows
+from excite.conversion.sources.ros.unitree import finished, is_unitree
 from excite.errors import LogError
 
 # Two stamps of one message that differ by more come from different clocks [s].
