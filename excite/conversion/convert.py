@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from excite.atomic import write_text
 from excite.conversion.assemble import Table, assemble
 from excite.conversion.capture_sheet import by_sheet, compare, read_capture
 from excite.conversion.clean_rows import whole_rows
 from excite.conversion.guess import guess
-from excite.conversion.guesses import Guesses, UnclearError
+from excite.conversion.guesses import Guesses, Question, UnclearError
 from excite.conversion.header import log_header
 from excite.conversion.machine import Machine, load_machine
 from excite.conversion.map_text import map_text
@@ -21,18 +23,20 @@ from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
-from excite.conversion.scales import scale_notes
-from excite.conversion.sources.registry import RECORDED, read_source, recognised
+from excite.conversion.scales import scale_notes, torque_scales
+from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trials import cut_trials
 from excite.conversion.wraps import signed
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.columns import read_columns
-from excite.logs.files import check_replaceable, load_log, save_log
+from excite.logs.files import check_replaceable, header_text, load_log, save_log
+from excite.logs.header_blocks import Guess
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 
 SCHEMA = "excite.convert/1"
+_UNSEEN = "the doctor could not look at it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +109,7 @@ def convert(
     recordings = _recordings(sources)
     found = guess(recordings[0], machine, stated)
     if found.questions:
-        raise UnclearError(found.questions, recordings[0].source)
+        raise UnclearError(_weighed(found.questions, sources, robot, stated), recordings[0].source)
     tables = [_table(recording, found, machine, stated) for recording in recordings]
     said = {
         name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
@@ -124,6 +128,7 @@ def convert(
     (out / "map.yaml").write_text(map_text(found, header, cuts, stated), encoding="utf-8")
     read = load_log(out)
     chart, note = _examined(read, machine)
+    read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings[:1] for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
     notes += [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
     return Conversion(
@@ -158,10 +163,12 @@ def _read(source: Path) -> list[Recording]:
     """Recordings of a source; a folder that is no recording itself stands for the files in it that are."""
     if not source.is_dir() or recognised(source) is not None:
         return list(read_source(source))
-    files = [file for file in sorted(source.iterdir()) if file.is_file() and file.suffix.lower() in RECORDED]
+    files = [file for file in sorted(source.iterdir()) if recognised_recording(file)]
+    # Descriptions beside recordings are JSON, too.
+    tables = [file for file in files if file.suffix.lower() != ".json"]
     if not files:
         raise LogError("holds no recordings", source=source, remedy="name the files")
-    return [recording for file in files for recording in read_source(file)]
+    return [recording for file in tables or files for recording in read_source(file)]
 
 
 def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> Table:
@@ -171,14 +178,62 @@ def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) 
     return whole_rows(table, recording.source)
 
 
+def _weighed(
+    questions: Sequence[Question], sources: Sequence[str | Path], robot: str | Path, stated: Map
+) -> list[Question]:
+    """The questions; one for a torque per volt or duty cycle with what the nominal weights make of it."""
+    (question,) = questions if len(questions) == 1 else (None,)
+    if question is None or not question.torques:
+        return list(questions)
+    tried = stated.model_copy(update={"columns": {**stated.columns, **question.torques}})
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            log = convert(sources, robot, Path(folder) / "log", tried).log
+            scales = torque_scales(nominal_robot(log), log)
+    except InputError:
+        return list(questions)
+    if not scales:
+        return list(questions)
+    found = {f"tau.{joint}": f"{1.0 / scale.gain:.3g}" for joint, scale in scales.items()}
+    factors = ", ".join(f"{target}: {found.get(target, 'FACTOR')}" for target in question.torques)
+    least = 100.0 * min(scale.share for scale in scales.values())
+    columns = ", ".join(f'{target}: "{column}"' for target, column in question.torques.items())
+    line = (
+        f"columns: {{{columns}}} and scale: {{{factors}}}   # N·m per unit by the nominal masses, whose weight and "
+        f"inertia are {least:.0f} % of it; or log: {{torque: none}}"
+    )
+    return [replace(question, line=line)]
+
+
+def _with_findings(log: Log, chart: Chart | None, notes: Sequence[str], folder: Path) -> Log:
+    """The log with what the doctor says of it in its header, on disk too: nobody who opens it has to ask again."""
+    found = [] if chart is None else [f for f in chart.findings if f.repaired or f.severity != "note"]
+    rows = [
+        Guess(
+            what=f"{f.kind} ({f.where})",
+            source="the doctor",
+            because=f"{f.text}; {f.remedy}" if f.remedy else f.text,
+        )
+        for f in found
+    ]
+    rows += [
+        Guess(what="torque scale", source="the nominal masses", because=note)
+        for note in notes
+        if not note.startswith(_UNSEEN)
+    ]
+    if not rows:
+        return log
+    header = log.header.model_copy(update={"guessed": (*log.header.guessed, *rows)})
+    write_text(folder / "log.yaml", header_text(header))
+    return replace(log, header=header)
+
+
 def _examined(log: Log, machine: Machine) -> tuple[Chart | None, list[str]]:
     """What the doctor says; a log that it cannot look at is written all the same."""
     try:
         robot = nominal_robot(log)
         return examine(robot, log), scale_notes(robot, log)
     except InputError as error:
-        return None, [f"the doctor could not look at it: {error}"]
+        return None, [f"{_UNSEEN}: {error}"]
     except ValidationError:
-        return None, [
-            "the doctor could not look at it: a base that moves needs contact wrenches (sensors in map.yaml)"
-        ]
+        return None, [f"{_UNSEEN}: a base that moves needs contact wrenches (sensors in map.yaml)"]

@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.clock import TICKS, clock_column, tick
-from excite.conversion.columns.families import Family, clues_of, families, is_measured
+from excite.conversion.columns.families import Family, clues_of, families, is_anonymous, is_measured
+from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
@@ -22,10 +23,14 @@ from excite.conversion.questions import (
     MOST_NAMED,
     ask_for_base,
     ask_for_positions,
+    ask_for_surplus,
     ask_for_torques,
     column_names,
 )
 from excite.conversion.recording import Recording, Stream
+
+# Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
+_THERE, _FEWEST = 0.5, 20
 
 
 def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
@@ -45,7 +50,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     if wrong:
         found.ask(f"the robot has no joint {', '.join(wrong)}", f"joints: [{', '.join(machine.joints)}]")
         return found
-    ignored = [c for c in column_names(recording) if any(fnmatchcase(c, mark) for mark in mapping.ignore)]
+    ignored = [column for column in column_names(recording) if mapping.ignores(column)]
     clues = clues_of(recording, joints, ignored)
     _stated_columns(found, recording, mapping, joints)
     clocks = _clocks(found, recording, clues, mapping)
@@ -53,16 +58,21 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     left = {name: said for name, said in clues.items() if name not in taken}
     known = {item.channel for item in found.mapped}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
+    groups = [family for family in groups if not is_anonymous(family, joints)]
+    if machine.floating:
+        groups = without_base(found, groups, recording, joints)
     chosen = _chosen(groups, found)
+    ask_for_surplus(found, chosen, joints)
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
         chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
     _add(found, chosen)
-    _other_channels(found, recording, left)
+    add_base(found, recording, left, machine, mapping)
+    _ask_for_doubts(found, recording)
     ask_for_positions(found, recording, machine)
     ask_for_torques(found, groups, mapping)
-    ask_for_base(found, machine, mapping)
+    ask_for_base(found, recording, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)
     used = {item.source for item in found.mapped} | set(clocks)
@@ -93,7 +103,7 @@ def expand(target: str, pattern: str, joints: Sequence[str]) -> list[tuple[str, 
     """Channels of single joints with their columns, for a pattern with ``{joint}``, ``{n}`` or ``{n0}``."""
     channel, _, label = target.partition(".")
     if not re.search(r"\{(joint|n0?)\}", pattern):
-        if label or channel in {"time", "base", "wrench"} or len(joints) != 1:
+        if label or channel in {"time", "base", "wrench", "imu", "contact"} or len(joints) != 1:
             return [(target, pattern)]
         return [(f"{channel}.{joints[0]}", pattern)]
     found = []
@@ -123,7 +133,7 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
             column = clock_column(seen, known)
             name, because = column if column else (None, "")
         if name is None:
-            _without_clock(found, recording, stream, mapping)
+            _without_clock(found, recording, stream, mapping, clues)
             continue
         values = next(c.values for c in stream.columns if c.name == name)
         unit = mapping.units.get("time", "") or (clues[name].unit if name in clues else "")
@@ -138,13 +148,17 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
     return clocks
 
 
-def _without_clock(found: Guesses, recording: Recording, stream: Stream, mapping: Map) -> None:
+def _without_clock(
+    found: Guesses, recording: Recording, stream: Stream, mapping: Map, clues: dict[str, Clue]
+) -> None:
     rate = mapping.log.get("rate_hz") or recording.said.get("fps")
     if rate:
         fact = ("time", f"rows at {float(rate):g} Hz", "no column holds a time")
         found.facts += [] if fact in found.facts else [fact]
     else:
-        found.ask(f"{stream.name} has no column of times", "log: {rate_hz: 100}   # rows a second")
+        named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
+        but = f" ({named[0]} does not go forward evenly)" if named else ""
+        found.ask(f"{stream.name} has no column of times{but}", "log: {rate_hz: 100}   # rows a second")
 
 
 def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
@@ -205,12 +219,15 @@ def _without_names(
 ) -> dict[str, Family]:
     """Channels by physics alone, for columns whose names say nothing."""
     stream = max(recording.streams, key=lambda s: sum(c.name in unknown for c in s.columns))
-    columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).all()]
+    columns = [c for c in stream.columns if c.name in unknown and np.isfinite(c.values).mean() > _THERE]
     time = seconds_of(stream, found)
     if time is None or len(columns) < len(joints):
         return {}
     values = np.column_stack([column.values for column in columns])
-    understood: Understood | None = understand(values, time, machine, tuple(joints))
+    whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
+    if whole.sum() < _FEWEST:
+        return {}
+    understood: Understood | None = understand(values[whole], time[whole], machine, tuple(joints))
     if understood is None:
         return {}
     return understood.families([column.name for column in columns])
@@ -225,12 +242,9 @@ def seconds_of(stream: Stream, found: Guesses) -> Array | None:
     return stream.time
 
 
-def _other_channels(found: Guesses, recording: Recording, clues: dict[str, Clue]) -> None:
-    """Base pose and wrenches, where the format itself says them."""
-    known = {item.target for item in found.mapped}
-    for stream in recording.streams:
-        for column in stream.columns:
-            if column.channel in ("base", "wrench") and column.name in clues:
-                target = f"{column.channel}.{column.label}"
-                if target not in known:
-                    found.mapped.append(Mapped(target, column.name, 1.0, "the format says so"))
+def _ask_for_doubts(found: Guesses, recording: Recording) -> None:
+    """What the format says of columns that do not hold what their place says, unless a map states them."""
+    guessed = {item.source for item in found.mapped if not item.stated}
+    for doubt in recording.said.get("doubts", ()):
+        if guessed & set(doubt.columns):
+            found.ask(doubt.what, doubt.line)

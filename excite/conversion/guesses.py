@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from excite.errors import LogError
@@ -41,10 +41,12 @@ class Question:
     Attributes:
         what: what is missing, in a few words.
         line: the line of ``map.yaml`` that would settle it.
+        torques: by channel, columns that would be torques if their scale were known; empty for other questions.
     """
 
     what: str
     line: str
+    torques: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -67,9 +69,9 @@ class Guesses:
         """Columns of one channel."""
         return [item for item in self.mapped if item.channel == channel]
 
-    def ask(self, what: str, line: str) -> None:
+    def ask(self, what: str, line: str, torques: Mapping[str, str] | None = None) -> None:
         """Add a question, once."""
-        question = Question(what, line)
+        question = Question(what, line, torques or {})
         if question not in self.questions:
             self.questions.append(question)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from excite.conversion.base import base_fields
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -43,10 +44,8 @@ def log_header(
         "modelled": ["rigid_body", "viscous_friction", "coulomb_friction"]
         + (["armature"] if torque != "link_side" else []),
     }
-    if "base.px" in present:
-        content |= {"base": "suspended", "base_link": machine.base_link}
-        found.facts.append(("base", "suspended", "a base pose was logged, and no contact wrench"))
-    gains = _gains(recordings, joints)
+    content |= base_fields(present, found, machine, stated.log)
+    gains = _gains(recordings, joints, found)
     if gains:
         content["controller"] = gains
         found.facts.append(
@@ -92,10 +91,14 @@ def _torque(present: set[str], found: Guesses) -> str:
     return "none"
 
 
-def _gains(recordings: Sequence[Recording], joints: Sequence[str]) -> dict[str, Any]:
-    """Gains that the recording states for every joint."""
+def _gains(recordings: Sequence[Recording], joints: Sequence[str], found: Guesses) -> dict[str, Any]:
+    """Gains that the recording states for every joint, in a list or by the names that it gives them."""
     said = recordings[0].said
     gains: dict[str, Any] = {}
+    labels = {item.target.partition(".")[2]: item.source.partition(".")[2] for item in found.of("q_cmd")}
+    for name, by_label in said.get("gains", {}).items():
+        if joints and all(labels.get(joint) in by_label for joint in joints):
+            gains[name] = {joint: by_label[labels[joint]] for joint in joints}
     for name in ("kp", "kd"):
         values = said.get(name)
         if isinstance(values, list) and len(values) == len(joints):

@@ -73,7 +73,7 @@ def _si(found: Guesses) -> dict[str, str]:
 
 def _patterns(channel: str, items: list[Mapped], joints: Sequence[str]) -> dict[str, str]:
     """One pattern for a channel where its columns follow one, else a column a joint."""
-    if channel in ("time", "base", "wrench"):
+    if channel in ("time", "base", "wrench", "imu", "contact"):
         return {item.target: item.source for item in items}
     sources = {item.target.partition(".")[2]: item.source for item in items}
     if len(items) > 1 and set(sources) == set(joints):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +12,7 @@ from excite.errors import LogError
 from excite.reading.yaml_document import read_yaml
 
 SCHEMA = "excite.map/1"
-CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wrench")
+CHANNELS = ("time", "q", "v", "a", "tau", "i", "q_cmd", "tau_cmd", "base", "wrench", "imu", "contact")
 Factor = Annotated[float, Field(ge=-1e12, le=1e12)]
 Unit = Literal[
     "rad",
@@ -95,6 +96,10 @@ class Map(BaseModel):
         default={},
         description="Fields of log.yaml as they shall stand there: torque, controller, rate_hz, modelled …",
     )
+
+    def ignores(self, column: str) -> bool:
+        """Whether a column is left out: its name, brackets and all, or a pattern of it."""
+        return any(column == mark or fnmatchcase(column, mark) for mark in self.ignore)
 
 
 def read_map(path: Path) -> Map:

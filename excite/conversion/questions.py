@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from excite.conversion.columns.families import Family
 from excite.conversion.guesses import Guesses
@@ -12,6 +12,8 @@ from excite.conversion.recording import Recording
 
 # Columns that are named in one line.
 MOST_NAMED = 12
+# Columns that a gripper adds behind an arm's joints.
+_HAND = 2
 
 
 def column_names(recording: Recording) -> list[str]:
@@ -28,16 +30,34 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> N
             found.ask(
                 f"{name} is a voltage or duty cycle, whose torque per unit is not known",
                 f'columns: {{tau: "{name}"}} and scale: {{tau: FACTOR}}, or log: {{torque: none}}',
+                {f"tau.{joint}": column for joint, column in family.placed.columns.items()},
             )
             return
 
 
-def ask_for_base(found: Guesses, machine: Machine, mapping: Map) -> None:
-    if machine.floating and "base" not in mapping.log and not found.of("base"):
-        found.ask(
-            f"the base of {machine.name} is free, and no pose of it was recorded",
-            "log: {base: fixed}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}",
-        )
+def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str]) -> None:
+    """Numbered columns of many more joints than the robot has are another machine's, or more than joints."""
+    for target in ("q", "tau", "i"):
+        family = chosen.get(target)
+        if family is None or not family.placed.because.startswith("its number"):
+            continue
+        if len(family.placed.left_over) > max(_HAND, len(joints) // 2):
+            first = family.columns[0]
+            found.ask(
+                f"{first} … are {len(family.columns)} columns for {len(joints)} joints",
+                f'columns: {{{target}.{joints[0]}: "{first}", …}}, or joints: [those that the columns begin with]',
+            )
+
+
+def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> None:
+    """How a base that is free was carried, where no pose of it tells."""
+    if not machine.floating or "base" in mapping.log or found.of("base"):
+        return
+    line = "log: {base: held}   # a stand or hands hold it; else map its pose: columns: {base.px: NAME …}"
+    if any(column.channel == "imu" for stream in recording.streams for column in stream.columns):
+        link = machine.base_link
+        line += f"; of a robot that hangs, log: {{base: suspended, base_link: {link}, imu: {{link: {link}}}}}"
+    found.ask(f"the base of {machine.name} is free, and no pose of it was recorded", line)
 
 
 def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) -> None:

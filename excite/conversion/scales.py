@@ -1,21 +1,70 @@
-"""What one unit of a motor current, or of a torque of unknown unit, is worth by the weights of the nominal model."""
+"""What one unit of a motor current, of a duty cycle, or of a torque of unknown unit is worth by the nominal weights."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from excite.doctor.reading import Reading
 from excite.doctor.torque_samples import torque_samples
-from excite.errors import InputError
+from excite.errors import InputError, RobotError
 from excite.logs.log import Log
+from excite.reading.xml_document import parse_xml
 from excite.robot.robot import Robot
 
 # Share of a current's power that gravity and inertia have to explain before their size says anything of its scale.
 _TELLING = 0.5
+# Less of it does where what friction and back-EMF leave is the nominal torque but for this share of its power.
+_SOME, _CLOSELY = 0.15, 0.9
 # Nominal masses are off by some tenths, and a scale is no better than they are.
 _AS_STATED = 1.6
+# Joints whose factors lie within this of each other share one cause, such as a unit.
+_SHARED = 1.3
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How a joint's torques compare with those of the nominal model.
+
+    Attributes:
+        gain: logged torque, or other unit, per N·m of the nominal model; negative where the sign is turned.
+        share: share of the logged power that gravity and inertia explain beside the joint's friction.
+    """
+
+    gain: float
+    share: float
+
+
+def torque_scales(robot: Robot, log: Log) -> dict[str, Scale]:
+    """Scales of the joints whose torques follow gravity and inertia closely; friction and back-EMF are beside them.
+
+    A voltage makes the torque ``kt/R V − kt²/R ω``: the second part looks like viscous friction, kt/R is the scale.
+
+    Args:
+        robot: the nominal model.
+        log: the log; of currents without constants, each ampere is taken for a newton metre.
+    """
+    if log.header.torque in ("none", None) or log.header.base not in ("fixed", "held"):
+        return {}
+    if log.header.torque == "current" and not log.header.torque_constants:
+        constants = dict.fromkeys(log.header.torque_joints, 1.0)
+        log = replace(log, header=log.header.model_copy(update={"torque_constants": constants}))
+    try:
+        samples = torque_samples(robot, log)
+    except InputError:
+        return {}
+    if samples is None:
+        return {}
+    reading = Reading.as_stated(log)
+    gains, shares = samples.gains(reading)
+    tells = (shares > _TELLING) | ((shares > _SOME) & (samples.agreement(reading) > _CLOSELY))
+    return {
+        joint: Scale(float(gain), float(share))
+        for joint, gain, share, told in zip(log.header.torque_joints, gains, shares, tells, strict=True)
+        if told and gain != 0.0
+    }
 
 
 def scale_notes(robot: Robot, log: Log) -> list[str]:
@@ -27,36 +76,81 @@ def scale_notes(robot: Robot, log: Log) -> list[str]:
         robot: the nominal model.
         log: the log; nothing is said of one without torques and currents.
     """
-    if log.header.torque in ("none", None) or log.header.base != "fixed":
+    if log.header.torque in ("none", None) or log.header.base not in ("fixed", "held"):
         return []
-    asked = log.header.torque == "current" and not log.header.torque_constants
-    if asked:
-        # As if each ampere were a newton metre: gains are then amperes per newton metre.
-        constants = dict.fromkeys(log.header.torque_joints, 1.0)
-        log = replace(log, header=log.header.model_copy(update={"torque_constants": constants}))
-    try:
-        samples = torque_samples(robot, log)
-    except InputError:
-        return []
-    if samples is None:
-        return []
-    gains, shares = samples.gains(Reading.as_stated(log))
-    joints = log.header.torque_joints
-    known = [k for k in range(len(joints)) if shares[k] > _TELLING and gains[k] != 0.0]
-    if asked:
-        said = [f"{joints[k]}: {1.0 / gains[k]:.3g}" for k in known]
-        if not said:
+    scales = torque_scales(robot, log)
+    if log.header.torque == "current" and not log.header.torque_constants:
+        if not scales:
             return ["no current follows gravity and inertia closely enough to tell torques per ampere"]
+        said = [f"{joint}: {1.0 / scale.gain:.3g}" for joint, scale in scales.items()]
         return [
             "by the nominal masses, N·m per A are {" + ", ".join(said) + "}; "
             "write them under log: {torque_constants: …} in map.yaml if data sheets agree"
         ]
-    off = [k for k in known if not 1.0 / _AS_STATED < abs(gains[k]) < _AS_STATED]
+    off = {
+        joint: scale.gain
+        for joint, scale in scales.items()
+        if not 1.0 / _AS_STATED < abs(scale.gain) < _AS_STATED
+    }
     if not off:
         return []
-    factor = float(np.median(np.abs(gains[off])))
-    names = ", ".join(f"{joints[k]} {gains[k]:.2f}" for k in off)
+    names = ", ".join(f"{joint} {gain:.3g}" for joint, gain in off.items())
+    gears, power = _geared(off, log)
+    if gears:
+        ratios = ", ".join(f"{joint} {gear:.4g}" for joint, gear in gears.items())
+        cause = (
+            "before the model's gears, those of motors"
+            if power < 0
+            else "with the model's gears applied twice"
+        )
+        cause = f"{cause} ({ratios})"
+        line = _scale_line({joint: gear**power for joint, gear in gears.items()})
+    else:
+        cause = "another side of the gear, a torque constant applied twice or not at all, or a load"
+        line = _scale_line(off, alone=len(log.header.torque_joints) > len(off))
     return [
-        f"torques are not those of the nominal masses ({names} times as large): another side of the gear, a torque "
-        f"constant applied twice or not at all, or a load; scale: {{tau: {1.0 / factor:.3g}}} in map.yaml would undo it"
+        f"torques are not those of the nominal masses ({names} times as large): {cause}; "
+        f"scale: {line} in map.yaml would undo it"
     ]
+
+
+def _scale_line(gains: dict[str, float], *, alone: bool = False) -> str:
+    """``{tau: …}`` that undoes gains: one factor where all joints share it, else one a joint."""
+    values = np.abs(list(gains.values()))
+    if not alone and values.max() < _SHARED * values.min():
+        return f"{{tau: {1.0 / float(np.median(values)):.3g}}}"
+    return "{" + ", ".join(f"tau.{joint}: {1.0 / abs(gain):.3g}" for joint, gain in gains.items()) + "}"
+
+
+def _geared(gains: dict[str, float], log: Log) -> tuple[dict[str, float], int]:
+    """Gears of the log's joints, and the power of them that the gains are; empty where they are none."""
+    gears = gear_ratios(log.robot_text or "")
+    of_log = {joint: gears[joint] for joint in log.header.torque_joints if joint in gears}
+    for power in (-1, 1):
+        if all(
+            joint in of_log and 1.0 / _AS_STATED < abs(gain) / of_log[joint] ** power < _AS_STATED
+            for joint, gain in gains.items()
+        ):
+            return of_log, power
+    return {}, 0
+
+
+def gear_ratios(urdf: str) -> dict[str, float]:
+    """Reductions other than one that a URDF's ``<transmission>`` elements state, by joint."""
+    if "<transmission" not in urdf:
+        return {}
+    try:
+        root = parse_xml(urdf.encode(), Path("robot.urdf"), RobotError)
+    except InputError:
+        return {}
+    found: dict[str, float] = {}
+    for transmission in root.findall("transmission"):
+        joint = transmission.find("joint")
+        ratio = transmission.findtext(".//mechanicalReduction", default="")
+        try:
+            value = abs(float(ratio))
+        except ValueError:
+            continue
+        if joint is not None and np.isfinite(value) and value not in (0.0, 1.0):
+            found[joint.get("name", "")] = value
+    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,10 @@ from excite.rows.settings import ProblemSettings
 # Samples that every reading is judged on: some hundred of a motion tell its joints' torques as well as all.
 _SAMPLES = 600
 _JUDGED = 250
+# Readings of an arm of eight joints that are compared on all samples; those of a humanoid, on this many at least.
+_COMPARED, _LEAST_SAMPLES = 28, 120
+# Motions whose torques are kept: corrections change one thing at a time and come back to the same few.
+_REMEMBERED = 64
 # Less than this share of a torque's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
 # Share of a torque's power that bodies make where they tell something of it.
@@ -98,7 +103,9 @@ class TorqueSamples:
         if key not in self._models:
             q, v, a = self.motion(reading)
             columns = self.places[self.measured]
-            torque = inverse_dynamics(_under(self.robot, reading.gravity), q, v, a)[:, columns]
+            torque = inverse_dynamics(self._under(reading.gravity), q, v, a)[:, columns]
+            if len(self._models) >= _REMEMBERED:
+                del self._models[next(iter(self._models))]
             self._models[key] = (torque, v[:, columns], a[:, columns])
         return self._models[key]
 
@@ -121,7 +128,7 @@ class TorqueSamples:
 
     def judged(self, reading: Reading) -> Array:
         """As :meth:`left`, beside the likeliest bodies for this reading; their price last, ``(n_torques + 1,)``."""
-        tree = _under(self.robot, reading.gravity)
+        tree = self._under(reading.gravity)
         motion = self.motion(reading)
         some = slice(None, None, max(1, len(self.q) // _JUDGED))
         torque = self.measured_torque(reading)[some]
@@ -144,18 +151,27 @@ class TorqueSamples:
 
     def gains(self, reading: Reading) -> tuple[Array, Array]:
         """Measured torque per modelled one beside the drive, and its share of the torque, each ``(n_torques,)``."""
+        torque = self.measured_torque(reading)
+        pairs, power = self._beside_drives(reading), ((torque - torque.mean(axis=0)) ** 2).sum(axis=0)
+        gains = np.array([float(x @ y) / max(float(x @ x), 1e-300) for y, x in pairs])
+        return gains, gains**2 * np.array([float(x @ x) for _, x in pairs]) / np.maximum(power, 1e-300)
+
+    def agreement(self, reading: Reading) -> Array:
+        """Squared correlation of measured and modelled torques beside the drive, ``(n_torques,)``."""
+        pairs = self._beside_drives(reading)
+        return np.array([float(x @ y) ** 2 / max(float(x @ x) * float(y @ y), 1e-300) for y, x in pairs])
+
+    def _beside_drives(self, reading: Reading) -> list[tuple[Array, Array]]:
+        """Measured and modelled torque of each joint without what offset, friction and rotor explain of them."""
         model, v, a = self.predicted(reading)
         torque = self.measured_torque(reading)
-        gains, shares = [], []
+        found = []
         for j in range(torque.shape[1]):
             drive = np.column_stack([np.ones(len(v)), v[:, j], smooth_sign(v[:, j], WIDTH), a[:, j]])
             basis, _ = np.linalg.qr(drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-300))
             y, x = (values - basis @ (basis.T @ values) for values in (torque[:, j], model[:, j]))
-            gain = float(x @ y) / max(float(x @ x), 1e-300)
-            power = float(((torque[:, j] - torque[:, j].mean()) ** 2).sum())
-            gains.append(gain)
-            shares.append(gain**2 * float(x @ x) / max(power, 1e-300))
-        return np.array(gains), np.array(shares)
+            found.append((y, x))
+        return found
 
     def own_inertia(self) -> Array:
         """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""
@@ -168,6 +184,21 @@ class TorqueSamples:
             turned = inverse_dynamics(self.robot.model, q, rest, push)
             found.append(float(np.mean((turned - still)[:, place])))
         return np.array(found)
+
+    def fewer(self, readings: int) -> TorqueSamples:
+        """The same with less samples where this many readings are to be compared; an arm's keep all."""
+        share = min(max(1, readings // _COMPARED), max(1, len(self.q) // _LEAST_SAMPLES))
+        some = slice(None, None, share)
+        thinned = {name: getattr(self, name)[some] for name in ("q", "v", "a", "rows", "first", "last")}
+        return replace(self, **thinned, _models={})
+
+    @cached_property
+    def _tree(self) -> KinematicTree:
+        return read_tree(self.robot.model)
+
+    def _under(self, gravity: Array) -> KinematicTree:
+        """The robot's kinematics under another gravity."""
+        return replace(self._tree, gravity=np.asarray(gravity, dtype=float))
 
     def _between(self, reading: Reading) -> Array:
         """Torques that were logged ``late_s`` after the samples."""
@@ -217,8 +248,3 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
         ends[some, 1],
         rate,
     )
-
-
-def _under(robot: Robot, gravity: Array) -> KinematicTree:
-    """The robot's kinematics under another gravity."""
-    return replace(read_tree(robot.model), gravity=np.asarray(gravity, dtype=float))

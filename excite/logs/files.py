@@ -92,16 +92,20 @@ def save_log(log: Log, folder: str | Path) -> Path:
     check_replaceable(folder)
     with atomic_folder(folder) as temporary:
         temporary.mkdir()
-        text = yaml.safe_dump(
-            header.model_dump(mode="json", by_alias=True, exclude_none=True), sort_keys=False
-        )
-        (temporary / "log.yaml").write_text(text, encoding="utf-8")
+        (temporary / "log.yaml").write_text(header_text(header), encoding="utf-8")
         (temporary / header.robot).write_text(log.robot_text, encoding="utf-8")
         for entry, trial in zip(header.trials, log.trials, strict=True):
             columns = trial_columns(trial, header)
             check_columns(columns, header, folder / entry.file)
             reader_for(Path(entry.file)).write(columns, temporary / entry.file)
     return folder
+
+
+def header_text(header: LogHeader) -> str:
+    """Text of a ``log.yaml``."""
+    content = header.model_dump(mode="json", by_alias=True, exclude_none=True)
+    text: str = yaml.safe_dump(content, sort_keys=False)
+    return text
 
 
 def check_replaceable(folder: Path) -> None:

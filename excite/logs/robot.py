@@ -169,3 +169,21 @@ def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSe
         noise_force=header.noise_force or 0.0,
         noise_moment=header.noise_moment or 0.0,
     )
+
+
+def sensor_headers(robot: Robot) -> tuple[SensorHeader, ...]:
+    """The robot's contact wrench sensors as ``log.yaml`` has them."""
+    return tuple(
+        SensorHeader(
+            name=block.name,
+            kind=block.kind,
+            parent="world" if block.kind == "force_plate" else block.link,
+            xyz=block.xyz,
+            rpy=block.rpy,
+            foot=robot.foot(block.foot).link,
+            excludes=block.excludes,
+            noise_force=block.noise_force,
+            noise_moment=block.noise_moment,
+        )
+        for block in robot.description.sensors.wrench
+    )

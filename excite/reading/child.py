@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import io
 import os
 import pickle
 import resource
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -46,26 +46,30 @@ def in_child(
     """
     task = pickle.dumps((function, args, memory_gb))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry)}
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", _MAIN],
-            input=task,
-            capture_output=True,
-            timeout=seconds,
-            check=False,
-            env=environment,
-        )
-    except subprocess.TimeoutExpired as reason:
-        raise error(
-            f"takes its reader more than {seconds:g} s", source=source, remedy="check that it is complete"
-        ) from reason
-    if done.returncode != 0:
-        raise error(
-            f"makes its reader fail ({_ending(done.returncode)})",
-            source=source,
-            remedy="it is damaged: export it again",
-        )
-    kind, value = pickle.loads(done.stdout)  # noqa: S301  (written by answer() below, in our own child)
+    # By way of a file: of a pipe, a long recording would stand in memory three times over.
+    with tempfile.TemporaryFile() as answered:
+        try:
+            done = subprocess.run(
+                [sys.executable, "-c", _MAIN],
+                input=task,
+                stdout=answered,
+                stderr=subprocess.DEVNULL,
+                timeout=seconds,
+                check=False,
+                env=environment,
+            )
+        except subprocess.TimeoutExpired as reason:
+            raise error(
+                f"takes its reader more than {seconds:g} s", source=source, remedy="check that it is complete"
+            ) from reason
+        if done.returncode != 0:
+            raise error(
+                f"makes its reader fail ({_ending(done.returncode)})",
+                source=source,
+                remedy="it is damaged: export it again",
+            )
+        answered.seek(0)
+        kind, value = pickle.load(answered)  # noqa: S301  (written by answer() below, in our own child)
     if kind == "raised":
         raise value
     return value
@@ -78,7 +82,9 @@ def answer() -> None:
     os.dup2(2, 1)
     die_with_parent()
     function, args, memory_gb = pickle.load(sys.stdin.buffer)  # noqa: S301  (from our own parent)
-    limit = int(memory_gb * 1e9)
+    # Where an administrator set a lower limit, that one holds.
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    limit = int(memory_gb * 1e9) if hard == resource.RLIM_INFINITY else min(int(memory_gb * 1e9), hard)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     # A crash shall leave no core file beside people's data.
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -87,10 +93,8 @@ def answer() -> None:
         result: tuple[str, Any] = ("returned", getattr(importlib.import_module(module), name)(*args))
     except ExciteError as error:
         result = ("raised", error)
-    buffer = io.BytesIO()
-    pickle.dump(result, buffer, protocol=pickle.HIGHEST_PROTOCOL)
-    out.write(buffer.getvalue())
-    out.close()
+    with out:
+        pickle.dump(result, out, protocol=pickle.HIGHEST_PROTOCOL)
 
 
 def _ending(code: int) -> str:

@@ -7,8 +7,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.logs.header_blocks import FootHeader, ImuHeader, SensorHeader, TrialHeader
+from excite.logs.header_blocks import FootHeader, ImuHeader, TrialHeader
 from excite.logs.log import LogHeader, Trial
+from excite.logs.robot import sensor_headers
 from excite.motion.motion import Motion
 from excite.robot.joint_values import per_joint
 from excite.robot.links import link_placement
@@ -128,28 +129,11 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
         },
         base_link=robot.base_link if robot.floating else None,
         wrench="on_robot_in_sensor_frame" if robot.sensors else None,
-        sensors=_sensor_headers(robot) if robot.sensors else (),
+        sensors=sensor_headers(robot) if robot.sensors else (),
         feet=() if robot.measures_contacts else _foot_headers(robot),
         imu=_imu_header(robot),
         modelled=tuple(modelled),
         trials=trials,
-    )
-
-
-def _sensor_headers(robot: Robot) -> tuple[SensorHeader, ...]:
-    return tuple(
-        SensorHeader(
-            name=block.name,
-            kind=block.kind,
-            parent="world" if block.kind == "force_plate" else block.link,
-            xyz=block.xyz,
-            rpy=block.rpy,
-            foot=robot.foot(block.foot).link,
-            excludes=block.excludes,
-            noise_force=block.noise_force,
-            noise_moment=block.noise_moment,
-        )
-        for block in robot.description.sensors.wrench
     )
 
 

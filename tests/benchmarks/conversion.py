@@ -11,6 +11,7 @@ import numpy as np
 from excite.conversion.convert import convert
 from excite.errors import InputError
 from tests.conversion.drawn import Drawn, draw
+from tests.conversion.drawn_habits import draw_habits
 
 CASES, LEAST = 100, 95
 
@@ -48,9 +49,10 @@ def main() -> int:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else CASES
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     right = 0
+    drawn = draw_habits if len(sys.argv) > 3 and sys.argv[3] == "habits" else draw
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + count):
-            case = draw(seed, Path(folder))
+            case = drawn(seed, Path(folder))
             wrong = judge(case, Path(folder) / f"log_{seed}")
             right += not wrong
             if wrong:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from excite.conversion.convert import convert
-from excite.conversion.mapping import Map
+from excite.logs.files import load_log
+from tests.benchmarks.tree_memory import TreeMemory
 from tests.conversion import written
-from tests.conversion.written import JOINTS
 
-GIGABYTES, MOST_GB = 2.0, 1.0
+# Joint states take a fifth of the bytes of a recording with a camera, all of one without.
+GIGABYTES, MOST_GB, SHARE = 2.0, 1.0, 0.2
 _IMAGE = 1_000_000
 
 
-def write_bag(path: Path, gigabytes: float, share: float = 0.2) -> int:
+def write_bag(path: Path, gigabytes: float, share: float = SHARE) -> int:
     """An MCAP with joint states, ``share`` of its bytes, beside images; the number of joint states."""
     store = written.ros2_store()
     kind = "sensor_msgs/msg/JointState"
@@ -50,22 +50,40 @@ def write_bag(path: Path, gigabytes: float, share: float = 0.2) -> int:
     return count
 
 
+def converted(bag: Path, robot: Path, out: Path) -> tuple[int, float]:
+    """Rows of the log that comes of it, and the memory of the process and its children at its peak [GB]."""
+    arguments = [
+        sys.executable,
+        "-m",
+        "excite",
+        "convert",
+        str(bag),
+        "--robot",
+        str(robot),
+        "--out",
+        str(out),
+    ]
+    (out.parent / "map.yaml").write_text("trials: {split: none}\n")
+    arguments += ["--map", str(out.parent / "map.yaml"), "--json"]
+    with subprocess.Popen(arguments, stdout=subprocess.DEVNULL, text=True) as process:
+        memory = TreeMemory(process)
+        memory.join()
+    if process.returncode != 0:
+        raise SystemExit(f"the conversion ended with {process.returncode}")
+    return sum(trial.n_samples for trial in load_log(out).trials), memory.peak_gb
+
+
 def main() -> int:
     """Print size, time and memory; exit code 1 above the bar."""
     size = float(sys.argv[1]) if len(sys.argv) > 1 else GIGABYTES
-    assert len(JOINTS) == 3
+    share = float(sys.argv[2]) if len(sys.argv) > 2 else SHARE
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "day.mcap"
-        count = write_bag(bag, size)
+        count = write_bag(bag, size, share)
         robot = written.arm_urdf(Path(folder) / "arm.urdf")
         start = time.perf_counter()
-        found = convert([bag], robot, Path(folder) / "log", Map.model_validate({"trials": {"split": "none"}}))
+        rows, most = converted(bag, robot, Path(folder) / "log")
         seconds = time.perf_counter() - start
-        rows = sum(trial.n_samples for trial in found.log.trials)
-    most = (
-        max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-        / 1e6
-    )
     print(f"{size:g} GB, {count} joint states to {rows} rows in {seconds:.0f} s")
     print(f"memory: {most:.2f} GB (bar {MOST_GB})")
     return int(most > MOST_GB)

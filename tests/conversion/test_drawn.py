@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 
 from excite.conversion.guess import guess
 from excite.conversion.machine import load_machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import merged_names
 from excite.conversion.sources.registry import read_source
+from excite.logs.files import load_log
 from tests.benchmarks.conversion import judge
-from tests.conversion.drawn import draw
+from tests.conversion.drawn import Drawn, draw
+from tests.conversion.drawn_habits import draw_habits
 
 CASES, LEAST = 20, 19
 
 
-def understood(seed: int, folder) -> bool:
-    case = draw(seed, folder)
+def understood(case: Drawn) -> bool:
     (recording,) = read_source(case.file)
     found = guess(merged_names(recording), load_machine(case.robot), Map())
     columns = {item.target: item.source for item in found.mapped}
@@ -30,10 +32,19 @@ def understood(seed: int, folder) -> bool:
 
 
 def test_columns_and_units_are_understood(tmp_path):
-    assert sum(understood(seed, tmp_path) for seed in range(CASES)) >= LEAST
+    assert sum(understood(draw(seed, tmp_path)) for seed in range(CASES)) >= LEAST
+
+
+def test_habits_of_loggers_are_understood(tmp_path):
+    """Dates, decimal commas, lines of units, encodings of Windows, currents in mA, lost rows, no names at all."""
+    assert sum(understood(draw_habits(seed, tmp_path)) for seed in range(CASES)) >= LEAST
 
 
 @pytest.mark.parametrize("seed", [1, 5])
 def test_the_turned_torque_is_found_and_no_other(seed, tmp_path):
     case = draw(seed, tmp_path)
     assert judge(case, tmp_path / "log") == []
+    said = yaml.safe_load((tmp_path / "log" / "log.yaml").read_text())["guessed"]
+    signs = [row for row in said if row["what"].startswith("torque_sign")]
+    assert [case.turned in row["what"] for row in signs] == ([True] if case.turned else [])
+    assert load_log(tmp_path / "log").header.guessed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -194,3 +196,86 @@ def test_all_missing_fields_of_a_header_come_at_once(tmp_path):
     with pytest.raises(LogError) as error:
         excite.load_log(tmp_path)
     assert all(name in str(error.value) for name in ("robot", "rate_hz", "joints", "torque", "trials"))
+
+
+def simulated(robot: excite.Robot, order: str) -> dict[str, np.ndarray]:
+    """Positions and velocities of a free base and its joints, as simulators hand them out."""
+    time = np.arange(400) / 100.0
+    n = robot.n_joints
+    joints = 0.3 * np.sin(np.outer(time, np.linspace(1.0, 3.0, n)))
+    angle = 0.1 * np.sin(time)
+    quaternion = {"w": np.cos(angle), "x": np.sin(angle), "y": 0.0 * time, "z": 0.0 * time}
+    pose = np.column_stack(
+        [0.01 * time, 0.0 * time, 0.8 + 0.01 * np.cos(time), *(quaternion[k] for k in order)]
+    )
+    twist = np.gradient(np.column_stack([pose[:, :3], angle, angle, angle]), time, axis=0)
+    qpos = np.column_stack([pose, joints])
+    qvel = np.column_stack([twist, np.gradient(joints, time, axis=0)])
+    return {"time": time, "qpos": qpos, "qvel": qvel, "qfrc_actuator": 10.0 * np.sin(3.0 * joints)}
+
+
+@pytest.mark.parametrize("order", ["wxyz", "xyzw"])
+def test_a_free_base_stands_before_its_joints(order, tmp_path):
+    robot = excite.load_robot("g1")
+    data = simulated(robot, order)
+    np.savez(tmp_path / "run.npz", **data)
+    whole = Map.model_validate(
+        {"trials": {"split": "none", "validation": ["none"]}, "log": {"torque": "none"}}
+    )
+    log = excite.convert([tmp_path / "run.npz"], "g1", tmp_path / "log", whole).log
+    trial = log.trials[0]
+    np.testing.assert_allclose(trial.q, data["qpos"][:, 7:], atol=1e-9)
+    np.testing.assert_allclose(trial.v, data["qvel"][:, 6:], atol=1e-9)
+    np.testing.assert_allclose(trial.base[:, 2], data["qpos"][:, 2], atol=1e-9)
+    np.testing.assert_allclose(trial.base[:, 6], data["qpos"][:, 3 + order.index("w")], atol=1e-6)
+
+
+def test_columns_of_another_machine_are_asked_for(arm, tmp_path):
+    time = np.arange(300) / 100.0
+    np.savez(tmp_path / "run.npz", t=time, q=np.sin(np.outer(time, np.linspace(1.0, 2.0, 12))))
+    with pytest.raises(UnclearError, match="12 columns for 3 joints"):
+        excite.convert([tmp_path / "run.npz"], arm, tmp_path / "log")
+
+
+def test_a_simulators_whole_state_is_told_apart_by_physics(arm, tmp_path):
+    """MuJoCo's ``mjSTATE_FULLPHYSICS``: time, positions and velocities in one array without names."""
+    data = written.motion()
+    state = np.column_stack([data["time"], data["q"], data["v"]])
+    np.savez(tmp_path / "run.npz", state=state)
+    found = excite.convert([tmp_path / "run.npz"], arm, tmp_path / "log", Map(trials={"split": "none"}))
+    assert found.columns["time"] == ("state[0]", 1.0)
+    assert [found.columns[f"q.{j}"][0] for j in JOINTS] == ["state[1]", "state[2]", "state[3]"]
+    assert [found.columns[f"v.{j}"][0] for j in JOINTS] == ["state[4]", "state[5]", "state[6]"]
+
+
+def _pipe(file: Path) -> None:
+    os.mkfifo(file)
+
+
+def _text(content: str) -> Callable[[Path], None]:
+    return lambda file: file.write_text(content) and None
+
+
+ROWS = "".join(f"{{time}},0.{k},0.1,0.2\n" for k in range(10, 60))
+WILD = "".join(f"{k},1e308,-1e300,1\n" for k in range(60))
+UNREADABLE = {
+    "a pipe": ("run.csv", _pipe, "is a pipe"),
+    "a bag that is a pipe": ("run.mcap", _pipe, "is a pipe"),
+    "names alone": ("run.csv", _text("t,q1,q2,q3\n"), "no columns of numbers"),
+    "times that are none": ("run.csv", _text("time,q1,q2,q3\n" + ROWS.format(time="nan")), "column of times"),
+    "one time": ("run.csv", _text("time,q1,q2,q3\n" + ROWS.format(time="1.0")), "column of times .time"),
+    "numbers of no joint": ("run.csv", _text("time,q1,q2,q3\n" + WILD), "unit"),
+    "lists of several lengths": ("run.json", _text('{"q": [[1, 2], [3]], "t": [1e999, NaN]}'), "no columns of numbers"),
+    "brackets without end": ("run.json", _text("[" * 100_000), "cannot be read as JSON"),
+    "a type of its own": ("run.jsonl", _text('{"t": {"t": {"t": 1}}}\n'), "no columns of numbers"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_what_cannot_be_understood_is_one_line(name, arm, tmp_path):
+    file, write, said = UNREADABLE[name]
+    write(tmp_path / file)
+    with pytest.raises(LogError, match=said) as error:
+        excite.convert([tmp_path / file], arm, tmp_path / "log")
+    assert "\n" not in str(error.value) and not (tmp_path / "log").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 
 import excite
 from excite.conversion.convert import Conversion
+from excite.conversion.guesses import UnclearError
+from excite.errors import LogError
 from excite.robot.catalogue import example_robot_data
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -92,6 +95,21 @@ RECORDED = {
 }
 
 
+# What is no recording of a robot's joints: what it holds, and what is said of it.
+OTHERS = {
+    "contact_cube_tosses": (
+        "tosses.npz",
+        "continuous",
+        "column of times.*joint positions|joint positions.*column of times",
+    ),
+    "human_figaroh_forceplate_only": ("force_plate_wrench.csv", "human.urdf", "joint positions|rate_hz"),
+    "human_lee_wensing_park2020": ("human_train.npz", "continuous", "rate_hz|joint positions"),
+    "human_running_rajagopal": ("run_kinematics_and_grf.npz", "ur10", "39 columns for 6 joints"),
+}
+# Robots' models alone.
+MODELS = {"robot_models"}
+
+
 def converted(name: str, case: Recorded, folder: Path) -> Conversion:
     if not (DATA / name).is_dir():
         pytest.skip(f"{name} is not here")
@@ -143,6 +161,36 @@ def test_a_recording_becomes_a_log(name, tmp_path):
     for one, other in zip(found.log.trials, again.log.trials, strict=True):
         assert (one.name, one.role) == (other.name, other.role)
         np.testing.assert_array_equal(one.q, other.q)
+
+
+def test_every_folder_is_converted_or_said_to_be_no_recording(data_dir):
+    folders = {folder.name for folder in data_dir.iterdir() if folder.is_dir()}
+    assert folders == set(RECORDED) | set(OTHERS) | MODELS
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_is_no_recording_of_joints_is_refused_in_a_line(name, data_dir, tmp_path):
+    file, robot, said = OTHERS[name]
+    with pytest.raises(LogError, match=said) as error:
+        excite.convert([data_dir / name / file], _robot(data_dir / name, robot, tmp_path), tmp_path / "log")
+    assert "\n" not in str(error.value) and not (tmp_path / "log").exists()
+
+
+def test_a_real_servos_duty_cycle_is_weighed(data_dir, tmp_path):
+    """XL330 with a pendulum of 0.49 kg at 0.1 m; its 885 counts are the whole voltage.
+
+    Against kt/R = 0.069 N·m/V of a least-squares fit made of the same recordings by other means (README.txt there).
+    """
+    robot = rig(tmp_path, "continuous")
+    weight = robot.read_text().replace('mass value="1"', 'mass value="0.49"').replace('"0.01"', '"1e-5"')
+    robot.write_text(weight)
+    files = sorted((data_dir / "bam_xl330_pendulum").glob("sin_*.json"))
+    with pytest.raises(UnclearError, match="duty cycle") as error:
+        excite.convert(files, robot, tmp_path / "log")
+    (question,) = error.value.questions
+    factor = float(question.line.split("tau.axis: ")[2].split("}")[0])
+    volts = json.loads(files[0].read_text())["entries"][0]["input_volts"]
+    assert factor == pytest.approx(0.069 * volts / 885.0, rel=0.25)
 
 
 @pytest.mark.parametrize("file", sorted(MAPS.glob("*.yaml")), ids=lambda file: file.stem)

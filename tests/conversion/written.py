@@ -19,7 +19,7 @@ def arm_urdf(path: Path) -> Path:
     links = ["base", "upper", "fore", "hand"]
     text = ['<robot name="arm">']
     text += [
-        f'<link name="{link}"><inertial><origin xyz="0.1 0 0"/><mass value="{3 - k}"/>'
+        f'<link name="{link}"><inertial><origin xyz="0.1 0 0"/><mass value="{4 - k}"/>'
         f'<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
         for k, link in enumerate(links)
     ]

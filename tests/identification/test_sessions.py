@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from excite.errors import LogError
+from excite.identification.judgement.ranges import NEVER_NEGATIVE
 from excite.identification.sessions.compare import identify_sessions, split_sessions, write_ranges
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
@@ -69,13 +70,63 @@ def test_ranges_are_written_for_simulators(ur10, varied, tmp_path):
         assert document["schema"] == "excite.ranges/1"
         assert set(document["links"]) == {segment.link for segment in ur10.segments}
         for quantities in document["links"].values():
-            assert quantities["mass"]["low"] > 0.0 and quantities["inertia_xx"]["low"] > 0.0
+            check_body(quantities)
             assert len(quantities) == 10
             for item in quantities.values():
                 assert item["low"] <= item["value"] <= item["high"]
         friction = document["joints"][ur10.joint_names[0]]["viscous"]
         assert friction["low"] < friction["value"] < friction["high"]
         assert len(document["base_parameters"]) == varied.base.rank
+
+
+def check_body(quantities: dict) -> None:
+    """A link's ranges hold no value that no body has."""
+    assert quantities["mass"]["low"] > 0.0
+    for pair, across in (("xy", "zz"), ("xz", "yy"), ("yz", "xx")):
+        product, moment = quantities[f"inertia_{pair}"], quantities[f"inertia_{across}"]
+        others = [quantities[f"inertia_{axis}"]["high"] for axis in ("xx", "yy", "zz") if axis != across]
+        assert moment["low"] > 0.0 and moment["high"] <= sum(others) + 1e-12
+        assert max(-product["low"], product["high"]) <= 0.5 * moment["high"] + 1e-12
+
+
+def test_ranges_hold_nothing_that_no_robot_has(ur10, tmp_path):
+    """Friction that the logs put on either side of zero is not negative in any simulator."""
+    log = arm_log(ur10, 1, trials=6, sessions=DAYS, change=0.05)
+    names = {t.session: k for k, t in enumerate(log.trials)}
+    width = 4.0 * np.array([1.0, -1.0, -0.5])
+
+    def pushed(trial):
+        speed = np.gradient(trial.q, trial.time, axis=0)
+        return replace(trial, tau=trial.tau - width[sorted(names).index(trial.session)] * 20.0 * speed)
+
+    odd = replace(log, trials=tuple(pushed(t) for t in log.trials))
+    found = identify_sessions(ur10, split_sessions([odd]), problem_settings=SETTINGS)
+    document = json.loads(write_ranges(found, tmp_path / "ranges.json").read_text())
+    for quantities in document["links"].values():
+        check_body(quantities)
+    terms = [
+        term
+        for joint in document["joints"].values()
+        for name, term in joint.items()
+        if name in NEVER_NEGATIVE
+    ]
+    assert terms and all(0.0 <= term["low"] <= term["value"] <= term["high"] for term in terms)
+    assert any(term.get("clipped") for term in terms)
+    alone = [name for name in document["base_parameters"] if name.partition(".")[0] in NEVER_NEGATIVE]
+    assert all(document["base_parameters"][name]["low"] >= 0.0 for name in alone)
+
+
+def test_what_varies_beyond_its_intervals_is_named(ur10, varied, tmp_path):
+    document = json.loads(write_ranges(varied, tmp_path / "ranges.json").read_text())
+    named = document["varies_between_sessions"]
+    assert len(named) > 5
+    for label, sessions in named.items():
+        assert document["base_parameters"][label]["varies"] and set(sessions) == set(DAYS)
+        values, stds = (np.array([sessions[day][key] for day in DAYS]) for key in ("value", "std"))
+        assert np.ptp(values) > 2.0 * np.median(stds)
+    log = arm_log(ur10, 1, trials=6, sessions=DAYS, change=0.0)
+    steady = identify_sessions(ur10, split_sessions([log]), problem_settings=SETTINGS)
+    assert steady.varies.sum() <= 1
 
 
 def test_document_for_scripts(varied):

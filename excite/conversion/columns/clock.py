@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.vocabulary import OF_WORD
 from excite.conversion.columns.words import Clue
 from excite.conversion.recording import Stream
 
@@ -38,8 +39,10 @@ def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | No
         return best.name, "its name, and it goes forward evenly"
     for column in stream.columns:
         said = clues[column.name]
+        # state[0] is a position by its number alone.
+        numbered = said.number is not None and any(OF_WORD.get(word) for word in said.stem.split("_"))
         if said.quantity in ("", "skip") or (
-            said.quantity in ("q", "i", "a", "v") and not said.exact and said.number is None
+            said.quantity in ("q", "i", "a", "v") and not said.exact and not numbered
         ):
             if is_clock(column.values) and _steady(column.values):
                 return column.name, "it goes forward evenly from row to row, as no joint does"

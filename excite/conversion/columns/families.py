@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from excite.conversion.columns.joints import Placed, first_number, place
-from excite.conversion.columns.vocabulary import SURELY_MEASURED, UNITS
+from excite.conversion.columns.unit_words import UNITS
+from excite.conversion.columns.vocabulary import OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue
 from excite.conversion.recording import Column, Recording
 
@@ -63,7 +64,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
     for stream in recording.streams:
         for column in stream.columns:
             said = clues.get(column.name)
-            if said is None or said.quantity in ("", "time", "skip", "base", "wrench"):
+            if said is None or said.quantity in ("", "time", "skip", "base", "wrench", "imu", "contact"):
                 continue
             # Labels of joints differ within a family; the stem is what is left of the quantity's own words.
             stem = _stem(said)
@@ -98,6 +99,19 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
 def is_measured(family: Family) -> bool:
     """Whether its names say that it was measured."""
     return bool(set(family.stem.split("_")) & SURELY_MEASURED)
+
+
+def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
+    """Whether nothing but a number says that these are positions, as of ``state[3]``, and there are not one a joint."""
+    named = {word for word in family.stem.split("_") if OF_WORD.get(word)}
+    numbered = family.placed.because.startswith("its number")
+    return (
+        family.quantity == "q"
+        and numbered
+        and not named
+        and not family.stated
+        and len(family.columns) > len(joints)
+    )
 
 
 def _stem(said: Clue) -> str:

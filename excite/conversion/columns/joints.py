@@ -50,7 +50,7 @@ def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str],
     distinct = len(set(labels.values())) == len(columns) and all(labels.values()) and len(columns) > 1
     if len(set(numbers.values())) == len(columns) and not (distinct and _alike_at_all(labels, joints)):
         return _by_number(numbers, joints, first)
-    return _by_likeness(list(columns), {c: _words_of(c, clues[c]) for c in columns}, joints)
+    return by_likeness(list(columns), {c: _words_of(c, clues[c]) for c in columns}, joints)
 
 
 def first_number(clues: Sequence[Clue]) -> int:
@@ -90,7 +90,8 @@ def _alike_at_all(labels: dict[str, str], joints: Sequence[str]) -> bool:
     return bool(np.median(scores) > _ALIKE)
 
 
-def _by_likeness(columns: list[str], labels: dict[str, str], joints: Sequence[str]) -> Placed:
+def by_likeness(columns: list[str], labels: dict[str, str], joints: Sequence[str]) -> Placed:
+    """Columns by the joint whose name their label is most like, each joint once; the rest is left over."""
     if len(columns) == len(joints) == 1:
         return Placed({joints[0]: columns[0]}, "the robot has one joint")
     likeness = np.array([[_likeness(labels[c], joint) for joint in joints] for c in columns])

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
+from excite.conversion.columns.unit_words import UNITS
 from excite.conversion.columns.units import TO_SI, position_unit, ratio_unit
-from excite.conversion.columns.vocabulary import UNITS
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
@@ -34,7 +34,7 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     columns = {c.name: c for stream in recording.streams for c in stream.columns}
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
     angles = _positions(found, columns, machine, mapping)
-    for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench"):
+    for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "imu", "contact"):
         items = found.of(channel)
         if not items:
             continue
@@ -70,8 +70,15 @@ def _ask_for_sign(
     if np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all():
         found.ask(
             f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
-            f'ignore: ["{items[0].source.rpartition(".")[0] or items[0].source}*"] and log: {{torque: none}}',
+            f'ignore: ["{_beginning(items)}*"] and log: {{torque: none}}',
         )
+
+
+def _beginning(items: list[Mapped]) -> str:
+    """What the columns' names begin with, all of them; none of it means anything else in a pattern."""
+    first, last = (end(item.source for item in items) for end in (min, max))
+    same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
+    return first[:same].rstrip("[0123456789") or first[:same]
 
 
 def _map_unit(mapping: Map, channel: str) -> str:
@@ -190,6 +197,8 @@ def _ratio(
     if time is None:
         return None
     forward = np.diff(time)
+    if not (forward > 0.0).any():
+        return None
     dt = float(np.median(forward[forward > 0.0]))
     q = _values([position for position, _ in pairs], columns) * TO_SI[angle]
     v = _values([item for _, item in pairs], columns)

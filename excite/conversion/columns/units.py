@@ -18,10 +18,14 @@ TO_SI = {
 }  # fmt: skip
 # A joint's stated range may be a little off, and people drive beyond it by calibration's errors [rad or m].
 _BEYOND = 0.2
+# A recording whose widest joint moves by less than a degree is none; zeros of joints are off by more [rad or m].
+_NO_MOTION = 0.02
 # Turns that joints without stated range make: three turns are more than any arm's.
 _WIDE = 6.0 * math.pi
 # How near a ratio of velocity and derivative has to be to that of two units, as a factor.
 _NEAR = 1.15
+# What is larger is a damaged number, whose square no float holds.
+_LARGEST = 1e30
 
 
 def position_unit(
@@ -54,7 +58,7 @@ def position_unit(
         return stated, f"{stated} by its name", True
     if stated in TO_SI:
         return stated, f"{stated} by its name", True
-    if outside > _BEYOND and outside_large <= _BEYOND:
+    if outside > _BEYOND and outside_large <= _BEYOND and span * factor >= _NO_MOTION:
         return large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
     if min(outside, outside_large) > 4.0 * math.pi and np.isfinite(lower[turning]).any():
         return (
@@ -62,7 +66,7 @@ def position_unit(
             f"joints leave their ranges by {outside:.3g} in {small} and by {outside_large:.3g} in {large}",
             True,
         )
-    if outside <= _BEYOND and (outside_large > _BEYOND or span * factor < 0.02):
+    if outside <= _BEYOND and (outside_large > _BEYOND or span * factor < _NO_MOTION):
         return small, f"{small}: within the joints' ranges", True
     if span > (_WIDE if small == "rad" else 10.0):
         return large, f"{large}: the columns span {span:.3g}", False
@@ -100,6 +104,8 @@ def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> tuple[
 
 def derivative_of(q: Array, v: Array, dt: float) -> tuple[float, float]:
     """Slope of ``dq/dt`` over ``v`` and their correlation, both smoothed alike; zeros where one stands still."""
+    if max(np.abs(q).max(), np.abs(v).max()) > _LARGEST:
+        return 0.0, 0.0
     window = max(3, int(0.05 / dt)) if dt < 0.05 else 3
     kernel = np.ones(window) / window
     rate = np.gradient(np.convolve(q, kernel, mode="valid"), dt)

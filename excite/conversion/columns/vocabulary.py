@@ -1,4 +1,4 @@
-"""Words and units that columns are called by in drivers, middleware, vendors' loggers and papers."""
+"""Words that columns are called by in drivers, middleware, vendors' loggers and papers."""
 
 from __future__ import annotations
 
@@ -108,6 +108,10 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "qvel",
             "dtheta",
             "omega",
+            "drehzahl",
+            "vitesse",
+            "velocidad",
+            "velocita",
         ),
         *(
             "thetadot",
@@ -152,9 +156,25 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "nm",
             "mot_torque",
             "couple",
+            "coppia",
         ),
     ),
-    "i": ("current", "currents", "cur", "curr", "amp", "amps", "ampere", "iq", "i", "strom", "motcur"),
+    "i": (
+        "current",
+        "currents",
+        "cur",
+        "curr",
+        "amp",
+        "amps",
+        "ampere",
+        "iq",
+        "i",
+        "strom",
+        "motcur",
+        "courant",
+        "corrente",
+        "corriente",
+    ),
     "volt": (*("volt", "volts", "voltage", "voltages", "vir", "pwm", "duty", "u", "load", "pwms", "uq"),),
     "q": (
         *(
@@ -171,56 +191,38 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "enc",
             "qs",
         ),
-        *("displacement", "disp", "p", "th", "ang", "winkel", "phi", "posn", "jpos", "coord", "rotation"),
+        *(
+            "displacement",
+            "disp",
+            "p",
+            "th",
+            "ang",
+            "winkel",
+            "phi",
+            "posn",
+            "jpos",
+            "coord",
+            "rotation",
+            "lage",
+            "posicion",
+            "posizione",
+        ),
     ),
 }
 OF_WORD = {word: quantity for quantity, words in QUANTITIES.items() for word in words}
 COMMANDED = frozenset(
     "cmd command commanded commands des desired ref reference target targets goal setpoint sp set action ctrl "
-    "soll ff feedforward d want demand nominal requested input in".split()
+    "soll sollwert consigne ff feedforward d want demand nominal requested input in".split()
 )
 MEASURED = frozenset(
-    "act actual meas measured state obs observation feedback fb real ist present raw fbk sensor est mes".split()
+    "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
+    "present raw sensor est mes".split()
 )
 # Words that leave no doubt; a ``feedback`` torque may be the controller's part.
-SURELY_MEASURED = frozenset(("actual", "act", "measured", "meas", "real", "ist", "mes"))
+SURELY_MEASURED = frozenset(
+    "actual act measured meas real ist istwert mes mesure mesuree reel reelle".split()
+)
 NOISE = frozenset(
     "joint joints jnt j motor mot m axis ax dof link robot arm data value msg states position0 deg rad".split()
 )
 KNOWN = frozenset(OF_WORD) | COMMANDED | MEASURED | NOISE
-# Units by how they are written, lower case; the word after the name or in brackets.
-UNITS: dict[str, str] = {
-    **dict.fromkeys(("rad", "radian", "radians", "rads"), "rad"),
-    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), "deg"),
-    **dict.fromkeys(("rad/s", "radps", "rad_s", "rads-1", "radpersec", "rad_per_s", "rad/sec"), "rad/s"),
-    **dict.fromkeys(("deg/s", "degps", "deg_s", "dps", "°/s", "deg/sec", "deg_per_s"), "deg/s"),
-    **dict.fromkeys(("rpm", "rev/min", "1/min"), "rpm"),
-    **dict.fromkeys(("rad/s2", "rad/s^2", "radps2", "rad/s²", "rads2"), "rad/s2"),
-    **dict.fromkeys(("deg/s2", "deg/s^2", "degps2", "deg/s²"), "deg/s2"),
-    **dict.fromkeys(("nm", "n.m", "n·m", "n*m", "newtonmeter", "n-m", "n_m"), "N·m"),
-    **dict.fromkeys(("mnm", "nmm", "n.mm", "n·mm", "n*mm", "mn.m"), "N·mm"),
-    **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"),
-    **dict.fromkeys(("ma", "milliamp"), "mA"),
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "µs", "usec", "usecs", "micros", "microseconds"), "us"),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds"), "ns"),
-    **dict.fromkeys(("m", "meter", "metre", "meters"), "m"),
-    **dict.fromkeys(("mm", "millimeter"), "mm"),
-    **dict.fromkeys(("m/s", "mps"), "m/s"),
-    **dict.fromkeys(("mm/s",), "mm/s"),
-    **dict.fromkeys(("n", "newton"), "N"),
-    **dict.fromkeys(("lb", "lbf"), "lb"),
-    **dict.fromkeys(("kip", "kips"), "kip"),
-    **dict.fromkeys(("in", "inch"), "in"),
-    **dict.fromkeys(("inps", "in/s", "ips"), "in/s"),
-    **dict.fromkeys(("v", "volt", "volts"), "V"),
-}
-QUANTITY_OF_UNIT = {
-    "rad": "q", "deg": "q", "m": "q", "mm": "q", "in": "q", "in/s": "v", "lb": "tau", "kip": "tau",
-    "rad/s": "v", "deg/s": "v", "rpm": "v", "m/s": "v", "mm/s": "v",
-    "rad/s2": "a", "deg/s2": "a",
-    "N·m": "tau", "N·mm": "tau", "N": "tau",
-    "A": "i", "mA": "i", "V": "volt",
-    "s": "time", "ms": "time", "us": "time", "ns": "time",
-}  # fmt: skip

@@ -6,15 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from excite.conversion.columns.vocabulary import (
-    COMMANDED,
-    KNOWN,
-    MEASURED,
-    NOISE,
-    OF_WORD,
-    QUANTITY_OF_UNIT,
-    UNITS,
-)
+from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
+from excite.conversion.columns.vocabulary import COMMANDED, KNOWN, MEASURED, NOISE, OF_WORD
 
 
 @dataclass(frozen=True)
@@ -152,6 +145,13 @@ def _is_commanded(words: list[str], quantity: str) -> bool:
 def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
     # Controllers call axes A1, A2 …
     letters = {"a"} if set(words) & {"axis", "ax", "axes"} else set()
+    if (
+        of_joint
+        and words[-1:] == ["a"]
+        and {OF_WORD.get(word) for word in words[:-1]} & {"q", "v", "tau", "i"}
+    ):
+        # Pos act A1: the quantity was said before.
+        letters = {"a"}
     words = [word for word in words if word not in letters]
     said = [OF_WORD[word] for word in words if word in OF_WORD]
     if of_joint and "t" in words:

@@ -3,15 +3,33 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from excite.conversion.recording import Recording
-from excite.conversion.sources.messages import is_trajectory, is_wanted
+from excite.conversion.sources.ros.any_message import MOST_BYTES
+from excite.conversion.sources.ros.controller_types import KIND, register_interfaces, register_state
+from excite.conversion.sources.ros.messages import is_trajectory, is_wanted
+from excite.conversion.sources.ros.topics import Topics
+from excite.conversion.sources.ros.unitree_types import register_unitree
 from excite.conversion.sources.source import Source, damaged
-from excite.conversion.sources.topics import Topics
-from excite.conversion.sources.unitree_types import register_unitree
 from excite.reading.file import first_bytes
+
+
+def _add(topics: Topics, bag: Any, connections: Sequence[Any]) -> None:
+    """Messages of some topics whose definition is known; of types that nothing is known of, small ones."""
+    unreadable = set()
+    for connection, logged, raw in bag.messages(connections=connections) if connections else ():
+        kind = connection.msgtype
+        known = is_wanted(kind) or is_trajectory(kind)
+        if kind in unreadable or not (known or len(raw) <= MOST_BYTES):
+            continue
+        if kind not in bag.typestore.fielddefs and not (kind == KIND and register_state(bag.typestore, raw)):
+            unreadable.add(kind)
+            continue
+        topics.add(connection.topic, kind, bag.deserialize(raw, kind), 1e-9 * logged)
 
 
 class BagSource(Source):
@@ -29,22 +47,28 @@ class BagSource(Source):
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
+        import apsw
+        from rosbags import rosbag1, rosbag2
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.serde import SerdeError
         from rosbags.typesys import Stores, TypesysError, get_typestore
 
         store = get_typestore(Stores.ROS2_HUMBLE)
         register_unitree(store)
+        register_interfaces(store)
         topics = Topics()
+        notes: tuple[str, ...] = ()
         try:
             with AnyReader([path], default_typestore=store) as bag:
                 there = {c.topic: c.msgtype for c in bag.connections}
                 wanted = [c for c in bag.connections if is_wanted(c.msgtype) or is_trajectory(c.msgtype)]
-                for connection, logged, raw in bag.messages(connections=wanted) if wanted else ():
-                    message = bag.deserialize(raw, connection.msgtype)
-                    topics.add(connection.topic, connection.msgtype, message, 1e-9 * logged)
+                _add(topics, bag, wanted)
+                if not topics.has_positions:
+                    # Nobody's known message says where the joints were: those of any type are looked through.
+                    _add(topics, bag, [c for c in bag.connections if c not in wanted])
         except (
             AnyReaderError,
+            AssertionError,
             SerdeError,
             TypesysError,
             OSError,
@@ -54,7 +78,14 @@ class BagSource(Source):
             AttributeError,
             TypeError,
             RuntimeError,
+            OverflowError,
             struct.error,
+            apsw.Error,
+            rosbag1.ReaderError,
+            rosbag2.ReaderError,
         ) as error:
-            raise damaged(path, error, "a bag") from error
-        return (topics.recording(path, there),)
+            if not topics.has_positions:
+                raise damaged(path, error, "a bag") from error
+            notes = ("its end is damaged: it is read as far as it goes",)
+        found = topics.recording(path, there)
+        return (replace(found, notes=found.notes + notes),)

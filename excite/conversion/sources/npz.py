@@ -1,4 +1,4 @@
-"""npz archives: arrays ``(n,)`` and ``(n, k)`` by name; short ones are constants."""
+"""npz archives: arrays by name, short ones are constants; npy: one array, or a table of fields."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
-from excite.conversion.sources.source import Source
+from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
+from excite.reading.file import check_file
 from excite.reading.npz_arrays import read_npz
 
 # The longest array that is a constant of the whole recording: gains of a humanoid with hands.
@@ -20,19 +21,35 @@ class NpzSource(Source):
     """Arrays of one recording."""
 
     name: ClassVar[str] = "npz"
-    summary: ClassVar[str] = "numpy arrays (.npz)"
+    summary: ClassVar[str] = "numpy arrays (.npz, .npy)"
 
     def recognises(self, path: Path) -> bool:
         """See :class:`Source`."""
-        return path.is_file() and path.suffix.lower() == ".npz"
+        return path.is_file() and path.suffix.lower() in {".npz", ".npy"}
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
-        arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError)
+        if path.suffix.lower() == ".npy":
+            arrays = _one_array(path)
+        else:
+            arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError)
         streams = longest(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
         return (Recording(str(path), path.stem, streams, constants(arrays)),)
+
+
+def _one_array(path: Path) -> dict[str, np.ndarray]:
+    """The array of a ``.npy`` under the file's name, or its fields under theirs; raises LogError."""
+    check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
+    try:
+        # Mapped, so that a shape beyond the file's end is refused before memory is asked for.
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError, SyntaxError, OverflowError, MemoryError) as error:
+        raise damaged(path, error, "a numpy array") from error
+    if array.dtype.names:
+        return {name: np.asarray(array[name]) for name in array.dtype.names}
+    return {path.stem: np.asarray(array)}
 
 
 def constants(arrays: dict[str, np.ndarray]) -> dict[str, object]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from excite.errors import LogError
 from excite.reading.child import in_child
+from excite.reading.file import check_file
 from excite.registry import Registry
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ SOURCES: Registry[Source] = Registry(
 
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
-    ".csv .tsv .txt .dat .log .parquet .npz .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt".split()
+    ".csv .tsv .txt .dat .log .parquet .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt".split()
 )
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6
@@ -46,6 +47,9 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     """
     if not path.exists():
         raise LogError("no such file or folder", source=path, remedy="check the name of the source")
+    if not path.is_dir():
+        # A pipe or device has no beginning to look at, and no end.
+        check_file(path, error=LogError)
     name = recognised(path)
     if name is not None:
         return _in_own_process(name, path) if SOURCES[name].own_process else _read(name, path)
@@ -56,6 +60,13 @@ def read_source(path: Path) -> tuple[Recording, ...]:
 def recognised(path: Path) -> str | None:
     """Name of the first format that recognises a file or folder; None for none."""
     return next((name for name in SOURCES if SOURCES.make(name).recognises(path)), None)
+
+
+def recognised_recording(path: Path) -> bool:
+    """Whether a file or folder among others in a folder is a recording, by its ending or as a bag."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file()
+    return path.is_file() and path.suffix.lower() in RECORDED
 
 
 def _read(name: str, path: Path) -> tuple[Recording, ...]:

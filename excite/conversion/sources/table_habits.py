@@ -6,7 +6,14 @@ import csv
 import re
 from dataclasses import dataclass
 
+from excite.conversion.columns.unit_words import UNITS
+from excite.conversion.sources.stamps import is_stamp
+
 COMMENTS = ("#", "%", "//", ";;", "!")
+# Units in lines of units that no channel of a robot has.
+_OTHER_UNITS = frozenset(
+    "- -- 1 % °c degc k w hz kg bar pa n/a none # counts count inc ticks bit bool enum".split()
+)
 _SEPARATORS = (",", ";", "\t", "|", " ")
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf(inity)?)$", re.IGNORECASE)
 
@@ -71,7 +78,11 @@ def split_line(line: str, separator: str) -> list[str]:
 
 
 def _is_row(cells: list[str], decimal: str) -> bool:
-    numbers = [cell for cell in cells if _NUMBER.match(cell) and ("," not in cell or decimal == ",")]
+    numbers = [
+        cell
+        for cell in cells
+        if (_NUMBER.match(cell) and ("," not in cell or decimal == ",")) or is_stamp(cell)
+    ]
     return len(numbers) >= 2 and len(numbers) >= 0.5 * len([cell for cell in cells if cell])
 
 
@@ -105,12 +116,8 @@ def _names_and_units(
 
 
 def _is_unit(cell: str) -> bool:
-    return not cell or bool(
-        re.fullmatch(
-            r"[\[(]?\s*(s|sec|ms|us|µs|ns|rad|deg|°|rad/s\^?2?|deg/s\^?2?|°/s|Nm|N\.m|N·m|N\*m|mNm|A|mA|V|m|mm|-|1|m/s)\s*[\])]?",
-            cell,
-        )
-    )
+    bare = cell.strip().strip("[](){}<>").strip()
+    return not bare or bare.lower() in UNITS or bare.lower() in _OTHER_UNITS
 
 
 def _unique(names: list[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 from pathlib import Path
@@ -15,6 +16,7 @@ from excite.arrow_columns import numpy_columns
 from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
+from excite.conversion.sources.stamps import seconds
 from excite.conversion.sources.table_habits import COMMENTS, Habits, split_line, table_habits
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
@@ -23,6 +25,7 @@ from excite.reading.file import check_file, first_bytes
 _LOOKED_AT = 200
 # A table lies on its side where it has more columns than this many times its rows: few trials have less samples.
 _LYING = 20
+_BLOCK = 1 << 20
 _MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan", "inf", "-inf", "Inf"]
 
 
@@ -47,7 +50,7 @@ class TextSource(Source):
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
         check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
-        encoding = _encoding(first_bytes(path, 4))
+        encoding = _encoding(path)
         with path.open(encoding=encoding, errors="replace", newline=None) as stream:
             lines = [line.rstrip("\r\n") for _, line in zip(range(_LOOKED_AT), stream, strict=False)]
         habits = table_habits(lines)
@@ -79,8 +82,19 @@ def _upright(columns: list[Column]) -> list[Column]:
     return [Column(f"column{k + 1}", table[:, k]) for k in range(rows)]
 
 
-def _encoding(start: bytes) -> str:
-    return "utf-16" if start.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+def _encoding(path: Path) -> str:
+    """Of the file: what says so itself, else UTF-8 where all of it is, else that of Western European Windows."""
+    if first_bytes(path, 4).startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    try:
+        with path.open("rb") as stream:
+            while block := stream.read(_BLOCK):
+                decoder.decode(block)
+            decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
 
 
 def _columns(path: Path, habits: Habits, encoding: str) -> list[Any]:
@@ -99,12 +113,16 @@ def _columns(path: Path, habits: Habits, encoding: str) -> list[Any]:
             for _ in range(habits.skip):
                 stream.readline()
             here = stream.tell()
-            line = stream.readline().decode("utf-8", "replace").rstrip("\r\n")
+            line = stream.readline().decode(encoding).rstrip("\r\n")
             extra = len(next(csv.reader([line], delimiter=habits.separator), [])) - width
             stream.seek(here)
             table = pa.csv.read_csv(
                 stream,
-                pa.csv.ReadOptions(column_names=names + [f"_{k}" for k in range(extra)], use_threads=False),
+                pa.csv.ReadOptions(
+                    column_names=names + [f"_{k}" for k in range(extra)],
+                    use_threads=False,
+                    encoding=encoding.removesuffix("-sig"),
+                ),
                 pa.csv.ParseOptions(
                     delimiter=habits.separator,
                     invalid_row_handler=lambda row: "skip",
@@ -151,6 +169,9 @@ def _numbers(values: Any) -> Any:
         return values.astype("datetime64[ns]").astype(np.int64) * 1e-9
     if values.dtype.kind == "b":
         return values.astype(float)
+    stamps = seconds(values)
+    if stamps is not None:
+        return stamps
     parsed = np.array([_float(value) for value in values])
     return parsed if np.isfinite(parsed).mean() > 0.5 else None
 

@@ -30,6 +30,11 @@ _QUANTITIES = (
 # Mass and moments of inertia are positive: none is less than this share of the nominal one.
 _POSITIVE = [0, 4, 5, 6]
 _LEAST_SHARE = 0.05
+# Moments of inertia, and each product with the moment that its double cannot exceed: 2|Ixy| ≤ Izz, as x² + y² ≥ 2|xy|.
+_MOMENTS = [4, 5, 6]
+_PRODUCT_BELOW = {7: 6, 8: 5, 9: 4}
+# Terms that take power out, and rotors: below zero is no robot.
+NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
 _STEP = 1e-6
 
 
@@ -46,6 +51,7 @@ class ParameterRange:
         high: upper end [SI].
         unit: SI unit.
         measured: share of the nominal model's spread that the data have taken away, 0 to 1.
+        clipped: whether the data's interval went on to values that no body has, which are left out.
     """
 
     link: str
@@ -55,6 +61,7 @@ class ParameterRange:
     high: float
     unit: str
     measured: float
+    clipped: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """All fields."""
@@ -96,7 +103,12 @@ def parameter_ranges(
         whitened = np.eye(10) - block.T @ cho_solve(factor, block)
         covariance = whitened * np.outer(prior[part], prior[part])
         nominal = problem.prior[part]
-        if mean[10 * s] <= 0.0 or nominal[0] <= 0.0:
+        if nominal[0] <= 0.0:
+            continue
+        if mean[10 * s] <= 0.0:
+            # No body: the data contradict the nominal model here, and what is left is its own spread.
+            free = np.diag(prior[part] ** 2)
+            found += _of_link(segment.link, nominal, nominal, free, prior[part], quantile)
             continue
         found += _of_link(segment.link, nominal, mean[part], covariance, prior[part], quantile)
     drives = range(problem.n_inertial, problem.n_params)
@@ -112,6 +124,8 @@ def ranges_document(ranges: Sequence[ParameterRange], level: float) -> dict[str,
         group.setdefault(item.link, {})[item.parameter] = {
             "low": item.low, "high": item.high, "value": item.value, "unit": item.unit, "measured": item.measured,
         }  # fmt: skip
+        if item.clipped:
+            group[item.link][item.parameter]["clipped"] = True
     return document
 
 
@@ -140,12 +154,35 @@ def _of_link(
     floor = np.full(len(_QUANTITIES), -np.inf)
     floor[_POSITIVE] = _LEAST_SHARE * np.abs(_quantities(nominal)[_POSITIVE])
     middle = np.maximum(middle, floor)
+    wide = np.array([middle - quantile * std, middle + quantile * std])
+    low, middle, high = _of_a_body(np.maximum(wide[0], floor), middle, wide[1])
     found = []
     for i, (name, unit) in enumerate(_QUANTITIES):
-        low, high = max(middle[i] - quantile * std[i], floor[i]), middle[i] + quantile * std[i]
         measured = float(np.clip(1.0 - (std[i] / max(loose[i], 1e-300)) ** 2, 0.0, 1.0))
-        found.append(ParameterRange(link, name, float(low), float(middle[i]), float(high), unit, measured))
+        clipped = bool(low[i] > wide[0, i] or high[i] < wide[1, i])
+        found.append(
+            ParameterRange(
+                link, name, float(low[i]), float(middle[i]), float(high[i]), unit, measured, clipped
+            )
+        )
     return found
+
+
+def _of_a_body(low: Array, middle: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Ends and middles without what no body's inertia can be, whatever the others are within their ranges."""
+    low, middle, high = low.copy(), middle.copy(), high.copy()
+    for i in _MOMENTS:
+        # Each moment is at most the sum of the other two.
+        first, second = (k for k in _MOMENTS if k != i)
+        high[i] = min(high[i], high[first] + high[second])
+        middle[i] = min(middle[i], middle[first] + middle[second])
+        low[i] = min(low[i], middle[i])
+    for i, moment in _PRODUCT_BELOW.items():
+        most = 0.5 * middle[moment]
+        middle[i] = np.clip(middle[i], -most, most)
+        most = 0.5 * high[moment]
+        low[i], high[i] = max(low[i], -most), min(high[i], most)
+    return low, middle, high
 
 
 def _quantities(ten: Array) -> Array:
@@ -169,5 +206,7 @@ def _of_drives(
         i = place[column]
         term, _, joint = problem.parameter_names[column].partition(".")
         low, high = (float(x) for x in pooled.next_interval[:, i])
-        found.append(ParameterRange(joint, term, low, float(pooled.mean[i]), high, "SI", 1.0))
+        least = 0.0 if term in NEVER_NEGATIVE else -np.inf
+        ends = (max(low, least), max(float(pooled.mean[i]), least), max(high, least))
+        found.append(ParameterRange(joint, term, *ends, "SI", 1.0, clipped=low < least))
     return found

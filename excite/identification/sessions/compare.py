@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.estimators.settings import EstimatorSettings
 from excite.identification.judgement.ranges import (
+    NEVER_NEGATIVE,
     ParameterRange,
     parameter_ranges,
     ranges_document,
@@ -51,9 +53,19 @@ class Sessions:
     ranges: tuple[ParameterRange, ...]
     left_out: Mapping[str, int] = field(default_factory=dict)
 
+    @property
+    def varies(self) -> NDArray[np.bool_]:
+        """Which base parameters' sessions lie further apart than their own intervals allow, ``(n_base,)``."""
+        return self.pooled.varies(len(self.names))
+
+    def never_negative(self, i: int) -> bool:
+        """Whether a base parameter is friction or a rotor by itself."""
+        alone = np.count_nonzero(self.base.matrix[i]) == 1
+        return bool(alone) and self.base.labels[i].partition(".")[0] in NEVER_NEGATIVE
+
     def to_json(self) -> dict[str, Any]:
         """``{"names", "left_out", "level", "parameters": […], "ranges": […]}``."""
-        pooled = self.pooled
+        pooled, varies = self.pooled, self.varies
         parameters = [
             {
                 "name": label,
@@ -62,6 +74,7 @@ class Sessions:
                 "std": float(np.sqrt(pooled.covariance[i, i])),
                 "between_std": float(pooled.between[i]),
                 "inconsistency": float(pooled.inconsistency[i]),
+                "varies": bool(varies[i]),
                 "mean_low": float(pooled.mean_interval[0, i]),
                 "mean_high": float(pooled.mean_interval[1, i]),
                 "low": float(pooled.next_interval[0, i]),
@@ -85,10 +98,9 @@ class Sessions:
         """How many parameters differ between sessions, and the worst, in units of their noise."""
         between, within = self.pooled.between, np.median(self.std, axis=0)
         ratio = between / np.maximum(within, 1e-300)
-        differing = int((self.pooled.inconsistency > 0.5).sum())
         lines = [
-            f"{len(self.names)} sessions ({', '.join(self.names)}): {differing} of {len(between)} base "
-            "parameters differ between them by more than noise"
+            f"{len(self.names)} sessions ({', '.join(self.names)}): {int(self.varies.sum())} of {len(between)} base "
+            "parameters differ between them by more than their intervals allow"
         ]
         lines += [
             f"  left out: {name}, whose motions determine {own} of the {len(between)}"
@@ -107,18 +119,31 @@ def write_ranges(sessions: Sessions, path: Path) -> Path:
     """Write what the next session may bring, for domain randomisation (``excite.ranges/1``, YAML or JSON).
 
     Links' quantities are not independent of each other: what the data fix are the base parameters, whose
-    ranges stand beside. Those with a small share ``measured`` are the nominal model's spread.
+    ranges stand beside. Those with a small share ``measured`` are the nominal model's spread. Values that no robot
+    has are left out (``clipped``): negative masses, moments of inertia, friction and rotors, products of inertia
+    beyond half the moment across them. ``varies_between_sessions`` names the base parameters whose sessions lie
+    further apart than their own intervals allow, with each session's value.
     """
     document = ranges_document(sessions.ranges, sessions.pooled.level)
     low, high = sessions.pooled.next_interval
+    least = [0.0 if sessions.never_negative(i) else -np.inf for i in range(len(low))]
+    varies = sessions.varies
     document["base_parameters"] = {
         label: {
-            "low": float(low[i]),
-            "high": float(high[i]),
-            "value": float(sessions.pooled.mean[i]),
+            "low": max(float(low[i]), least[i]),
+            "high": max(float(high[i]), least[i]),
+            "value": max(float(sessions.pooled.mean[i]), least[i]),
+            "varies": bool(varies[i]),
             "expression": sessions.base.expressions[i],
         }
         for i, label in enumerate(sessions.base.labels)
+    }
+    document["varies_between_sessions"] = {
+        sessions.base.labels[i]: {
+            name: {"value": float(sessions.values[s, i]), "std": float(sessions.std[s, i])}
+            for s, name in enumerate(sessions.names)
+        }
+        for i in np.flatnonzero(varies)
     }
     return write_document(document, path)
 

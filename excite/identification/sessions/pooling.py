@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from excite.arrays import Array
@@ -38,6 +39,15 @@ class Pooled:
     mean_interval: Array
     next_interval: Array
     level: float
+
+    def varies(self, n_sessions: int) -> NDArray[np.bool_]:
+        """Which parameters' sessions lie further apart than their own intervals allow, ``(k,)``.
+
+        Cochran's ``Q``, at the intervals' level for all parameters together (Bonferroni).
+        """
+        q = (n_sessions - 1) / np.maximum(1.0 - self.inconsistency, 1e-12)
+        chance = chi2.sf(q, n_sessions - 1)
+        return np.asarray((self.inconsistency > 0.0) & (chance < (1.0 - self.level) / len(self.mean)))
 
     @property
     def next_std(self) -> Array:

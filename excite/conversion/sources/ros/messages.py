@@ -9,14 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from excite.conversion.sources.gathered import Field
-
-Row = tuple[list[Field], list[float]]
-# Order of the motors of Unitree's quadrupeds, by their SDK; their models begin with the left leg.
-_LEGS = tuple(
-    f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")
-)
-_QUADRUPED = 12
+from excite.conversion.sources.ros.gathered import Field
+from excite.conversion.sources.ros.unitree import LOW_COMMAND, LOW_STATE, Row
 
 
 def is_wanted(kind: str) -> bool:
@@ -119,37 +113,40 @@ def _odometry(message: Any, topic: str) -> Row:
 def _imu(message: Any, topic: str) -> Row:
     parts = (("orientation", message.orientation, "xyzw"), ("gyro", message.angular_velocity, "xyz"),
              ("acc", message.linear_acceleration, "xyz"))  # fmt: skip
-    fields = [Field(f"{word}.{axis}", "skip", axis) for word, _, axes in parts for axis in axes]
+    called = {"gyro": "g", "acc": "a"}
+    fields = [
+        Field(f"{word}.{axis}", "imu", called[word] + axis)
+        if word in called
+        else Field(f"{word}.{axis}", "skip", axis)
+        for word, _, axes in parts
+        for axis in axes
+    ]
     return fields, [float(getattr(value, axis)) for _, value, axes in parts for axis in axes]
 
 
-def _unitree(channels: dict[str, str], attribute: str) -> Callable[[Any, str], Row]:
-    def decoder(message: Any, topic: str) -> Row:
-        motors = getattr(message, attribute)
-        legs = len(motors) == 20 and not any(m.q or m.dq or getattr(m, "kp", 0) for m in motors[_QUADRUPED:])
-        count = _QUADRUPED if legs else len(motors)
-        names = _LEGS if legs else tuple(f"motor_{k}" for k in range(count))
-        fields = [
-            Field(f"{word}.{name}", channel, name) for word, channel in channels.items() for name in names
-        ]
-        return fields, [float(getattr(m, word)) for word in channels for m in motors[:count]]
+def _dynamic_joint_state(message: Any, topic: str) -> Row:
+    """Values of each joint by the names of its interfaces, as ros2_control's broadcaster has them."""
+    channels = {"position": "q", "velocity": "v", "effort": "tau"}
+    fields: list[Field] = []
+    numbers: list[float] = []
+    for joint, values in zip(message.joint_names, message.interface_values, strict=False):
+        for name, value in zip(values.interface_names, values.values, strict=False):
+            fields.append(Field(f"{name}.{joint}", channels.get(name, ""), joint if name in channels else ""))
+            numbers.append(float(value))
+    return fields, numbers
 
-    return decoder
-
-
-_STATE = _unitree({"q": "q", "dq": "v", "tau_est": "tau"}, "motor_state")
-_COMMAND = _unitree({"q": "q_cmd", "tau": "tau_cmd", "kp": "skip", "kd": "skip"}, "motor_cmd")
 
 _DECODERS: dict[str, Callable[[Any, str], Row]] = {
     "sensor_msgs/JointState": _joint_state,
     "control_msgs/JointTrajectoryControllerState": _controller_state,
+    "control_msgs/DynamicJointState": _dynamic_joint_state,
     "geometry_msgs/WrenchStamped": _wrench,
     "nav_msgs/Odometry": _odometry,
     "sensor_msgs/Imu": _imu,
-    "unitree_hg/LowState": _STATE,
-    "unitree_hg/LowCmd": _COMMAND,
-    "unitree_go/LowState": _STATE,
-    "unitree_go/LowCmd": _COMMAND,
+    "unitree_hg/LowState": LOW_STATE,
+    "unitree_hg/LowCmd": LOW_COMMAND,
+    "unitree_go/LowState": LOW_STATE,
+    "unitree_go/LowCmd": LOW_COMMAND,
 }
 
 

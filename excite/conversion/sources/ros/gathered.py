@@ -73,6 +73,10 @@ class Gathered:
         )
         return Stream(self.name, columns, rows[:, 0] - start)
 
+    def has_channel(self, channel: str) -> bool:
+        """Whether a field of this channel was seen."""
+        return any(field.channel == channel for field in self._fields)
+
     @property
     def note(self) -> str:
         """What was left out; empty for nothing."""

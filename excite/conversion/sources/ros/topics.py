@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from excite.conversion.recording import Recording
-from excite.conversion.sources.gathered import Gathered
-from excite.conversion.sources.messages import decode, is_trajectory, stamp_s, trajectory_rows
+from excite.conversion.recording import Recording, Stream
+from excite.conversion.sources.ros.any_message import decode_any
+from excite.conversion.sources.ros.gathered import Gathered
+from excite.conversion.sources.ros.messages import decode, is_trajectory, is_wanted, stamp_s, trajectory_rows
+from excite.conversion.sources.ros.unitree import finished, is_unitree
 from excite.errors import LogError
 
 # Two stamps of one message that differ by more come from different clocks [s].
@@ -21,6 +23,7 @@ class Topics:
     def __init__(self) -> None:
         self._topics: dict[str, Gathered] = {}
         self._planned: dict[str, Gathered] = {}
+        self._kinds: dict[str, str] = {}
 
     def add(self, topic: str, kind: str, message: Any, logged_s: float) -> None:
         """One message: at its header's stamp where that is from the same clock, else at the time it was written."""
@@ -31,12 +34,18 @@ class Topics:
             for time, (fields, values) in trajectory_rows(message):
                 gathered.add(time, fields, values)
             return
-        fields, values = decode(kind, message, topic)
+        fields, values = decode(kind, message, topic) if is_wanted(kind) else decode_any(message)
         if not fields:
             return
+        self._kinds[topic] = kind
         stamp = stamp_s(message)
         time = stamp if stamp is not None and abs(stamp - logged_s) < _OTHER_CLOCK_S else logged_s
         self._topics.setdefault(topic, Gathered(topic)).add(time, fields, values)
+
+    @property
+    def has_positions(self) -> bool:
+        """Whether a message said that it holds positions of joints, measured or planned."""
+        return bool(self._planned) or any(g.has_channel("q") for g in self._topics.values())
 
     @property
     def any(self) -> bool:
@@ -53,7 +62,7 @@ class Topics:
         measured = bool(self._topics)
         kept = self._topics if measured else self._planned
         start = min((gathered.first_s for gathered in kept.values()), default=0.0)
-        streams = tuple(s for g in kept.values() if (s := g.stream(start)) is not None)
+        streams = [(topic, s) for topic, g in kept.items() if (s := g.stream(start)) is not None]
         if not streams:
             shown = ", ".join(f"{topic} ({kind})" for topic, kind in list(there.items())[:8]) or "nothing"
             raise LogError(
@@ -64,5 +73,12 @@ class Topics:
         notes = [g.note for g in kept.values() if g.note]
         if not measured:
             notes.append("it holds a planned motion and no measurement")
+        said: dict[str, Any] = {}
+        found: list[Stream] = []
+        family = [(self._kinds[topic], s) for topic, s in streams if is_unitree(self._kinds.get(topic, ""))]
+        if family:
+            found, said, more = finished(family)
+            notes += more
+        found = [s for topic, s in streams if not is_unitree(self._kinds.get(topic, ""))] + found
         name = path.stem if path.suffix else path.name
-        return Recording(str(path), name, streams, notes=tuple(notes))
+        return Recording(str(path), name, tuple(found), said, notes=tuple(notes))

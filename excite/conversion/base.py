@@ -1,0 +1,99 @@
+"""What is known of a robot's base: its pose, the readings of its IMU, and contact wrenches under the sensors' names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from excite.conversion.columns.joints import by_likeness
+from excite.conversion.columns.words import Clue
+from excite.conversion.guesses import Guesses, Mapped
+from excite.conversion.machine import Machine
+from excite.conversion.mapping import Map
+from excite.conversion.recording import Column, Recording
+from excite.logs.robot import sensor_headers
+
+_FRAME = "on_robot_in_sensor_frame"
+
+
+def add_base(
+    found: Guesses, recording: Recording, clues: dict[str, Clue], machine: Machine, mapping: Map
+) -> None:
+    """Channels of the base and of contact wrenches, where the format itself says them and the log can use them."""
+    columns = [c for stream in recording.streams for c in stream.columns if c.name in clues]
+    _add(found, [(f"base.{c.label}", c) for c in columns if c.channel == "base"])
+    if "imu" in mapping.log or _imu(machine) is not None:
+        _add(found, [(f"imu.{c.label}", c) for c in columns if c.channel == "imu"])
+    _add_wrenches(found, [c for c in columns if c.channel == "wrench"], machine, mapping)
+
+
+def base_fields(
+    present: set[str], found: Guesses, machine: Machine, stated: dict[str, Any]
+) -> dict[str, Any]:
+    """Fields of ``log.yaml`` for a base whose pose or inertial readings were logged; empty for none."""
+    imu = _imu(machine) if "imu.gx" in present else None
+    fields: dict[str, Any] = {} if imu is None or "imu" in stated else {"imu": imu}
+    if "base.px" not in present:
+        return fields
+    fields |= {"base": "suspended", "base_link": machine.base_link}
+    because = "a base pose was logged, and no contact wrench"
+    sensors = [s for s in _known_sensors(machine, stated) if f"wrench.{s['name']}.fx" in present]
+    if sensors:
+        fields |= {"base": "floating", "wrench": _FRAME, "sensors": sensors}
+        because = "a base pose and contact wrenches were logged"
+        found.facts.append(("wrench", _FRAME, "what ankle sensors and plates say after their drivers"))
+    if "base" not in stated:
+        found.facts.append(("base", fields["base"], because))
+    return fields
+
+
+def _add(found: Guesses, pairs: Sequence[tuple[str, Column]]) -> None:
+    known = {item.target for item in found.mapped}
+    for target, column in pairs:
+        if target not in known:
+            found.mapped.append(Mapped(target, column.name, 1.0, "the format says so"))
+            known.add(target)
+
+
+def _add_wrenches(found: Guesses, columns: Sequence[Column], machine: Machine, mapping: Map) -> None:
+    groups: dict[str, list[Column]] = {}
+    for column in columns:
+        groups.setdefault(column.label.rpartition(".")[0], []).append(column)
+    sensors = [str(sensor["name"]) for sensor in _known_sensors(machine, mapping.log)]
+    same = {name: name for name in groups if name in sensors}
+    rest = [name for name in groups if name not in same]
+    free = [name for name in sensors if name not in same.values()]
+    placed = by_likeness(rest, {name: name for name in rest}, free).columns if rest and free else {}
+    same |= {name: sensor for sensor, name in placed.items()}
+    for name, sensor in same.items():
+        axes = [(f"wrench.{sensor}.{c.label.rpartition('.')[2]}", c) for c in groups[name]]
+        _add(found, axes)
+    strange = [name for name in groups if name not in same]
+    if not strange:
+        return
+    if found.of("base") and not sensors and mapping.log.get("base") in (None, "floating"):
+        found.ask(
+            f"contact wrenches {', '.join(strange)} were recorded, and where their sensors sit is not known",
+            f"log: {{wrench: {_FRAME}, sensors: [{{name: {strange[0]}, kind: foot_ft, parent: LINK, foot: LINK, "
+            f'excludes: [LINK]}}]}}, or ignore: ["{strange[0]}*"]',
+        )
+        return
+    found.facts.append(
+        ("wrench", ", ".join(strange), "left out: no contact sensor of the robot has such a name")
+    )
+
+
+def _known_sensors(machine: Machine, stated: dict[str, Any]) -> list[dict[str, Any]]:
+    """Sensors that a map states, else those of the robot's description."""
+    if "sensors" in stated:
+        return [sensor for sensor in stated["sensors"] or () if isinstance(sensor, dict) and "name" in sensor]
+    if machine.robot is None or not machine.floating:
+        return []
+    return [sensor.model_dump() for sensor in sensor_headers(machine.robot)]
+
+
+def _imu(machine: Machine) -> dict[str, Any] | None:
+    if machine.robot is None or not machine.floating:
+        return None
+    block = machine.robot.description.sensors.imu
+    return None if block is None else block.model_dump()

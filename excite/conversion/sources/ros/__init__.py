@@ -1,0 +1,1 @@
+"""Messages of ROS and of Unitree, whichever library decodes them."""
