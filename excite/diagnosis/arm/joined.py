@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.budget.reading import explained, namable
 from excite.diagnosis.budget.record import Found
@@ -40,12 +42,24 @@ def joined(
     unknown = judgement.verdict == "unknown"
     if unknown and not explained(budget, named):
         return attribution, judgement
-    terms = {term.key: term for term in found.search.model.terms}
     kept = [k for k, item in enumerate(attribution.accepted) if not _taken_for(item, named, budget)]
+    after = _with(attribution, kept, named, found, scorer)
+    if after is not None and len(kept) < len(attribution.accepted) and _loss(after) > _loss(attribution):
+        # What was found alone says more than what the whole has in its place.
+        kept = list(range(len(attribution.accepted)))
+        after = _with(attribution, kept, named, found, scorer)
+    return (attribution, judgement) if after is None else (after, _judged(judgement, after, kept, scorer))
+
+
+def _with(
+    attribution: Attribution, kept: Sequence[int], named: Sequence[Named], found: Found, scorer: Scorer
+) -> Attribution | None:
+    """The attribution with what is named after the effects that are kept; None where nothing joins them."""
+    terms = {term.key: term for term in found.search.model.terms}
     new = [item for item in named if not _known(item, [attribution.accepted[k] for k in kept])]
     begun = _kept(attribution, kept, scorer.baseline)
     if begun is None:
-        return attribution, judgement
+        return None
     stages, current = begun
     for item in new:
         scored = _scored(item, terms[item.effect, item.location], current, scorer)
@@ -56,17 +70,21 @@ def joined(
         stages.append(Stage(Context(current), ranking, scored))
         current = extended(scored.hypothesis)
     if len(stages) == len(kept):
-        return attribution, judgement
+        return None
     current = signs_again(current)
     stages.append(Stage(Context(current), (), None))
-    after = replace(
+    return replace(
         attribution,
         stages=tuple(stages),
         after=current.fit,
         final=current,
         floor=scorer.floor(current.fit),
     )
-    return after, _judged(judgement, after, kept, scorer)
+
+
+def _loss(attribution: Attribution) -> float:
+    """What a fit makes small: the logarithms of the joints' deviations."""
+    return float(np.log(attribution.after.sigma).sum())
 
 
 def _kept(
