@@ -12,6 +12,9 @@ from excite.errors import InputError
 
 # Share of the largest principal moment by which rounding may break the triangle inequality.
 _TRIANGLE_TOLERANCE = 1e-9
+# Least moment that a simulator is given of a body whose stated moments are accepted, as share of the largest and as
+# radius of gyration [m]: too small to be felt beside what such models have at the same joint.
+_LEAST, _POINT_M = 1e-3, 1e-3
 # What stands for a segment without mass [kg], which a joint between two axes at one point may have.
 MASSLESS_KG = 1e-9
 
@@ -50,12 +53,14 @@ class PrincipalInertia:
     rotation: Array
 
 
-def principal_inertia(phi: Array, segment: str) -> PrincipalInertia:
+def principal_inertia(phi: Array, segment: str, *, accepted: bool = False) -> PrincipalInertia:
     """Centre of mass and principal axes of one segment.
 
     Args:
         phi: ten parameters ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz`` about the joint frame's origin.
         segment: name of the segment, for the error.
+        accepted: whether moments that no body has are accepted; those that are too small are raised then, since no
+            simulator takes them.
 
     Returns:
         The body; a segment whose parameters are all zero gets a microgramme's mass, so that it can move.
@@ -76,12 +81,14 @@ def principal_inertia(phi: Array, segment: str) -> PrincipalInertia:
     about_joint = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     about_com = about_joint - mass * ((com @ com) * np.eye(3) - np.outer(com, com))
     moments, rotation = np.linalg.eigh(about_com)
+    if accepted:
+        moments = np.maximum(moments, max(_LEAST * float(moments[2]), _POINT_M**2 * mass))
     if moments[0] <= 0.0:
         raise UnphysicalParametersError(
             f"a principal moment about the centre of mass is {moments[0]:.3g} kg·m²", segment=segment, phi=phi
         )
     excess = moments[2] - moments[0] - moments[1]
-    if excess > _TRIANGLE_TOLERANCE * moments[2]:
+    if excess > _TRIANGLE_TOLERANCE * moments[2] and not accepted:
         raise UnphysicalParametersError(
             f"the largest principal moment exceeds the sum of the others by {excess:.3g} kg·m²",
             segment=segment,

@@ -105,7 +105,10 @@ def _add_body(robot: Robot, bodies: list[mujoco.MjsBody], joint: int, phi: Array
 
     model = robot.model
     placement = model.jointPlacements[joint]
-    inertia = principal_inertia(phi, robot.segments[joint - 1].name)
+    # What the description accepts of its model is accepted here; other parameters have to be a body's.
+    nominal = np.array_equal(phi, model.inertias[joint].toDynamicParameters())
+    accepted = nominal and bool(robot.description.model.acknowledged)
+    inertia = principal_inertia(phi, robot.segments[joint - 1].name, accepted=accepted)
     body = bodies[model.parents[joint]].add_body(
         name=robot.segments[joint - 1].link,
         pos=placement.translation,

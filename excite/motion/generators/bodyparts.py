@@ -12,12 +12,11 @@ from scipy.spatial import ConvexHull
 
 from excite.arrays import Array
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.support_area import has_area
 
 # Share of a support polygon's inradius that the centre of mass keeps from its edges while a foot is in the air: it has
 # to keep away from two edges at once, and a load on the trunk that the model does not know moves it.
 _DEEP = 0.75
-# Half the margin that the balance check asks for on either side [m]: nothing narrower can be safe.
-_NARROW = 0.015
 
 
 def pelvis_joint(robot: Robot) -> int:
@@ -67,14 +66,6 @@ def support_corners(robot: Robot, feet: Sequence[Foot]) -> Array:
     pin.forwardKinematics(robot.model, data, robot.rest)
     corners = [data.oMi[foot.joint].act(corner)[:2] for foot in feet for corner in foot.sole]
     return np.array(corners).reshape(-1, 2)
-
-
-def has_area(corners: Array) -> bool:
-    """Whether points ``(n, 2)`` span a polygon, wider than :data:`_NARROW`, on which a robot could stand."""
-    if len(corners) < 3:
-        return False
-    # Twice the spread across the narrowest direction is about the polygon's half width.
-    return bool(np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[-1] > _NARROW)
 
 
 def stands_on_either(robot: Robot) -> bool:

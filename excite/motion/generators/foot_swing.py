@@ -10,7 +10,6 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import (
     central_range,
-    has_area,
     leg_joints,
     pelvis_height,
     rest_joints,
@@ -22,6 +21,7 @@ from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.support_area import has_area
 
 _SWINGS = (12, 20)
 # How far the free leg's joints go from rest [rad], and the share of their range that they stay in.

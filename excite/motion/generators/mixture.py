@@ -8,12 +8,13 @@ from itertools import chain
 import numpy as np
 
 from excite.errors import RobotError
-from excite.motion.generators.bodyparts import has_area, support_corners
+from excite.motion.generators.bodyparts import support_corners
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.proposal import Proposal
 from excite.motion.generators.registry import GENERATORS, make_generator
 from excite.robot.robot import Robot
+from excite.robot.shapes.support_area import has_area
 
 # Shares of a plan. Leg swings are what completes the rank of the base-link regressor.
 STANDING_MIX: Mapping[str, float] = {"random_joint": 0.5, "leg_swing": 0.3, "squat": 0.2}

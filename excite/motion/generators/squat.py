@@ -6,12 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.motion.generators.bodyparts import has_area, leg_joints, pelvis_height, support_corners
+from excite.motion.generators.bodyparts import leg_joints, pelvis_height, support_corners
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Robot
+from excite.robot.shapes.support_area import has_area
 
 _WAYPOINTS = (8, 12)
 # Shares of the leg's length: how far the pelvis goes down and up, how far the centre of mass sways in x and y.

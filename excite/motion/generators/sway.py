@@ -7,7 +7,6 @@ from typing import ClassVar
 import numpy as np
 
 from excite.motion.generators.bodyparts import (
-    has_area,
     leg_joints,
     pelvis_height,
     support_corners,
@@ -18,6 +17,7 @@ from excite.motion.generators.curves import SplineCurve
 from excite.motion.generators.generator import Generator
 from excite.motion.generators.random_joint import posture_curve, posture_draws
 from excite.robot.robot import Robot
+from excite.robot.shapes.support_area import has_area
 
 _WAYPOINTS = (14, 24)
 # Shares of the trunk's height at rest: how far it goes down and up.

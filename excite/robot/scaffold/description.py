@@ -77,7 +77,9 @@ def draft(path: Path, folder: str | Path | None, rng: np.random.Generator, said:
     held = held_joints(root, joints, guesses)
     free = tuple(guess for guess in guesses if guess.name not in held and guess.follows is None)
     if not free:
-        raise RobotError("has no joint that moves", source=path, remedy="describe at least one")
+        named = ", ".join(list(held)[:3])
+        remedy = f"state limits that let {named} move" if held else "describe at least one"
+        raise RobotError("has no joint that moves", source=path, remedy=remedy)
     for name, joint in joints.items():
         # As they will be read: what is held moves nothing, and no fault of its inertia matters.
         if name in held or joint.find("mimic") is not None:

@@ -60,6 +60,15 @@ class Footing:
         level = np.ptp(heights) < 2e-3 and np.abs(tilts).max(initial=0.0) < 0.01
         return Standing(q, feet) if level and np.linalg.norm(offset) < 0.02 else None
 
+    def corners(self, stand: Standing, legs: list[int]) -> Array:
+        """Corners of all soles seen from above, ``(n, 2)`` [m]."""
+        self.figure.centre(stand.q)
+        soles = []
+        for leg, foot in zip(legs, stand.feet, strict=True):
+            pose = self.figure.data.oMi[leg] * self._placement(foot)
+            soles.append(foot.sole @ pose.rotation.T + pose.translation)
+        return np.vstack(soles)[:, :2]
+
     def bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
         """Angle [rad] between thigh and shank, a leg's two longest parts in a row; a stretched leg lifts no hip."""
         figure = self.figure

@@ -52,9 +52,11 @@ class Postures:
             tries.append(np.where(moves, start + share * (goal - start), start))
         return tries
 
-    def touching(self, q: Array, ignored: frozenset[tuple[str, str]]) -> list[tuple[str, str]]:
-        """Pairs of links closer than the margin, those left out that are ignored."""
-        margin = self.figure.robot.description.collision.margin
+    def touching(
+        self, q: Array, ignored: frozenset[tuple[str, str]], slack: float = 0.0
+    ) -> list[tuple[str, str]]:
+        """Pairs of links closer than the margin and some slack [m], those left out that are ignored."""
+        margin = self.figure.robot.description.collision.margin + slack
         near = self.search.distances(self.search.posture(q)) < margin
         return [
             pair for pair, close in zip(self.search.pairs, near, strict=True) if close and pair not in ignored

@@ -86,7 +86,11 @@ def inertial_faults(
     faults: dict[str, RobotError] = {}
     for name, inertial in inertials.items():
         fault = None if inertial is None else _impossible(inertial.moments, strict=False)
-        if fault:
+        if inertial is not None and inertial.mass == 0.0:
+            remedy = _remedy(name, "give a positive mass in kilograms")
+            where = f"link {name!r}/inertial/mass@value"
+            faults[name] = RobotError("is 0 and the moments are not", source=path, field=where, remedy=remedy)
+        elif fault:
             remedy = _remedy(name, "correct the moments")
             faults[name] = RobotError(
                 fault, source=path, field=f"link {name!r}/inertial/inertia", remedy=remedy
@@ -134,7 +138,7 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     pose = ElementTree.Element("origin") if origin is None else origin
     centre, rpy = (numbers(pose, key, 3, path, f"{where}/origin", default="0 0 0") for key in ("xyz", "rpy"))
     values = [numbers(inertia, key, 1, path, f"{where}/inertia")[0] for key in _MOMENTS]
-    if mass < 0.0 or (mass == 0.0 and any(values)):
+    if mass < 0.0:
         remedy = "give a positive mass in kilograms"
         raise RobotError(f"is {mass}", source=path, field=f"{where}/mass@value", remedy=remedy)
     radius = math.sqrt(max(map(abs, values)) / mass) if mass > 0.0 else 0.0
@@ -149,7 +153,9 @@ def _inertial(link: ElementTree.Element, path: Path) -> _Inertial | None:
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     rotation = pin.rpy.rpyToMatrix(*rpy)
     # A frame: mass and moments all zero.
-    return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T) if mass > 0.0 else None
+    if mass == 0.0 and not any(values):
+        return None
+    return _Inertial(mass, np.array(centre), rotation @ moments @ rotation.T)
 
 
 def _impossible(moments: NDArray[np.float64], *, strict: bool) -> str | None:

@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.motion.generators.bodyparts import has_area, support_corners
+from excite.motion.generators.bodyparts import support_corners
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
+from excite.robot.shapes.support_area import has_area
 from excite.safety.repairs.balancer import Balancer
 from excite.safety.repairs.draft import Draft, Rejection, Repair
 from excite.safety.repairs.path import MotionPath, coordinates_of
