@@ -170,7 +170,8 @@ class Diagnosis:
         if self.verdict == "ambiguous":
             either = " or ".join(sized(item) for item in self.ambiguous_with)
             return f"{self.robot}: the gap is {either}; this record cannot say which; adding one {closes}."
-        named = " and ".join(sized(item) for item in self.effects) or in_words(self.effect, self.location)
+        each = [sized(item) for item in self.effects] or [in_words(self.effect, self.location)]
+        named = " and ".join([", ".join(each[:-1]), each[-1]] if len(each) > 1 else each)
         them = "it" if len(self.effects) < 2 else "both" if len(self.effects) == 2 else "them"
         return f"{self.robot}: the gap is {named}; adding {them} {closes}."
 
