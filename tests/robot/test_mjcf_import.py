@@ -134,9 +134,10 @@ FAULTS = {
         '<joint name="yaw" axis="0 0 1" pos="0.01 0.02 0" range="-90 120"/>',
         "yaw.*is a ball joint",
     ),
-    "loop": ("</mujoco>", "equality.*welds two bodies"),
+    "loop": ("</mujoco>", "has no joint that moves"),
+    "welded base": ("</mujoco>", "equality.*welds two bodies between which no joint moves"),
     "tendon": ("</mujoco>", "tendon 'rope'.*path in space"),
-    "two robots": ("</worldbody>", "2 bodies that move on their own: 'base', 'ball'"),
+    "two robots": ("</worldbody>", "2 bodies that move on their own: 'base', 'other'"),
     "mesh": (
         'vertex="0 0 0  .1 0 0  0 .2 0  0 0 .3  .1 .2 0"',
         "'gone.stl' is not there, and the inertia of",
@@ -146,9 +147,11 @@ FAULTS = {
 FAULTY = {
     "ball joint": '<joint name="yaw" type="ball"/>',
     "loop": '<equality><weld body1="slider" body2="base"/></equality></mujoco>',
+    "welded base": '<equality><weld body1="base"/></equality></mujoco>',
     "tendon": '<worldbody><site name="a"/><site name="b" pos="1 0 0"/></worldbody>'
     '<tendon><spatial name="rope"><site site="a"/><site site="b"/></spatial></tendon></mujoco>',
-    "two robots": '<body name="ball"><freejoint/><geom size=".1"/></body></worldbody>',
+    "two robots": '<body name="other"><freejoint/><geom size=".1"/><body><joint/><geom size=".1"/></body></body>'
+    "</worldbody>",
     "mesh": 'file="gone.stl"',
     "nonsense": "<worldbody><bodies/>",
 }

@@ -71,7 +71,10 @@ def scaffold_description(
 def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
     """What to say of a model none of whose joints is left to move."""
     if held and all(one.why == MASSLESS for one in held.values()):
-        what, remedy = "states no masses", "add <inertial> to its links: the maker's figures, or a CAD program's"
+        what, remedy = (
+            "states no masses",
+            "add <inertial> to its links: the maker's figures, or a CAD program's",
+        )
         return RobotError(what, source=path, remedy=remedy)
     named = ", ".join(list(held)[:3])
     remedy = f"state limits that let {named} move" if held else "describe at least one"

@@ -14,7 +14,9 @@ from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
 from excite.motion.generators.candidate import Candidate
 from excite.robot.robot import Foot, Robot
+from excite.safety.repairs.steering import steered
 
+_TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 _TOLERANCE = 1e-9
 _ITERATIONS = 12
 
@@ -77,15 +79,17 @@ class Balancer:
         for foot in robot.feet:
             self._feet[foot.name] = _foot_task(solver, self._wrapper, robot, foot)
         self._com_rest = np.array(self._wrapper.com_world())
+        can = steered(robot)
         self._com = solver.add_com_task(self._com_rest)
-        self._com.mask.set_axises("xy")
+        self._com.mask.set_axises("".join(axis for axis in "xy" if axis in can))
         self._com.configure("com", "hard", 1.0)
         pelvis = robot.segments[pelvis_joint(robot) - 1].link
         self._pelvis_rest = np.array(self._wrapper.get_T_world_frame(pelvis))
         self._turn = solver.add_orientation_task(pelvis, self._pelvis_rest[:3, :3])
+        self._turn.mask.set_axises("".join(axis for axis, turn in _TURNS.items() if turn in can))
         self._turn.configure("pelvis_orientation", "hard", 1.0)
         self._height = solver.add_position_task(pelvis, self._pelvis_rest[:3, 3])
-        self._height.mask.set_axises("z")
+        self._height.mask.set_axises("z" if "height" in can else "")
         self._height.configure("pelvis_height", "hard", 1.0)
         self._solver = solver
         # Targets as every later solve leaves them: placo rounds a pose that it is handed.
