@@ -88,7 +88,8 @@ def test_joints_that_share_a_body_keep_the_dynamics(tmp_path: Path) -> None:
 
 
 def test_a_free_base_keeps_the_dynamics(tmp_path: Path) -> None:
-    path = saved(ODD.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"'), tmp_path)
+    text = ODD.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"')
+    path = saved(text.replace('euler="0 20 0"', 'euler="0 0 20"'), tmp_path)
     conversion = convert_mjcf(path)
     assert conversion.floating
     inverse_dynamics_agree(path, conversion.urdf, pin.JointModelFreeFlyer())
@@ -127,6 +128,30 @@ def test_a_coupled_joint_becomes_a_mimic_joint(tmp_path: Path) -> None:
     equality = '<equality><joint joint1="reach" joint2="yaw" polycoef="0.1 -2 0 0 0"/></equality></mujoco>'
     conversion = convert_mjcf(saved(ODD.replace("</mujoco>", equality), tmp_path))
     assert '<mimic joint="yaw" multiplier="-2.0" offset="0.1"' in conversion.urdf
+
+
+def test_objects_about_a_robot_are_no_part_of_it(tmp_path: Path) -> None:
+    ball = '<body name="ball"><freejoint/><geom size=".1"/></body></worldbody>'
+    conversion = convert_mjcf(saved(ODD.replace("</worldbody>", ball), tmp_path))
+    assert conversion.urdf == convert_mjcf(saved(ODD, tmp_path, "alone.xml")).urdf
+    assert not conversion.floating and "'ball'" in " ".join(conversion.notes)
+
+
+def test_joints_of_a_closed_loop_are_held_still(tmp_path: Path) -> None:
+    tip = '<body name="bar" pos="0 .2 0"><joint name="crank" axis="1 0 0"/><geom size=".03"/></body>'
+    text = ODD.replace('<body pos="0 0.1 0">', f'{tip}<body pos="0 0.1 0">')
+    loop = '<equality><connect body1="bar" body2="slider" anchor="0 0 .1"/></equality></mujoco>'
+    written = write_scaffold(saved(text.replace("</mujoco>", loop), tmp_path), tmp_path / "out")
+    assert any("closed loop are held still (crank)" in note for note in written.notes)
+    assert set(load_robot(written.description).joint_names) == {"yaw", "pitch", "reach"}
+
+
+def test_a_base_that_lies_in_its_own_axes_stands_upright_in_the_urdf(tmp_path: Path) -> None:
+    text = ODD.replace('euler="0 20 0">', 'euler="90 0 0"><freejoint/>')
+    conversion = convert_mjcf(saved(text, tmp_path))
+    model = pin.buildModelFromXML(conversion.urdf, pin.JointModelFreeFlyer())
+    base = model.frames[model.getFrameId("base", pin.BODY)].placement.rotation
+    np.testing.assert_allclose(base, pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), atol=1e-9)
 
 
 FAULTS = {
