@@ -168,6 +168,7 @@ FAULTS = {
         "'gone.stl' is not there, and the inertia of",
     ),
     "nonsense": ("<worldbody>", "MuJoCo cannot compile it"),
+    "radians": (' range="-90 120"', r"no hinge turns further than 2.0 degrees: .* angle=\"radian\""),
 }
 FAULTY = {
     "ball joint": '<joint name="yaw" type="ball"/>',
@@ -179,6 +180,7 @@ FAULTY = {
     "</worldbody>",
     "mesh": 'file="gone.stl"',
     "nonsense": "<worldbody><bodies/>",
+    "radians": ' range="-1.6 2"',
 }
 
 
@@ -190,6 +192,8 @@ def test_what_a_urdf_cannot_say_is_refused_by_name(fault: str, tmp_path: Path) -
         text = text.replace('<motor joint="yaw" gear="20" ctrlrange="-2 2" ctrllimited="true"/>', "")
         text = "\n".join(line for line in text.splitlines() if 'name="pitch"' not in line)
         text = "\n".join(line for line in text.splitlines() if 'joint="pitch"' not in line)
+    if fault == "radians":
+        text = text.replace('ref="10" range="-40 60"', 'range="-0.7 1"')
     if fault == "two robots":
         text = text.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"')
     path = saved(text, tmp_path)

@@ -12,6 +12,7 @@ from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.registry import make_generator
 from excite.robot.holding import holding_torques
 from excite.robot.loading import build_robot
+from excite.robot.per_joint import Torques
 from excite.robot.robot import Robot
 from excite.safety.filter import filter_candidate
 
@@ -19,9 +20,7 @@ from excite.safety.filter import filter_candidate
 @pytest.fixture(scope="module")
 def weak_arm(arm: Robot) -> Robot:
     """The UR10 with a shoulder that cannot carry it stretched out, but carries it at rest."""
-    torque = arm.description.limits.torque
-    assert torque is not None
-    weak = torque.model_copy(update={"joints": {**torque.joints, "shoulder_lift_joint": 75.0}})
+    weak = Torques(joints={"shoulder_lift_joint": 75.0}, source="weaker for a test")
     limits = arm.description.limits.model_copy(update={"torque": weak})
     return build_robot(arm.description.model_copy(update={"limits": limits}), Path(arm.source))
 

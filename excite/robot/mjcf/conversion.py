@@ -113,6 +113,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         line = " ".join(str(error).split())
         raise RobotError(f"MuJoCo cannot compile it ({line})", source=path, remedy="mend it there") from error
     _refuse(model, path)
+    _check_angles(model, path)
     root, objects = robot_root(model, path)
     bodies = tuple(
         body
@@ -192,6 +193,21 @@ def _refuse(model: mujoco.MjModel, path: Path) -> None:
             )
     if model.nflex:
         raise RobotError("is deformable", source=path, field="flex", remedy="remove it")
+
+
+def _check_angles(model: mujoco.MjModel, path: Path) -> None:
+    """Refuse ranges in radians that MuJoCo took for degrees: then no hinge turns by more than a turn's 57th part."""
+    import mujoco
+
+    hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited != 0)
+    widest = float(np.abs(model.jnt_range[hinges]).max(initial=0.0))
+    if hinges.sum() > 1 and 0.0 < widest <= np.radians(2.0 * np.pi):
+        raise RobotError(
+            f"no hinge turns further than {np.degrees(widest):.1f} degrees: ranges look like radians",
+            source=path,
+            field="compiler",
+            remedy='write <compiler angle="radian"/>',
+        )
 
 
 def _hold(model: mujoco.MjModel, joints: set[int], which: str, notes: list[str]) -> None:
