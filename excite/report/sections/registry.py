@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from excite.report.sections.assumed import Assumed
 from excite.report.sections.certainty import Certainty
 from excite.report.sections.diagnosis import Verdict
 from excite.report.sections.diagnosis_curves import Curves
@@ -32,6 +33,7 @@ SECTIONS: tuple[Section, ...] = (
     Record(),
     Motions(),
     Safety(),
+    Assumed(),
     Excitation(),
     Certainty(),
     Forces(),
