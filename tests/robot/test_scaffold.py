@@ -147,6 +147,12 @@ def hand_on_an_arm() -> str:
     return f'<robot name="handy">{"".join(parts)}</robot>'
 
 
+def test_a_joint_that_follows_one_that_is_not_there_is_held(tmp_path: Path) -> None:
+    robot = written(cart().replace('mimic joint="grip_a"', 'mimic joint="gone"'), tmp_path)
+    assert robot.joint_names == ("pan", "lift")
+    assert "it follows gone" in " ".join(str(one) for one in robot.description.assumed)
+
+
 def test_a_hand_begins_where_its_fingers_part(tmp_path: Path) -> None:
     assert written(hand_on_an_arm(), tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
 

@@ -38,13 +38,16 @@ def held_joints(
     hard: dict[str, Held] = {}
     soft: dict[str, Held] = {}
     for guess in guesses:
-        if guess.follows is not None and guess.name not in masters:
+        if guess.follows is not None and guess.follows not in joints:
+            hard[guess.name] = Held(
+                _nearest(guess), f"it follows {guess.follows}, which the model does not have"
+            )
+            continue
+        if guess.follows is not None:
             continue
         child = joints[guess.name].find("child")
         called = f"{guess.name} {'' if child is None else child.get('link', '')}"
         slides = joints[guess.name].get("type") == "prismatic"
-        if guess.follows is not None:
-            continue
         if guess.name in masters:
             hard[guess.name] = Held(_nearest(guess), "other joints are coupled to it")
         elif masses[guess.name] <= 0.0:
