@@ -20,11 +20,18 @@ NAME = "export"
 def command(
     motions: MotionArgument,
     format_name: Annotated[
-        str, typer.Option("--format", help=f"One of {', '.join(EXPORTERS)} (ros2: JointTrajectory in MCAP).")
+        str,
+        typer.Option(
+            "--format", help=f"One of {', '.join(EXPORTERS)} (docs/formats.md says what reads each)."
+        ),
     ],
     rate_hz: Annotated[
         float | None,
-        typer.Option("--rate", min=1e-3, help="Samples per second; the motion's own where left out."),
+        typer.Option(
+            "--rate",
+            min=1e-3,
+            help="Samples per second; the controller's, or the motion's own, where left out.",
+        ),
     ] = None,
     robot: Annotated[
         str | None,
@@ -38,6 +45,12 @@ def command(
             help="Write motions that fail the check all the same; reason and violations stand in what is written.",
         ),
     ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="A setting of the format, such as a gain; repeatable."
+        ),
+    ] = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -45,6 +58,7 @@ def command(
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
     from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
+    from excite.export.setting import parse_settings  # lazy: pinocchio
 
     try:
         written = export_with_verdicts(
@@ -54,6 +68,7 @@ def command(
             rate_hz=rate_hz,
             robot=robot,
             unsafe_anyway=unsafe_anyway,
+            settings=parse_settings(settings or ()),
         )
     except excite.UnsafeMotionError as error:
         # One line each; the last one, which says what to do, is the error's own.
