@@ -15,5 +15,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         "csv": "excite.export.csv:CsvExporter",
         "npz": "excite.export.npz:NpzExporter",
         "ros2": "excite.export.ros2:Ros2Exporter",
+        "ros2-yaml": "excite.export.ros2_yaml:Ros2YamlExporter",
     },
 )

@@ -12,15 +12,11 @@ from excite.atomic import atomic_folder
 from excite.export.exporter import Exporter
 from excite.motion.motion import Motion
 from excite.motion.readers.ros2 import BASE_TRAJECTORY, CONTACTS, JOINT_TRAJECTORY, ROBOT, ROBOT_HASH
+from excite.motion.timing import nanoseconds
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 BASE_TOPIC = "/excite/base"
 _BAG_VERSION: Literal[9] = 9  # readable from Humble on
-
-
-def nanoseconds(time: np.ndarray) -> np.ndarray:
-    """Times since the first sample as whole nanoseconds, ``(n,)`` integers, from ``(n,)`` seconds."""
-    return np.asarray(np.round((np.asarray(time) - time[0]) * 1e9).astype(np.int64))
 
 
 class Ros2Exporter(Exporter):

@@ -36,12 +36,13 @@ class Setting:
         """The value, a number or its text; raises InputError that names the setting."""
         if isinstance(self.default, str):
             return self._word(value, source)
+        number = value
         if isinstance(value, str):
             try:
-                value = float(value)
+                number = float(value)
             except ValueError:
-                value = value[:40]
-        return check_number(value, self.name, self.low, self.high, self.unit, source=source)
+                number = value[:40]
+        return check_number(number, self.name, self.low, self.high, self.unit, source=source)
 
     def _word(self, value: object, source: str) -> str:
         text = str(value).strip()

@@ -10,6 +10,7 @@ from excite.motion.readers.npz import NpzReader
 from excite.motion.readers.parquet import ParquetReader
 from excite.motion.readers.reader import MotionReader, RawMotion
 from excite.motion.readers.ros2 import Ros2Reader
+from excite.motion.readers.ros2_yaml import Ros2YamlReader
 from excite.motion.readers.table import TableReader
 
 READERS: dict[str, type[MotionReader]] = {
@@ -19,6 +20,7 @@ READERS: dict[str, type[MotionReader]] = {
         NpzReader,
         TableReader,
         Ros2Reader,
+        Ros2YamlReader,
     )
 }
 
