@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shlex import quote
 
 from excite.atomic import atomic_path
 from excite.errors import InputError
@@ -43,13 +44,13 @@ class Ros2YamlExporter(Exporter):
         """See :class:`Exporter`; numbers are written with all their digits."""
         text = _goal(motion)
         lines = comments(motion)
-        if len(lines) + len(text) > _LONGEST_ARGUMENT:
-            goal = f"--stdin < {path.name}   # as an argument it is too long; --stdin is there from Jazzy on"
-        else:
-            goal = f'"$(cat {path.name})"'
-        command = f"# ros2 action send_goal {action(self.word('controller'))} {ACTION} {goal}\n"
+        file = quote(path.name)
+        goal = f'"$(cat {file})"'
+        command = f"# ros2 action send_goal {action(self.word('controller'))} {ACTION} "
+        if len((command + goal + lines + text).encode()) > _LONGEST_ARGUMENT:
+            goal = f"--stdin < {file}   # as an argument it is too long; --stdin is there from Jazzy on"
         with atomic_path(path) as temporary:
-            temporary.write_text(command + lines + text, encoding="utf-8")
+            temporary.write_text(f"{command}{goal}\n{lines}{text}", encoding="utf-8")
 
 
 def action(controller: str) -> str:

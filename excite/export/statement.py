@@ -12,9 +12,14 @@ from excite.safety.verdict import Violation
 
 
 def statement(motion: Motion) -> dict[str, Any]:
-    """``robot``, ``robot_hash`` and ``verdict`` of a motion that was cleared, for formats with metadata."""
+    """``robot``, ``robot_hash``, ``joints`` in their order and ``verdict`` of a motion that was cleared."""
     metadata = motion.metadata
-    return {"robot": motion.robot, "robot_hash": metadata.robot_hash, "verdict": metadata.verdict}
+    return {
+        "robot": motion.robot,
+        "robot_hash": metadata.robot_hash,
+        "joints": list(motion.joint_names),
+        "verdict": metadata.verdict,
+    }
 
 
 def warnings(motion: Motion) -> list[str]:

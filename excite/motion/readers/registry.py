@@ -12,6 +12,7 @@ from excite.motion.readers.reader import MotionReader, RawMotion
 from excite.motion.readers.ros2 import Ros2Reader
 from excite.motion.readers.ros2_yaml import Ros2YamlReader
 from excite.motion.readers.table import TableReader
+from excite.motion.readers.ur_script import UrScriptReader
 
 READERS: dict[str, type[MotionReader]] = {
     reader.name: reader
@@ -21,6 +22,7 @@ READERS: dict[str, type[MotionReader]] = {
         TableReader,
         Ros2Reader,
         Ros2YamlReader,
+        UrScriptReader,
     )
 }
 

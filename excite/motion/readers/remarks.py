@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ _LONGEST_LINE = 1 << 20
 
 
 def stated_in_comments(path: Path, mark: str = "#") -> dict[str, Any]:
-    """``robot`` and ``robot_hash`` of the first comment that is a JSON object; empty where no comment is one.
+    """``robot``, ``robot_hash`` and ``joints`` of the first comment that is a JSON object; empty without one.
 
     Args:
         path: a text file, of which only the comments at its top are read.
@@ -28,7 +29,15 @@ def stated_in_comments(path: Path, mark: str = "#") -> dict[str, Any]:
                 text = line[len(mark) :].decode().strip()
                 if text.startswith("{"):
                     said = parse_json(text)
-                    return {name: said[name] for name in ("robot", "robot_hash") if name in said}
+                    return {name: said[name] for name in ("robot", "robot_hash", "joints") if name in said}
     except DAMAGED as error:
         raise unreadable(path, error) from error
     return {}
+
+
+def named_joints(said: dict[str, Any], joints: Sequence[str]) -> tuple[str, ...]:
+    """The joints that a file names, taken out of ``said``; those of the robot where it names none."""
+    names = said.pop("joints", None)
+    if isinstance(names, list) and all(isinstance(name, str) for name in names):
+        return tuple(names)
+    return tuple(joints)
