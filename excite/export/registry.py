@@ -17,5 +17,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         "ros2": "excite.export.ros2:Ros2Exporter",
         "ros2-yaml": "excite.export.ros2_yaml:Ros2YamlExporter",
         "ur-script": "excite.export.ur_script:UrScriptExporter",
+        "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
     },
 )

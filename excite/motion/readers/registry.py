@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from excite.errors import MotionError
+from excite.motion.readers.keyframes import KeyframesReader
 from excite.motion.readers.npz import NpzReader
 from excite.motion.readers.parquet import ParquetReader
 from excite.motion.readers.reader import MotionReader, RawMotion
@@ -23,6 +24,7 @@ READERS: dict[str, type[MotionReader]] = {
         Ros2Reader,
         Ros2YamlReader,
         UrScriptReader,
+        KeyframesReader,
     )
 }
 
