@@ -45,6 +45,13 @@ def command(
             help="Write motions that fail the check all the same; reason and violations stand in what is written.",
         ),
     ] = None,
+    approach: Annotated[
+        bool,
+        typer.Option(
+            "--approach",
+            help="Lead from the robot's rest posture to the start and back, checked with the motion.",
+        ),
+    ] = False,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -68,6 +75,7 @@ def command(
             rate_hz=rate_hz,
             robot=robot,
             unsafe_anyway=unsafe_anyway,
+            approach=approach,
             settings=parse_settings(settings or ()),
         )
     except excite.UnsafeMotionError as error:

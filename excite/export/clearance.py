@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.errors import InputError, MotionError, UnsafeMotionError
+from excite.export.approach import with_approach
 from excite.export.exporter import Exporter
 from excite.export.grid import on_grid
 from excite.motion.content import with_verdict
@@ -52,6 +53,8 @@ def clear_motions(
     motions: Sequence[Motion],
     rate_hz: float | None = None,
     unsafe_anyway: str | None = None,
+    *,
+    approach: bool = False,
 ) -> list[Cleared]:
     """Judge motions anew, as they will be written, before any of them is.
 
@@ -60,6 +63,7 @@ def clear_motions(
         motions: what shall leave.
         rate_hz: rate of the files; None for the controller's, or each motion's own samples.
         unsafe_anyway: why motions that fail are written all the same; None where they are not.
+        approach: whether the way from the robot's rest posture and back is part of each.
 
     Raises:
         UnsafeMotionError: the check does not find one safe, as it is or at ``rate_hz``, and there is no reason to write
@@ -70,6 +74,12 @@ def clear_motions(
     """
     if unsafe_anyway is not None and not unsafe_anyway.strip():
         raise InputError("is blank", field="unsafe_anyway", remedy="say why, for whoever finds the files")
+    for exporter, motion in zip(exporters, motions, strict=True):
+        exporter.refuse(motion)
+    if approach:
+        motions = [
+            with_approach(exporter.robot, motion) for exporter, motion in zip(exporters, motions, strict=True)
+        ]
     named = {motion.name: motion for motion in motions}
     cleared = [
         _cleared(exporter, motion, named, rate_hz, unsafe_anyway)
@@ -107,7 +117,6 @@ def _cleared(
             source=motion.name,
             remedy="export it with its robot",
         )
-    exporter.refuse(motion)
     rate_hz = exporter.rate(motion, asked_hz)
     verdict = check_motion(robot, motion, neighbours=named)
     if _unwritable(verdict):

@@ -54,6 +54,7 @@ def export_motion(
     rate_hz: float | None = None,
     *,
     unsafe_anyway: str | None = None,
+    approach: bool = False,
     settings: Mapping[str, object] | None = None,
 ) -> Path:
     """Write a motion in a controller's format, if the independent check finds it safe.
@@ -67,6 +68,8 @@ def export_motion(
             where it runs at one only.
         unsafe_anyway: why a motion that fails the check is written all the same. The reason and what is violated then
             stand in the file, where its format can hold them, and in ``NAME.unsafe.json`` beside it.
+        approach: whether the way from the robot's rest posture to the start, and back from the end, is part of the
+            file; it is checked with the motion.
         settings: what can be said of the format beside the motion, by name (``Exporter.settings``).
 
     Returns:
@@ -80,7 +83,7 @@ def export_motion(
             the controller's; the controller runs no such robot; no such setting.
     """
     exporter = EXPORTERS.find(format)(robot, settings)
-    (cleared,) = clear_motions([exporter], [motion], rate_hz, unsafe_anyway)
+    (cleared,) = clear_motions([exporter], [motion], rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
         return _write(exporter, cleared, Path(path))
 
@@ -93,6 +96,7 @@ def export_motions(
     rate_hz: float | None = None,
     robot: str | None = None,
     unsafe_anyway: str | None = None,
+    approach: bool = False,
     settings: Mapping[str, object] | None = None,
 ) -> list[Path]:
     """The paths that :func:`export_with_verdicts` writes; arguments and errors as there."""
@@ -103,6 +107,7 @@ def export_motions(
         rate_hz=rate_hz,
         robot=robot,
         unsafe_anyway=unsafe_anyway,
+        approach=approach,
         settings=settings,
     )
     return [item.path for item in written]
@@ -116,6 +121,7 @@ def export_with_verdicts(
     rate_hz: float | None = None,
     robot: str | None = None,
     unsafe_anyway: str | None = None,
+    approach: bool = False,
     settings: Mapping[str, object] | None = None,
 ) -> list[Exported]:
     """Write motion files in a controller's format, each under its own name; all of them, or none.
@@ -127,6 +133,7 @@ def export_with_verdicts(
         rate_hz: as for :func:`export_motion`.
         robot: name or file of the robot; the one that each file names where left out.
         unsafe_anyway: as for :func:`export_motion`.
+        approach: as for :func:`export_motion`.
         settings: as for :func:`export_motion`.
 
     Returns:
@@ -149,7 +156,7 @@ def export_with_verdicts(
     robots = _robots(files, robot)
     motions = [_read(file, its) for file, its in zip(files, robots, strict=True)]
     exporters = [kind(its, settings) for its in robots]
-    cleared = clear_motions(exporters, motions, rate_hz, unsafe_anyway)
+    cleared = clear_motions(exporters, motions, rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
         return [
             Exported(_write(exporter, item, Path(out) / file.stem), item)

@@ -16,6 +16,7 @@ EXPORTERS: Registry[Exporter] = Registry(
         "npz": "excite.export.npz:NpzExporter",
         "ros2": "excite.export.ros2:Ros2Exporter",
         "ros2-yaml": "excite.export.ros2_yaml:Ros2YamlExporter",
+        "mcap": "excite.export.mcap:McapExporter",
         "ur-script": "excite.export.ur_script:UrScriptExporter",
         "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
     },
