@@ -74,6 +74,16 @@ def test_the_way_goes_round_the_robots_own_bodies(arm: Robot, tmp_path: Path) ->
     assert again.read_bytes() == path.read_bytes()
 
 
+@pytest.mark.parametrize("size", [0.3, 0.02, 1e-3, 1e-6])
+def test_ways_of_any_length_keep_their_share_of_the_limits(size: float, arm: Robot) -> None:
+    way = size * np.array([1.0, -0.3, 0.2, 0.0, 0.5, 1.0])
+    part = transfer(arm, arm.rest, arm.rest + way, 125.0)
+    assert (np.abs(part.v) <= 0.501 * arm.limits.velocity).all()
+    assert (np.abs(part.a) <= 0.501 * arm.limits.acceleration).all()
+    np.testing.assert_allclose(part.q[-1], arm.rest + way, atol=1e-12)
+    assert not part.v[-1].any()
+
+
 def test_an_unsafe_way_does_not_leave(arm: Robot, away: Motion, tmp_path: Path) -> None:
     # Its end is beyond the range: no way there is safe, nor is the motion.
     out = away.q[-1].copy()
