@@ -19,5 +19,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         "mcap": "excite.export.mcap:McapExporter",
         "ur-script": "excite.export.ur_script:UrScriptExporter",
         "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
+        "lerobot": "excite.export.lerobot:LeRobotExporter",
     },
 )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from excite.errors import MotionError
 from excite.motion.readers.keyframes import KeyframesReader
+from excite.motion.readers.lerobot import LeRobotReader
 from excite.motion.readers.npz import NpzReader
 from excite.motion.readers.parquet import ParquetReader
 from excite.motion.readers.reader import MotionReader, RawMotion
@@ -25,6 +26,7 @@ READERS: dict[str, type[MotionReader]] = {
         Ros2YamlReader,
         UrScriptReader,
         KeyframesReader,
+        LeRobotReader,
     )
 }
 
