@@ -80,7 +80,7 @@ def _whole(robot: Robot, motion: Motion) -> bool:
     return (
         shapes
         and motion.joint_names == robot.joint_names
-        and bool(np.isfinite(motion.q).all() and np.isfinite(motion.time).all())
+        and bool(np.isfinite(motion.q).all() and (np.diff(motion.time) > 0.0).all())
     )
 
 

@@ -117,10 +117,10 @@ def _cleared(
             source=motion.name,
             remedy="export it with its robot",
         )
-    rate_hz = exporter.rate(motion, asked_hz)
     verdict = check_motion(robot, motion, neighbours=named)
     if _unwritable(verdict):
         return Cleared(motion, verdict, reason)
+    rate_hz = exporter.rate(motion, asked_hz)
     written = motion
     if rate_hz is not None:
         _check_rate(motion, rate_hz)

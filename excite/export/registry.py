@@ -20,5 +20,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         "ur-script": "excite.export.ur_script:UrScriptExporter",
         "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
         "lerobot": "excite.export.lerobot:LeRobotExporter",
+        "franka": "excite.export.franka:FrankaExporter",
     },
 )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from excite.errors import MotionError
 from excite.motion.readers.reader import MotionReader, RawMotion, unreadable
+from excite.motion.readers.remarks import of_robot
 from excite.reading.file import first_bytes
 from excite.reading.json_document import parse_json
 from excite.reading.xml_document import read_xml
@@ -54,7 +55,7 @@ class KeyframesReader(MotionReader):
                 columns[f"q.{joint}"] = columns[f"q.{joint}"] - float(zero)
         except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
             raise unreadable(path, error) from error
-        return RawMotion(columns, {name: said[name] for name in ("robot", "robot_hash") if name in said})
+        return RawMotion(columns, of_robot(said))
 
 
 def _numbers(keys: Sequence[Element], field: str) -> NDArray[Any]:

@@ -19,6 +19,7 @@ from excite.motion.readers.reader import (
     RawMotion,
     unreadable,
 )
+from excite.motion.readers.remarks import of_robot
 from excite.reading.file import check_file
 from excite.reading.json_document import read_json
 
@@ -59,7 +60,7 @@ class LeRobotReader(MotionReader):
         said: Mapping[str, Any] = {}
         if (path / STATEMENT).is_file():
             said = read_json(path / STATEMENT, error=MotionError)
-        return RawMotion(columns, {name: said[name] for name in ("robot", "robot_hash") if name in said})
+        return RawMotion(columns, of_robot(said))
 
 
 def _columns(table: pa.Table, info: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:

@@ -13,6 +13,7 @@ from excite.motion.readers.parquet import ParquetReader
 from excite.motion.readers.reader import MotionReader, RawMotion
 from excite.motion.readers.ros2 import Ros2Reader
 from excite.motion.readers.ros2_yaml import Ros2YamlReader
+from excite.motion.readers.rows import RowsReader
 from excite.motion.readers.table import TableReader
 from excite.motion.readers.ur_script import UrScriptReader
 
@@ -21,6 +22,7 @@ READERS: dict[str, type[MotionReader]] = {
     for reader in (
         ParquetReader,
         NpzReader,
+        RowsReader,
         TableReader,
         Ros2Reader,
         Ros2YamlReader,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ _LONGEST_LINE = 1 << 20
 
 
 def stated_in_comments(path: Path, mark: str = "#") -> dict[str, Any]:
-    """``robot``, ``robot_hash`` and ``joints`` of the first comment that is a JSON object; empty without one.
+    """The first comment that is a JSON object; empty where none is.
 
     Args:
         path: a text file, of which only the comments at its top are read.
@@ -28,16 +28,20 @@ def stated_in_comments(path: Path, mark: str = "#") -> dict[str, Any]:
             while (line := stream.readline(_LONGEST_LINE)).startswith(mark.encode()):
                 text = line[len(mark) :].decode().strip()
                 if text.startswith("{"):
-                    said = parse_json(text)
-                    return {name: said[name] for name in ("robot", "robot_hash", "joints") if name in said}
+                    return dict(parse_json(text))
     except DAMAGED as error:
         raise unreadable(path, error) from error
     return {}
 
 
-def named_joints(said: dict[str, Any], joints: Sequence[str]) -> tuple[str, ...]:
-    """The joints that a file names, taken out of ``said``; those of the robot where it names none."""
-    names = said.pop("joints", None)
+def of_robot(said: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file says of its robot, under the names of ``excite.motion/1``."""
+    return {name: said[name] for name in ("robot", "robot_hash") if name in said}
+
+
+def named_joints(said: Mapping[str, Any], joints: Sequence[str]) -> tuple[str, ...]:
+    """The joints that a file names; those of the robot where it names none."""
+    names = said.get("joints")
     if isinstance(names, list) and all(isinstance(name, str) for name in names):
         return tuple(names)
     return tuple(joints)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from excite.errors import MotionError
 from excite.motion.readers.reader import MotionReader, RawMotion
-from excite.motion.readers.remarks import named_joints, stated_in_comments
+from excite.motion.readers.remarks import of_robot, stated_in_comments
 from excite.reading.child import in_child
 from excite.reading.file import first_bytes
 from excite.reading.yaml_document import read_yaml
@@ -46,9 +46,7 @@ class Ros2YamlReader(MotionReader):
             seconds=120.0,
             memory_gb=16.0,
         )
-        said = stated_in_comments(path)
-        named_joints(said, joints)
-        return RawMotion(columns, said)
+        return RawMotion(columns, of_robot(stated_in_comments(path)))
 
 
 def read_goal(path: Path) -> dict[str, NDArray[Any]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.errors import MotionError
 from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion
-from excite.motion.readers.remarks import named_joints, stated_in_comments
+from excite.motion.readers.remarks import named_joints, of_robot, stated_in_comments
 from excite.reading.file import read_text
 
 # servoj of a posture, and its time; those that stand in a loop are not samples of a motion.
@@ -45,4 +45,6 @@ class UrScriptReader(MotionReader):
                 f"holds no servoj of {len(names)} joints a line", source=path, remedy="export it again"
             )
         time = np.concatenate([[0.0], np.cumsum(steps[:-1])])
-        return RawMotion({"time": time, **{f"q.{joint}": q[:, i] for i, joint in enumerate(names)}}, said)
+        return RawMotion(
+            {"time": time, **{f"q.{joint}": q[:, i] for i, joint in enumerate(names)}}, of_robot(said)
+        )
