@@ -21,5 +21,6 @@ EXPORTERS: Registry[Exporter] = Registry(
         "mujoco-keyframes": "excite.export.keyframes:KeyframesExporter",
         "lerobot": "excite.export.lerobot:LeRobotExporter",
         "franka": "excite.export.franka:FrankaExporter",
+        "unitree": "excite.export.unitree:UnitreeExporter",
     },
 )

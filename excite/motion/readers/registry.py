@@ -15,6 +15,7 @@ from excite.motion.readers.ros2 import Ros2Reader
 from excite.motion.readers.ros2_yaml import Ros2YamlReader
 from excite.motion.readers.rows import RowsReader
 from excite.motion.readers.table import TableReader
+from excite.motion.readers.unitree import UnitreeReader
 from excite.motion.readers.ur_script import UrScriptReader
 
 READERS: dict[str, type[MotionReader]] = {
@@ -27,6 +28,7 @@ READERS: dict[str, type[MotionReader]] = {
         Ros2Reader,
         Ros2YamlReader,
         UrScriptReader,
+        UnitreeReader,
         KeyframesReader,
         LeRobotReader,
     )
