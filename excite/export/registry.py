@@ -22,5 +22,7 @@ EXPORTERS: Registry[Exporter] = Registry(
         "lerobot": "excite.export.lerobot:LeRobotExporter",
         "franka": "excite.export.franka:FrankaExporter",
         "unitree": "excite.export.unitree:UnitreeExporter",
+        "openhrp": "excite.export.openhrp:OpenHrpExporter",
+        "opensim": "excite.export.opensim:OpenSimExporter",
     },
 )

@@ -9,6 +9,7 @@ from excite.errors import MotionError
 from excite.motion.readers.keyframes import KeyframesReader
 from excite.motion.readers.lerobot import LeRobotReader
 from excite.motion.readers.npz import NpzReader
+from excite.motion.readers.openhrp import OpenHrpReader
 from excite.motion.readers.parquet import ParquetReader
 from excite.motion.readers.reader import MotionReader, RawMotion
 from excite.motion.readers.ros2 import Ros2Reader
@@ -29,6 +30,7 @@ READERS: dict[str, type[MotionReader]] = {
         Ros2YamlReader,
         UrScriptReader,
         UnitreeReader,
+        OpenHrpReader,
         KeyframesReader,
         LeRobotReader,
     )
