@@ -65,7 +65,6 @@ def command(
 ) -> None:
     """Write motions in the format of a controller, if the independent check finds all of them safe."""
     from excite.export.export import SCHEMA, export_with_verdicts  # lazy: pinocchio
-    from excite.export.setting import parse_settings  # lazy: pinocchio
 
     try:
         written = export_with_verdicts(
@@ -76,7 +75,7 @@ def command(
             robot=robot,
             unsafe_anyway=unsafe_anyway,
             approach=approach,
-            settings=parse_settings(settings or ()),
+            settings=_settings(settings or []),
         )
     except excite.UnsafeMotionError as error:
         # One line each; the last one, which says what to do, is the error's own.
@@ -96,3 +95,14 @@ def command(
     if out is not None:
         write_json(document, out / "export.json")
     emit("\n".join(f"wrote {item.path}" for item in written), document, as_json=as_json)
+
+
+def _settings(texts: list[str]) -> dict[str, str]:
+    """Settings from texts ``NAME=VALUE``, each once."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or name.strip() in found:
+            raise typer.BadParameter(f"{text!r} is no NAME=VALUE, or stands twice", param_hint="'--set'")
+        found[name.strip()] = value
+    return found

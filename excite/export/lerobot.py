@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
+from numpy.typing import NDArray
 
-from excite.arrays import Array
 from excite.atomic import atomic_folder
 from excite.errors import InputError
 from excite.export.exporter import Exporter
@@ -102,10 +102,10 @@ class LeRobotExporter(Exporter):
                 _write_tables(folder / "meta", self.word("task"), n, stats)
 
 
-def _columns(motion: Motion, fps: int) -> dict[str, Array]:
+def _columns(motion: Motion, fps: int) -> dict[str, NDArray[Any]]:
     n = motion.n_samples
     q, v = (x.astype(np.float32) for x in (motion.joint_positions(), motion.joint_velocities()))
-    columns: dict[str, Array] = {"action": q, "observation.state": q, "observation.velocity": v}
+    columns: dict[str, NDArray[Any]] = {"action": q, "observation.state": q, "observation.velocity": v}
     columns["timestamp"] = (np.arange(n) / fps).astype(np.float32)
     zero = np.zeros(n, dtype=np.int64)
     return (
@@ -115,7 +115,7 @@ def _columns(motion: Motion, fps: int) -> dict[str, Array]:
     )
 
 
-def _features(motion: Motion, columns: dict[str, Array]) -> dict[str, Any]:
+def _features(motion: Motion, columns: dict[str, NDArray[Any]]) -> dict[str, Any]:
     return {
         name: {
             "dtype": str(values.dtype),
@@ -131,14 +131,14 @@ def _names(motion: Motion, feature: str) -> list[str]:
     return [f"{joint}.{ending}" for joint in motion.joint_names]
 
 
-def _stats(values: Array) -> dict[str, list[float]]:
+def _stats(values: NDArray[Any]) -> dict[str, list[float]]:
     """Statistics by which a policy's inputs are scaled; the deviation is the population's."""
     rows = values.reshape(len(values), -1).astype(float)
     found = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
     return {name: value.tolist() for name, value in found.items()} | {"count": [len(values)]}
 
 
-def _table(columns: dict[str, Array]) -> pa.Table:
+def _table(columns: dict[str, NDArray[Any]]) -> pa.Table:
     arrays = [
         pa.array(values)
         if values.ndim == 1

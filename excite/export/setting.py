@@ -73,18 +73,3 @@ def settled(declared: Iterable[Setting], given: Mapping[str, object], source: st
         name: setting.read(given[name], source) if name in given else setting.default
         for name, setting in known.items()
     }
-
-
-def parse_settings(texts: Iterable[str]) -> dict[str, str]:
-    """Settings from texts ``NAME=VALUE``, each once; raises InputError."""
-    found: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        name = name.strip()
-        if not equals or not name or name in found:
-            what = "stands twice" if name in found else "is no NAME=VALUE"
-            raise InputError(
-                what, source="--set", field=text[:60], remedy="write --set NAME=VALUE, each once"
-            )
-        found[name] = value
-    return found

@@ -28,7 +28,7 @@ def arm() -> Robot:
 
 @pytest.fixture(scope="module")
 def safe(arm: Robot) -> Motion:
-    return load_motion(library_folder("ur10") / "motions" / "random_joint_001.parquet", arm)
+    return load_motion(library_folder("ur10") / "motions" / "random_joint_015.parquet", arm)
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +87,10 @@ def test_what_the_check_refuses_does_not_leave_and_nothing_is_written(
 ) -> None:
     spoilt = SPOILT[kind](safe)
     assert kind in {violation.kind for violation in check_motion(arm, spoilt).violations}
+    # What is refused does not depend on the format: all of them where numbers are wrong, and where there are none.
+    every = kind in {"joint_velocity", "not_finite"}
     for format, exporter in EXPORTERS.items():
-        if not runs(format, arm, safe):
+        if not runs(format, arm, safe) or not (every or format in {"csv", "ros2"}):
             continue
         for rate in (None, exporter.rates_hz[-1] if exporter.rates_hz else 200.0):
             if kind == "rate_too_low" and rate:

@@ -19,6 +19,8 @@ from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+from tests.export.person import drawn_body, person_robot, standing_still
 from tests.export.test_clearance import runs
 from tests.safety.motions import smooth, standing_motion
 
@@ -45,23 +47,27 @@ def _read_bag(path: Path):
 
 
 @pytest.mark.parametrize("format", sorted(EXPORTERS))
-def test_every_format_writes_the_same_bytes_twice_and_replaces(format, motion, g1, tmp_path):
+def test_every_format_writes_the_same_bytes_twice_and_replaces(
+    format, motion, g1, tmp_path, tmp_path_factory
+):
     kind = EXPORTERS[format]
     assert kind.name == format and kind.summary
     robot, moved, rate = g1, motion, kind.rates_hz[0] if kind.rates_hz else 100.0
     if not runs(format, g1, motion):
-        robot = next(robot for robot in map(load_robot, ("ur10", "panda", "human")) if _takes(format, robot))
-        moved = _a_move(robot)
-    first = export_motion(moved, robot, format, tmp_path / "a" / "rise", rate_hz=rate)
-    again = export_motion(moved, robot, format, tmp_path / "b" / "rise", rate_hz=rate)
-    once_more = export_motion(moved, robot, format, tmp_path / "b" / "rise", rate_hz=rate)
+        arms = [(robot, _a_move(robot)) for robot in map(load_robot, ("ur10", "panda"))]
+        someone = person_robot(drawn_body(), tmp_path_factory.mktemp("person"))
+        several = [*arms, (someone, standing_still(someone))]
+        robot, moved = next((its, motion) for its, motion in several if runs(format, its, motion))
+    # The boxes about a person's segments overlap, so that no motion of a person is found safe.
+    reason = None if check_motion(robot, moved).safe else "a test"
+    first, again, once_more = (
+        export_motion(moved, robot, format, tmp_path / folder / "rise", rate_hz=rate, unsafe_anyway=reason)
+        for folder in ("a", "b", "b")
+    )
     assert again == once_more
     assert _bytes(first) == _bytes(again) != {}
-    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [again.name]
-
-
-def _takes(format: str, robot: Robot) -> bool:
-    return runs(format, robot, _a_move(robot))
+    beside = [f"{again.name}.unsafe.json"] if reason else []
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [again.name, *beside]
 
 
 def _a_move(robot: Robot) -> Motion:

@@ -15,14 +15,13 @@ from excite.errors import InputError, MotionError
 from excite.export.export import export_motion
 from excite.human.body import Body
 from excite.human.osim import osim_text
-from excite.human.urdf import URDF_FILE, robot_yaml, urdf_text
 from excite.motion.files import load_motion
 from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_file
-from tests.human.virtual_subject import draw_subject
+from tests.export.person import drawn_body, person_robot
 
 
 @pytest.fixture(scope="module")
@@ -74,15 +73,12 @@ def test_the_joints_may_stand_in_the_players_order_and_are_read_again(tmp_path: 
 
 @pytest.fixture(scope="module")
 def body() -> Body:
-    return draw_subject(np.random.default_rng(3)).body
+    return drawn_body()
 
 
 @pytest.fixture(scope="module")
 def person(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    folder = tmp_path_factory.mktemp("person")
-    (folder / "robot.yaml").write_text(robot_yaml(body, 100.0))
-    (folder / URDF_FILE).write_text(urdf_text(body))
-    return load_robot(str(folder / "robot.yaml"))
+    return person_robot(body, tmp_path_factory.mktemp("person"))
 
 
 def bending(robot: Robot) -> Motion:

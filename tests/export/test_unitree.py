@@ -19,6 +19,7 @@ from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_file
+from tests.export.person import standing_still
 
 
 def lines(path: Path) -> tuple[dict, list[dict]]:
@@ -46,14 +47,6 @@ def test_every_motor_of_a_g1_gets_its_joint_at_500_hz(g1: Robot, squat: Motion, 
     assert said["motors"]["3"] == "left_knee_joint" and knee["mode"] == 1 and knee["tau"] == 0.0
     assert knee["kp"] == (kp.joints or {}).get("left_knee_joint", kp.default)
     assert said["verdict"]["safe"] and said["mode_pr"] == 0
-
-
-def standing_still(robot: Robot) -> Motion:
-    time = np.arange(51) * 0.01
-    zero = np.zeros((51, robot.model.nv))
-    contacts = {foot.name: np.ones(51, dtype=bool) for foot in robot.feet}
-    q = np.tile(robot.rest, (51, 1))
-    return Motion("still", robot.name, robot.joint_names, time, q, zero, zero, contacts)
 
 
 def test_a_quadrupeds_legs_are_in_the_sdks_order_not_the_models(tmp_path: Path) -> None:
