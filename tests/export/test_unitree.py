@@ -12,7 +12,7 @@ import pytest
 from excite.conversion.sources.ros import unitree as recorded
 from excite.errors import InputError, MotionError
 from excite.export.export import export_motion
-from excite.export.unitree_motors import KNOWN, motor_places
+from excite.export.humanoids.unitree_motors import KNOWN, motor_places
 from excite.motion.files import load_motion
 from excite.motion.library import library_folder
 from excite.motion.motion import Motion

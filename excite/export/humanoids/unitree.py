@@ -9,9 +9,9 @@ import numpy as np
 
 from excite.atomic import atomic_path
 from excite.export.exporter import Exporter
+from excite.export.humanoids.unitree_motors import motor_places
 from excite.export.setting import Setting
 from excite.export.statement import remarks, statement
-from excite.export.unitree_motors import motor_places
 from excite.motion.motion import Motion
 from excite.motion.readers.unitree import HEADER
 from excite.simulation.drives import nominal_drives

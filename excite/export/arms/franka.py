@@ -9,8 +9,8 @@ import numpy as np
 
 from excite.atomic import atomic_path
 from excite.errors import InputError
+from excite.export.arms.franka_limits import LIMITS, franka_violations
 from excite.export.exporter import Exporter
-from excite.export.franka_limits import LIMITS, franka_violations
 from excite.export.setting import Setting
 from excite.export.statement import commented, remarks, statement
 from excite.motion.motion import Motion

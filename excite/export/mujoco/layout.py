@@ -70,7 +70,7 @@ def model_layout(path: Path, robot: Robot) -> Layout:
     """
     scan_mjcf(path)
     layout: Layout = in_child(
-        "excite.export.mujoco_layout:compiled_layout", path, source=path, error=InputError
+        "excite.export.mujoco.layout:compiled_layout", path, source=path, error=InputError
     )
     missing = [name for name in robot.joint_names if name not in layout.positions]
     if missing or (robot.floating and layout.free is None):

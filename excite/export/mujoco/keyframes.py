@@ -11,7 +11,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.export.exporter import Exporter
-from excite.export.mujoco_layout import OTHER, POSITION, Layout, model_layout, robot_layout
+from excite.export.mujoco.layout import OTHER, POSITION, Layout, model_layout, robot_layout
 from excite.export.setting import Setting
 from excite.export.statement import remarks, statement
 from excite.motion.motion import Motion
