@@ -192,8 +192,7 @@ def _read(file: Path, robot: Robot) -> Motion:
 
 
 def _write(exporter: Exporter, cleared: Cleared, path: Path) -> Path:
-    if exporter.suffix and path.suffix != exporter.suffix:
-        path = path.with_name(path.name + exporter.suffix)
+    path = exporter.destination(path)
     exporter.write(cleared.motion, path)
     if cleared.reason is not None:
         beside = path.with_name(path.name + ".unsafe.json")

@@ -80,6 +80,12 @@ class Exporter(ABC):
         """What the controller would refuse of a motion as it is written, beyond the robot's own limits."""
         return ()
 
+    def destination(self, path: Path) -> Path:
+        """Where a motion is written that shall be called ``path``: with the format's suffix."""
+        return (
+            path if not self.suffix or path.suffix == self.suffix else path.with_name(path.name + self.suffix)
+        )
+
     @abstractmethod
     def write(self, motion: Motion, path: Path) -> None:
         """Write ``motion``, every sample of it, to ``path``, which appears only when it is complete.

@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.atomic import atomic_folder
 from excite.export.exporter import Exporter
+from excite.export.goals import goal_velocities
 from excite.motion.motion import Motion
 from excite.motion.readers.ros2 import BASE_TRAJECTORY, CONTACTS, JOINT_TRAJECTORY, ROBOT, ROBOT_HASH
 from excite.motion.timing import nanoseconds
@@ -85,7 +86,7 @@ def _joints(store: Any, motion: Motion) -> Any:
     point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
     rows = zip(
         np.ascontiguousarray(motion.joint_positions()),
-        np.ascontiguousarray(motion.joint_velocities()),
+        np.ascontiguousarray(goal_velocities(motion)),
         np.ascontiguousarray(motion.joint_accelerations()),
         _times(store, motion),
         strict=True,

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from shlex import quote
 
-from excite.atomic import atomic_path
+from excite.atomic import atomic_folder, atomic_path
 from excite.errors import InputError
 from excite.export.exporter import Exporter
+from excite.export.goals import between_rests, goal_velocities
 from excite.export.setting import Setting
-from excite.export.statement import comments
+from excite.export.statement import commented, remarks, statement
 from excite.motion.motion import Motion
+from excite.motion.readers.ros2_yaml import GOAL_FILE
 from excite.motion.timing import nanoseconds
 from excite.reading.number import shown
 
@@ -25,7 +28,8 @@ class Ros2YamlExporter(Exporter):
 
     Each point has positions, velocities, accelerations [rad or m, s] in the order of ``joint_names`` and
     ``time_from_start`` in whole seconds and nanoseconds. The command that sends it stands in a comment at the top. A
-    free base has no place in it.
+    free base has no place in it. As ``segments`` between rests it is a folder of such goals, numbered in their order:
+    each starts and ends where the joints stand still, for a controller stops at the end of a goal.
     """
 
     name = "ros2-yaml"
@@ -33,6 +37,7 @@ class Ros2YamlExporter(Exporter):
     summary = "goal of ROS 2's FollowJointTrajectory action in YAML"
     settings = (
         Setting("controller", "joint_trajectory_controller", "name of the controller, or its whole action"),
+        Setting("segments", "one", "one goal, or one for each way between rests", choices=("one", "rests")),
     )
     holds_base = False
 
@@ -40,17 +45,39 @@ class Ros2YamlExporter(Exporter):
         """Raise InputError where the controller's name is none."""
         action(self.word("controller"))
 
+    def destination(self, path: Path) -> Path:
+        """A file, or the folder of several goals."""
+        if self._several:
+            return path.with_name(path.name.removesuffix(self.suffix))
+        return super().destination(path)
+
+    @property
+    def _several(self) -> bool:
+        return self.word("segments") == "rests"
+
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; numbers are written with all their digits."""
-        text = _goal(motion)
-        lines = comments(motion)
-        file = quote(path.name)
-        goal = f'"$(cat {file})"'
+        if not self._several:
+            with atomic_path(path) as temporary:
+                temporary.write_text(self._text(motion, path.name), encoding="utf-8")
+            return
+        with atomic_folder(path) as folder:
+            folder.mkdir()
+            for number, part in enumerate(between_rests(motion)):
+                file = GOAL_FILE.format(number)
+                start = float(part.time[0] - motion.time[0])
+                text = self._text(part, f"{path.name}/{file}", {"start_s": start})
+                (folder / file).write_text(text, encoding="utf-8")
+
+    def _text(self, motion: Motion, name: str, more: Mapping[str, float] | None = None) -> str:
+        """Command, comments and goal."""
+        lines = commented([*remarks(motion), json.dumps(statement(motion) | dict(more or {}))])
+        text, file = _goal(motion), quote(name)
         command = f"# ros2 action send_goal {action(self.word('controller'))} {ACTION} "
+        goal = f'"$(cat {file})"'
         if len((command + goal + lines + text).encode()) > _LONGEST_ARGUMENT:
             goal = f"--stdin < {file}   # as an argument it is too long; --stdin is there from Jazzy on"
-        with atomic_path(path) as temporary:
-            temporary.write_text(f"{command}{goal}\n{lines}{text}", encoding="utf-8")
+        return f"{command}{goal}\n{lines}{text}"
 
 
 def action(controller: str) -> str:
@@ -72,7 +99,7 @@ def _goal(motion: Motion) -> str:
     lines = ["trajectory:", f"  joint_names: [{names}]", "  points:"]
     rows = zip(
         motion.joint_positions().tolist(),
-        motion.joint_velocities().tolist(),
+        goal_velocities(motion).tolist(),
         motion.joint_accelerations().tolist(),
         nanoseconds(motion.time).tolist(),
         strict=True,

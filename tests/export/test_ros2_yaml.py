@@ -16,6 +16,8 @@ from excite.motion.library import library_folder
 from excite.motion.motion import Motion
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.check import check_file
+from excite.safety.repairs.transfers import transfer
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +121,40 @@ def test_a_goal_made_elsewhere_that_is_none_is_one_line(
 def test_other_yaml_is_no_motion(arm: Robot) -> None:
     with pytest.raises(MotionError, match=r"unknown format '\.yaml'"):
         load_motion(arm.source, arm)
+
+
+def test_several_goals_end_where_the_joints_stand_still_and_are_one_motion(tmp_path: Path) -> None:
+    robot = load_robot("ur10")
+    start = robot.rest + 0.3
+    part = transfer(robot, start, start + 0.2, 125.0)
+    away = Motion("away", robot.name, robot.joint_names, part.time, part.q, part.v, part.a)
+    path = export_motion(
+        away, robot, "ros2-yaml", tmp_path / "away", approach=True, settings={"segments": "rests"}
+    )
+    goals = sorted(path.iterdir())
+    assert [goal.name for goal in goals] == ["goal_000.yaml", "goal_001.yaml", "goal_002.yaml"]
+    ends = []
+    for goal in goals:
+        points = yaml.safe_load(goal.read_text())["trajectory"]["points"]
+        assert points[0]["time_from_start"] == {"sec": 0, "nanosec": 0}
+        assert not any(points[-1]["velocities"])
+        ends += [points[0]["positions"], points[-1]["positions"]]
+    np.testing.assert_array_equal(ends[1::2][:-1], ends[2::2])
+    np.testing.assert_allclose(
+        [ends[0], ends[2], ends[3], ends[5]], [robot.rest, start, start + 0.2, robot.rest]
+    )
+    one = export_motion(away, robot, "ros2-yaml", tmp_path / "one", approach=True)
+    again, whole = load_motion(path, robot), load_motion(one, robot)
+    np.testing.assert_allclose(again.time, whole.time, atol=2e-9)
+    np.testing.assert_array_equal(again.q, whole.q)
+    assert check_file(robot, path).safe
+
+
+def test_a_goal_ends_with_the_zero_velocity_that_controllers_ask_for(
+    arm: Robot, motion: Motion, tmp_path: Path
+) -> None:
+    v = motion.v.copy()
+    v[-1] = 1e-4
+    path = export_motion(replace(motion, v=v), arm, "ros2-yaml", tmp_path / "nearly")
+    points = yaml.safe_load(path.read_text())["trajectory"]["points"]
+    assert points[-1]["velocities"] == [0.0] * 7 and points[-2]["velocities"] == list(v[-2])

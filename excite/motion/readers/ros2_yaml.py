@@ -17,6 +17,9 @@ from excite.reading.child import in_child
 from excite.reading.file import first_bytes
 from excite.reading.yaml_document import read_yaml
 
+GOAL_FILE = "goal_{:03d}.yaml"
+"""Names of several goals in a folder, by their number."""
+
 _FIELDS = {"q": "positions", "v": "velocities", "a": "accelerations"}
 # Comments at the top may hold a verdict of some hundred violations.
 _BEGINNING = 1 << 18
@@ -33,20 +36,41 @@ class Ros2YamlReader(MotionReader):
 
     def recognises(self, path: Path) -> bool:
         """See :class:`MotionReader`."""
+        if (path / GOAL_FILE.format(0)).is_file():
+            return True
         return path.suffix in {".yaml", ".yml"} and _MARK.search(first_bytes(path, _BEGINNING)) is not None
 
     def read(self, path: Path, joints: Sequence[str]) -> RawMotion:
         """See :class:`MotionReader`."""
         # Three million nodes take YAML's reader half a minute and 4 GB.
         columns = in_child(
-            "excite.motion.readers.ros2_yaml:read_goal",
+            "excite.motion.readers.ros2_yaml:read_goals",
             path,
             source=path,
             error=MotionError,
             seconds=120.0,
             memory_gb=16.0,
         )
-        return RawMotion(columns, of_robot(stated_in_comments(path)))
+        return RawMotion(columns, of_robot(stated_in_comments(_goals(path)[0])))
+
+
+def _goals(path: Path) -> list[Path]:
+    """The file, or a folder's files in their order."""
+    return sorted(path.glob("goal_*.yaml")) if path.is_dir() else [path]
+
+
+def read_goals(path: Path) -> dict[str, NDArray[Any]]:
+    """Columns of a goal, or of a folder of goals at the times that they state; raises MotionError."""
+    parts: list[dict[str, NDArray[Any]]] = []
+    for file in _goals(path):
+        part = read_goal(file)
+        start = stated_in_comments(file).get("start_s", 0.0)
+        if not isinstance(start, int | float) or (parts and part.keys() != parts[0].keys()):
+            raise MotionError("goes on from none of the others", source=file, remedy="export them again")
+        part["time"] = part["time"] + start
+        # The instant between two goals belongs to both.
+        parts.append({name: values[1:] if parts else values for name, values in part.items()})
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def read_goal(path: Path) -> dict[str, NDArray[Any]]:
