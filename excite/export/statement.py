@@ -43,11 +43,11 @@ def remarks(motion: Motion) -> list[str]:
     return [" ".join(line.split()) for line in lines]
 
 
-def comments(motion: Motion, mark: str = "#") -> str:
+def comments(motion: Motion) -> str:
     """Comment lines for a text file: the remarks, and the statement as one line of JSON that is read again."""
-    return commented([*remarks(motion), json.dumps(statement(motion))], mark)
+    return commented([*remarks(motion), json.dumps(statement(motion))])
 
 
-def commented(lines: Iterable[str], mark: str = "#") -> str:
+def commented(lines: Iterable[str]) -> str:
     """Lines as comments."""
-    return "".join(f"{mark} {line}\n" for line in lines)
+    return "".join(f"# {line}\n" for line in lines)

@@ -13,20 +13,19 @@ from excite.reading.json_document import parse_json
 _LONGEST_LINE = 1 << 20
 
 
-def stated_in_comments(path: Path, mark: str = "#") -> dict[str, Any]:
+def stated_in_comments(path: Path) -> dict[str, Any]:
     """The first comment that is a JSON object; empty where none is.
 
     Args:
         path: a text file, of which only the comments at its top are read.
-        mark: how a comment's line begins.
 
     Raises:
         MotionError: a comment begins as a JSON object and is none.
     """
     try:
         with path.open("rb") as stream:
-            while (line := stream.readline(_LONGEST_LINE)).startswith(mark.encode()):
-                text = line[len(mark) :].decode().strip()
+            while (line := stream.readline(_LONGEST_LINE)).startswith(b"#"):
+                text = line[1:].decode().strip()
                 if text.startswith("{"):
                     return dict(parse_json(text))
     except DAMAGED as error:
