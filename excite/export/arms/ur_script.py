@@ -69,7 +69,8 @@ class UrScriptExporter(Exporter):
     def _program(self, motion: Motion) -> str:
         rate = (motion.n_samples - 1) / motion.duration
         servo = f"0, 0, {1.0 / rate:.6g}, {self.number('lookahead'):g}, {self.number('gain'):g})"
-        rows = [f"[{', '.join(map(repr, row))}]" for row in motion.joint_positions().tolist()]
+        # URScript has no exponents; 1e-12 rad at 500 Hz are 1e-6 rad/s² of acceleration.
+        rows = [f"[{', '.join(f'{x + 0.0:.12f}' for x in row)}]" for row in motion.joint_positions().tolist()]
         speed, acceleration = self.number("approach_speed"), self.number("approach_acceleration")
         lines = [f"def {function_name(motion.name)}():"]
         if self.word("confirm") == "yes":
