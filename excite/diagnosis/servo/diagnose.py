@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.trivial import beaten
 from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
@@ -23,6 +24,7 @@ from excite.diagnosis.servo.levels import error_integral, trial_levels
 from excite.diagnosis.servo.noise import servo_floor
 from excite.diagnosis.servo.servo import Servo, Signals, read_signals
 from excite.diagnosis.servo.strength import EXACT
+from excite.diagnosis.trivial.neighbours import of_positions
 from excite.logs.log import Log, Trial
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
 from excite.robot.robot import Robot
@@ -74,7 +76,23 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
 
     library = servo_effects(servo, log.header.joints)
     record = TorqueRecord(robot, replace(log, trials=asked), modelled, out, floor_of, library)
-    return _judged(diagnose_torques(record, rng, closed), closed)
+    found = _judged(diagnose_torques(record, rng, closed), closed)
+    return _beside_neighbours(found, robot, log, closed)
+
+
+def _beside_neighbours(found: Diagnosis, robot: Robot, log: Log, closed: ClosedLoop) -> Diagnosis:
+    """The diagnosis with what simple predictors of the positions reach on the same rows."""
+    rolled = closed.rollout if closed.rollout is not None and closed.rollout.after else None
+    floor = {} if rolled is None else {n: c.noise_floor for n, c in found.gap.per_channel.items()}
+    errors = of_positions(
+        robot,
+        log,
+        tuple(found.gap.per_channel),
+        closed.spans,
+        None if rolled is None else rolled.after,
+        floor,
+    )
+    return replace(found, trivial=errors, faults=(*found.faults, *beaten(errors)))
 
 
 def _wound(
