@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from excite.report.sections.certainty import Certainty
 from excite.report.sections.diagnosis import Verdict
+from excite.report.sections.diagnosis_budget import BudgetByChannel
 from excite.report.sections.diagnosis_curves import Curves
 from excite.report.sections.diagnosis_effects import Effects
 from excite.report.sections.diagnosis_gap import GapByChannel
@@ -21,12 +22,15 @@ from excite.report.sections.safety import Safety
 from excite.report.sections.section import Section
 from excite.report.sections.signals import Signals
 from excite.report.sections.stages import Stages
+from excite.report.sections.trivial import Trivial
 
 SECTIONS: tuple[Section, ...] = (
     Verdict(),
     Overview(),
     Effects(),
+    BudgetByChannel(),
     GapByChannel(),
+    Trivial(),
     Where(),
     Curves(),
     Record(),
