@@ -197,6 +197,14 @@ class TrivialErrors(Block):
     fir_s: MaybePositive = Field(default=None, description="length of the filter [s]")
 
 
+class Applied(Block):
+    """The robot that was written with the effects in it."""
+
+    robot: FilePath = Field(description="its robot.yaml, in the folder of --apply")
+    written: Texts = Field(description="what was changed")
+    left_out: Texts = Field(description="what the files have no place for")
+
+
 class Diagnosis(Document):
     """Where the gap lies, which effect causes it, how far it shrinks."""
 
@@ -232,6 +240,9 @@ class Diagnosis(Document):
     )
     trivial: Annotated[dict[Name, TrivialErrors], Field(max_length=MOST_CHANNELS)] = Field(
         default={}, description="by channel, what simple predictors reach on the rows that judge"
+    )
+    applied: Applied | None = Field(
+        default=None, description="the robot that was written; null without --apply"
     )
     findings: Annotated[list[Noticed], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="the same, with their figures"

@@ -95,11 +95,16 @@ class FootBlock(Block):
 
 
 class FrictionBlock(Block):
-    """Friction and rotor inertia of the drives that a virtual robot is built with."""
+    """Friction and rotor inertia of the drives that a virtual robot is built with.
+
+    ``found`` says that they are this very robot's, found in its records: a diagnosis takes them for part of the model,
+    where those of a type of robot, or guesses, are not.
+    """
 
     viscous: DriveFrictions | None = None
     coulomb: DriveFrictions | None = None
     armature: DriveFrictions | None = None
+    found: bool = False
 
 
 class ControllerBlock(Block):

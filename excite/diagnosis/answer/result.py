@@ -11,6 +11,7 @@ from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
+from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.diagnosis.answer.tables import budget_table, effect_table, gap_table, trivial_table
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
@@ -100,6 +101,7 @@ class Diagnosis:
         warnings: limits of what was said, one sentence each.
         budget: where each channel's gap goes; None where it was not computed.
         trivial: by channel, what predictors far simpler than a simulator reach where it is judged.
+        changes: what the first none, one, two … of the accepted effects change of the robot; no part of the document.
         curves: a validation trial before and after, for figures; no part of the document. None where there are none.
     """
 
@@ -119,6 +121,7 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     budget: Budget | None = None
     trivial: dict[str, TrivialErrors] = field(default_factory=dict)
+    changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
     curves: Curves | None = field(default=None, compare=False, repr=False)
 
     @property

@@ -79,7 +79,7 @@ def of_torques(samples: ArmSamples, after: Array) -> dict[str, TrivialErrors]:
         samples: the samples.
         after: ``(n_joints, n_rows)`` what the model leaves [N·m].
     """
-    measured = samples.rows(samples.stacked("tau"))
+    measured = samples.rows(samples.stacked("measured"))
     trials = samples.trials
     outside = ~samples.identification
     judge = outside if outside.any() else samples.identification

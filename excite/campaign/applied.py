@@ -1,0 +1,163 @@
+"""The robot with the effects that a diagnosis found: its description and its URDF, for the next round."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import yaml
+
+from excite.arrays import Array
+from excite.atomic import write_text
+from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.errors import InputError
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+
+ROBOT, MODEL = "robot.yaml", "robot.urdf"
+_SOURCE = "excite diagnose --apply"
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A robot that was written with the effects of a diagnosis in it.
+
+    Attributes:
+        robot: its ``robot.yaml``.
+        written: what was changed, a sentence each.
+        left_out: what the files have no place for, a sentence each.
+    """
+
+    robot: Path
+    written: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the document of a diagnosis."""
+        return {"robot": self.robot.name, "written": list(self.written), "left_out": list(self.left_out)}
+
+    def summary(self) -> str:
+        """A line each."""
+        lines = [f"robot with the effects: {self.robot}"]
+        lines += [f"  {text}" for text in self.written or ("nothing was found that it did not have",)]
+        return "\n".join([*lines, *(f"  not in it: {text}" for text in self.left_out)])
+
+
+def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
+    """Write ``robot.yaml`` and ``robot.urdf`` of a robot with the accepted effects in it.
+
+    Bodies go into the links' inertials, friction and rotor inertia into ``drives``, marked as found, so that a
+    diagnosis of a log with this robot works on what is left.
+
+    Args:
+        diagnosis: of a log of a fixed-base arm.
+        robot: the nominal robot that it was made with.
+        folder: folder to write to.
+
+    Raises:
+        InputError: the diagnosis is not of an arm.
+        RobotError: what was found makes no robot, such as a payload that its drives cannot hold.
+    """
+    if len(diagnosis.changes) <= len(diagnosis.effects):
+        raise InputError(
+            "has no effects that could be written into a robot",
+            field="apply",
+            remedy="diagnose a log of a fixed base",
+        )
+    changes = diagnosis.changes[len(diagnosis.effects)]
+    urdf = _with_bodies(robot.urdf, changes.bodies)
+    content = _description(robot, changes)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / MODEL, urdf)
+    path = write_text(folder / ROBOT, _text(content))
+    load_robot(path)
+    return Applied(path, tuple(_written(changes)), tuple(changes.beyond))
+
+
+def _text(content: Mapping[str, Any]) -> str:
+    head = "# The robot with the effects that a diagnosis found; drives marked found are part of the model.\n"
+    return head + str(yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=110))
+
+
+def _description(robot: Robot, changes: RobotChanges) -> dict[str, Any]:
+    """The content of the new ``robot.yaml``."""
+    content = robot.description.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content["model"] = {
+        **content["model"],
+        "path": MODEL,
+        "source": f"{robot.description.model.source}, with {_SOURCE}",
+    }
+    content["model"].pop("package", None)
+    drives: dict[str, Any] = {}
+    for term in ("viscous", "coulomb", "armature"):
+        values = getattr(changes, term)
+        if any(values.values()):
+            drives[term] = {"joints": dict(values), "source": _SOURCE}
+    content["drives"] = {**drives, "found": True} if drives else {}
+    low, high = robot.limits.position_lower, robot.limits.position_upper
+    rest = np.clip(robot.rest[robot.n_base_q :], low, high)
+    content["posture"]["joints"] = {n: float(v) for n, v in zip(robot.joint_names, rest, strict=True) if v}
+    return content
+
+
+def _with_bodies(urdf: str, bodies: Mapping[str, Array]) -> str:
+    """A URDF whose links have bodies more, ``(10,)`` about the link's frame each."""
+    root = ElementTree.fromstring(urdf)
+    for link in root.findall("link"):
+        body = bodies.get(str(link.get("name")))
+        if body is None:
+            continue
+        inertial = link.find("inertial")
+        total = body if inertial is None else body + _stated(inertial)
+        if inertial is not None:
+            link.remove(inertial)
+        link.insert(0, _inertial(pin.Inertia.FromDynamicParameters(total)))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _stated(inertial: ElementTree.Element) -> Array:
+    """Ten parameters about the link's frame that an inertial states."""
+    origin, mass, moments = (inertial.find(name) for name in ("origin", "mass", "inertia"))
+    xyz = _numbers(origin, "xyz")
+    turn = pin.rpy.rpyToMatrix(*_numbers(origin, "rpy"))
+    upper = [float(moments.get(name, "0")) if moments is not None else 0.0 for name in _MOMENTS]
+    matrix = np.zeros((3, 3))
+    matrix[_UPPER] = upper
+    matrix = matrix + np.triu(matrix, 1).T
+    kilograms = float(mass.get("value", "0")) if mass is not None else 0.0
+    return np.asarray(pin.Inertia(kilograms, xyz, turn @ matrix @ turn.T).toDynamicParameters())
+
+
+def _numbers(origin: ElementTree.Element | None, name: str) -> Array:
+    text = "0 0 0" if origin is None else origin.get(name, "0 0 0")
+    return np.array([float(part) for part in text.split()])
+
+
+def _inertial(body: pin.Inertia) -> ElementTree.Element:
+    inertial = ElementTree.Element("inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in body.lever), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
+    values = zip(_MOMENTS, np.asarray(body.inertia)[_UPPER], strict=True)
+    ElementTree.SubElement(inertial, "inertia", {name: repr(float(v)) for name, v in values})
+    return inertial
+
+
+def _written(changes: RobotChanges) -> list[str]:
+    """What was changed, in words."""
+    said = [f"{link}: {body[0]:+.3g} kg" for link, body in changes.bodies.items()]
+    units = {"viscous": "N·m·s/rad", "coulomb": "N·m", "armature": "kg·m²"}
+    for term, unit in units.items():
+        values = {name: value for name, value in getattr(changes, term).items() if value}
+        if values:
+            said.append(
+                f"{term} [{unit}]: " + ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+            )
+    return said
