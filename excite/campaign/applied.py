@@ -16,7 +16,7 @@ from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.robot_changes import RobotChanges
-from excite.errors import InputError
+from excite.errors import InputError, RobotError
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 
@@ -63,7 +63,7 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
         folder: folder to write to.
 
     Raises:
-        InputError: the diagnosis is not of an arm.
+        InputError: the diagnosis is not of an arm; :func:`check_applicable` says so before it is made.
         RobotError: what was found makes no robot, such as a payload that its drives cannot hold.
     """
     if len(diagnosis.changes) <= len(diagnosis.effects):
@@ -78,8 +78,23 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / MODEL, urdf)
     path = write_text(folder / ROBOT, _text(content))
-    load_robot(path)
+    try:
+        load_robot(path)
+    except RobotError:
+        for file in (path, folder / MODEL):
+            file.unlink()
+        raise
     return Applied(path, tuple(_written(changes)), tuple(changes.beyond))
+
+
+def check_applicable(robot: Robot) -> None:
+    """Raise InputError where a diagnosis of a robot cannot be written into it: bases that move are diagnosed apart."""
+    if robot.floating:
+        raise InputError(
+            f"{robot.name} has a free base, whose effects no robot.yaml takes up",
+            field="--apply",
+            remedy="diagnose it without --apply; augmented.xml has what a simulator can",
+        )
 
 
 def _text(content: Mapping[str, Any]) -> str:
@@ -98,9 +113,9 @@ def _description(robot: Robot, changes: RobotChanges) -> dict[str, Any]:
     content["model"].pop("package", None)
     drives: dict[str, Any] = {}
     for term in ("viscous", "coulomb", "armature"):
-        values = getattr(changes, term)
-        if any(values.values()):
-            drives[term] = {"joints": dict(values), "source": _SOURCE}
+        values = {name: value for name, value in getattr(changes, term).items() if value > 0.0}
+        if values:
+            drives[term] = {"joints": values, "source": _SOURCE}
     content["drives"] = {**drives, "found": True} if drives else {}
     low, high = robot.limits.position_lower, robot.limits.position_upper
     rest = np.clip(robot.rest[robot.n_base_q :], low, high)

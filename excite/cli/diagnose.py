@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import excite
-from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import emit
 from excite.diagnosis.answer.result import Diagnosis
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
-    from excite.campaign.applied import Applied
     from excite.robot.robot import Robot
 
 NAME = "diagnose"
@@ -36,14 +35,7 @@ def command(
             help="The nominal robot, where it is not the one that the log names: bundled, a robot.yaml or a URDF.",
         ),
     ] = None,
-    apply: Annotated[
-        Path | None,
-        typer.Option(
-            "--apply",
-            metavar="DIR",
-            help="Write the robot with the effects found: robot.yaml and robot.urdf, for --robot of the next round.",
-        ),
-    ] = None,
+    apply: ApplyOption = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
@@ -51,10 +43,13 @@ def command(
 ) -> None:
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
     nominal = None if robot is None else excite.robot_for_log(robot, log)
+    model = None if apply is None else _checked(nominal, log)
     result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget)
     summary, document = result.summary(), result.to_json()
-    if apply is not None:
-        applied = _applied(result, log, nominal, apply)
+    if apply is not None and model is not None:
+        from excite.campaign.applied import apply_effects  # lazy: pinocchio
+
+        applied = apply_effects(result, model, apply)
         summary += f"\n{applied.summary()}"
         document |= {"applied": applied.to_json()}
     if out is not None:
@@ -62,13 +57,15 @@ def command(
     emit(summary, document, as_json=as_json)
 
 
-def _applied(result: Diagnosis, log: Path, nominal: Robot | None, folder: Path) -> Applied:
-    """Write the robot with the effects into a folder."""
-    from excite.campaign.applied import apply_effects  # lazy: pinocchio
+def _checked(nominal: Robot | None, log: Path) -> Robot:
+    """The robot that effects are to be written into, refused before any work where it takes none."""
+    from excite.campaign.applied import check_applicable  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
     from excite.logs.robot import nominal_robot  # lazy: pinocchio
 
-    return apply_effects(result, nominal or nominal_robot(load_log(log)), folder)
+    robot = nominal or nominal_robot(load_log(log))
+    check_applicable(robot)
+    return robot
 
 
 def _save(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
+from collections.abc import Collection, Sequence
 
 from excite.arrays import Array
 from excite.diagnosis.answer.robot_changes import RobotChanges
@@ -17,9 +15,6 @@ from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, phys
 from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import MODEL
 from excite.robot.links import carried_link
-
-# Relative to a link's own, a change of its parameters that is rounding.
-_NOTHING = 1e-9
 
 
 def robot_changes(attribution: Attribution, baseline: Baseline) -> tuple[RobotChanges, ...]:
@@ -48,31 +43,22 @@ def _changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
         form = item.form(samples.joints)
         wanted = with_effect(wanted, baseline, item.location, form)
         said += _beyond(item, form)
-    bodies = any(item.form(samples.joints).body is not None for item in effects)
-    plant = physical_plant(baseline, wanted) if bodies else wanted
+    links = {item.location for item in effects if item.form(samples.joints).body is not None}
+    plant = physical_plant(baseline, wanted) if links else wanted
     drives = [
         {name: max(float(v), 0.0) for name, v in zip(samples.joints, values, strict=True)}
         for values in (plant.viscous, plant.coulomb, plant.armature)
     ]
     viscous, coulomb, armature = drives
-    return RobotChanges(
-        viscous, coulomb, armature, _bodies(baseline, plant) if bodies else {}, beyond=tuple(said)
-    )
+    return RobotChanges(viscous, coulomb, armature, _bodies(baseline, plant, links), beyond=tuple(said))
 
 
-def _bodies(baseline: Baseline, plant: Plant) -> dict[str, Array]:
-    """By link, what it has more than the nominal model; where bodies are fitted they are nobody's effect."""
-    if baseline.free:
-        return {}
+def _bodies(baseline: Baseline, plant: Plant, links: Collection[str]) -> dict[str, Array]:
+    """What each of these links has more than the nominal model, which stands where bodies have effects."""
     model = baseline.samples.robot.model
-    nominal = model_phi(baseline.samples).reshape(-1, 10)
-    change = plant.phi.reshape(-1, 10) - nominal
-    least = _NOTHING * np.abs(nominal).max(initial=1e-3)
-    return {
-        carried_link(model, k + 1): row
-        for k, row in enumerate(change)
-        if np.abs(row).max(initial=0.0) > least
-    }
+    change = (plant.phi - model_phi(baseline.samples)).reshape(-1, 10)
+    names = [carried_link(model, k) for k in range(1, model.njoints)]
+    return {name: row for name, row in zip(names, change, strict=True) if name in links}
 
 
 def _beyond(item: Found, form: Form) -> list[str]:
