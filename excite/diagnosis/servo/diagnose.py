@@ -25,7 +25,9 @@ from excite.diagnosis.servo.noise import servo_floor
 from excite.diagnosis.servo.servo import Servo, Signals, read_signals
 from excite.diagnosis.servo.strength import EXACT
 from excite.diagnosis.trivial.neighbours import of_positions
+from excite.errors import LogError, RobotError
 from excite.logs.log import Log, Trial
+from excite.logs.robot import nominal_robot
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
 from excite.robot.robot import Robot
 from excite.rows.kinematics import trial_rate
@@ -56,7 +58,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     if all(trial.tau_cmd is not None for trial in log.trials):
         return _asked(robot, log, rng, out)
     trials = tuple(_evened(log, t) for t in log.trials)
-    signals = {t.name: read_signals(robot, log, t) for t in trials}
+    controller = _controllers(log)
+    signals = {t.name: read_signals(robot, log, t, controller) for t in trials}
     fitted = {t.name: signals[t.name] for t in trials if t.role == "identification"}
     servo = known_servo(robot, log, fitted)
     # A wrong scale of a joint's torques is its gain's where that was estimated.
@@ -93,6 +96,17 @@ def _beside_neighbours(found: Diagnosis, robot: Robot, log: Log, closed: ClosedL
         floor,
     )
     return replace(found, trivial=errors, faults=(*found.faults, *beaten(errors)))
+
+
+def _controllers(log: Log) -> Robot | None:
+    """The robot that the log names: what the servo knew, whichever model the diagnosis starts from."""
+    if log.folder is None:
+        return None
+    try:
+        return nominal_robot(log)
+    except (LogError, RobotError):
+        # One that is handed over in the place of a robot that is not there is all that is known of it.
+        return None
 
 
 def _wound(
