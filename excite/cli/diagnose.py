@@ -47,7 +47,7 @@ def command(
     result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget)
     summary, document = result.summary(), result.to_json()
     if apply is not None and model is not None:
-        from excite.campaign.applied import apply_effects  # lazy: pinocchio
+        from excite.campaign.applied.apply import apply_effects  # lazy: pinocchio
 
         applied = apply_effects(result, model, apply)
         summary += f"\n{applied.summary()}"
@@ -59,7 +59,7 @@ def command(
 
 def _checked(nominal: Robot | None, log: Path) -> Robot:
     """The robot that effects are to be written into, refused before any work where it takes none."""
-    from excite.campaign.applied import check_applicable  # lazy: pinocchio
+    from excite.campaign.applied.apply import check_applicable  # lazy: pinocchio
     from excite.logs.files import load_log  # lazy: pinocchio
     from excite.logs.robot import nominal_robot  # lazy: pinocchio
 

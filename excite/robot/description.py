@@ -97,8 +97,7 @@ class FootBlock(Block):
 class FrictionBlock(Block):
     """Friction and rotor inertia of the drives that a virtual robot is built with.
 
-    ``found`` says that they are this very robot's, found in its records: a diagnosis takes them for part of the model,
-    where those of a type of robot, or guesses, are not.
+    ``found`` says that records of this very robot told them: a diagnosis takes them, and no guesses, for its model's.
     """
 
     viscous: DriveFrictions | None = None

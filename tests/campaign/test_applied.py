@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from excite.campaign.applied import Applied, apply_effects, check_applicable
+from excite.campaign.applied.apply import Applied, apply_effects, check_applicable
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.diagnosis.diagnose import diagnose
@@ -22,7 +22,7 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.diagnosis.test_command_only import controller_of, without_torque
 from tests.identification.practice_log import arm_log, changed
-from tests.report.diagnosed import two_joints_diagnosed
+from tests.report.diagnosed import ambiguous, two_joints_diagnosed
 
 LOAD = pin.Inertia(1.5, np.array([0.05, 0.02, 0.06]), np.diag([0.004, 0.005, 0.003]))
 VISCOUS, COULOMB = 3.0, 4.0
@@ -121,6 +121,14 @@ def test_what_no_description_holds_is_a_line(tmp_path: Path) -> None:
         "written": ["coulomb [N·m]: elbow_joint 2"],
         "left_out": [line],
     }
+
+
+def test_what_the_record_cannot_tell_apart_is_said(tmp_path: Path) -> None:
+    found = replace(ambiguous(two_joints_diagnosed()), changes=(RobotChanges(), RobotChanges()))
+    (line,) = apply_effects(found, load_robot("ur10"), tmp_path).written
+    assert line == (
+        "joint spring at shoulder was taken, which this record cannot tell from torque bias at shoulder"
+    )
 
 
 def test_a_diagnosis_that_says_nothing_of_a_robot_is_refused(tmp_path: Path) -> None:

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio as pin
 import yaml
 
-from excite.arrays import Array
 from excite.atomic import write_text
+from excite.campaign.applied.bodies import with_bodies
+from excite.diagnosis.answer.candidate import in_words
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.answer.robot_changes import RobotChanges
 from excite.errors import InputError, RobotError
@@ -22,8 +21,6 @@ from excite.robot.robot import Robot
 
 ROBOT, MODEL = "robot.yaml", "robot.urdf"
 _SOURCE = "excite diagnose --apply"
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
             remedy="diagnose a log of a fixed base",
         )
     changes = diagnosis.changes[len(diagnosis.effects)]
-    urdf = _with_bodies(robot.urdf, changes.bodies)
+    urdf = with_bodies(robot.urdf, changes.bodies)
     content = _description(robot, changes)
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / MODEL, urdf)
@@ -84,7 +81,7 @@ def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
         for file in (path, folder / MODEL):
             file.unlink()
         raise
-    return Applied(path, tuple(_written(changes)), tuple(changes.beyond))
+    return Applied(path, (*_written(changes), *_doubts(diagnosis)), tuple(changes.beyond))
 
 
 def check_applicable(robot: Robot) -> None:
@@ -123,46 +120,18 @@ def _description(robot: Robot, changes: RobotChanges) -> dict[str, Any]:
     return content
 
 
-def _with_bodies(urdf: str, bodies: Mapping[str, Array]) -> str:
-    """A URDF whose links have bodies more, ``(10,)`` about the link's frame each."""
-    root = ElementTree.fromstring(urdf)
-    for link in root.findall("link"):
-        body = bodies.get(str(link.get("name")))
-        if body is None:
-            continue
-        inertial = link.find("inertial")
-        total = body if inertial is None else body + _stated(inertial)
-        if inertial is not None:
-            link.remove(inertial)
-        link.insert(0, _inertial(pin.Inertia.FromDynamicParameters(total)))
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _stated(inertial: ElementTree.Element) -> Array:
-    """Ten parameters about the link's frame that an inertial states."""
-    origin, mass, moments = (inertial.find(name) for name in ("origin", "mass", "inertia"))
-    xyz = _numbers(origin, "xyz")
-    turn = pin.rpy.rpyToMatrix(*_numbers(origin, "rpy"))
-    upper = [float(moments.get(name, "0")) if moments is not None else 0.0 for name in _MOMENTS]
-    matrix = np.zeros((3, 3))
-    matrix[_UPPER] = upper
-    matrix = matrix + np.triu(matrix, 1).T
-    kilograms = float(mass.get("value", "0")) if mass is not None else 0.0
-    return np.asarray(pin.Inertia(kilograms, xyz, turn @ matrix @ turn.T).toDynamicParameters())
-
-
-def _numbers(origin: ElementTree.Element | None, name: str) -> Array:
-    text = "0 0 0" if origin is None else origin.get(name, "0 0 0")
-    return np.array([float(part) for part in text.split()])
-
-
-def _inertial(body: pin.Inertia) -> ElementTree.Element:
-    inertial = ElementTree.Element("inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in body.lever), rpy="0 0 0")
-    ElementTree.SubElement(inertial, "mass", value=repr(float(body.mass)))
-    values = zip(_MOMENTS, np.asarray(body.inertia)[_UPPER], strict=True)
-    ElementTree.SubElement(inertial, "inertia", {name: repr(float(v)) for name, v in values})
-    return inertial
+def _doubts(diagnosis: Diagnosis) -> list[str]:
+    """What was taken for what it may not be."""
+    if not (diagnosis.ambiguous_with and diagnosis.effects):
+        return []
+    first = diagnosis.effects[0]
+    others = [
+        in_words(item.effect, item.location)
+        for item in diagnosis.ambiguous_with
+        if (item.effect, item.location) != (first.effect, first.location)
+    ]
+    taken = in_words(first.effect, first.location)
+    return [f"{taken} was taken, which this record cannot tell from {', '.join(others)}"] if others else []
 
 
 def _written(changes: RobotChanges) -> list[str]:
