@@ -16,10 +16,10 @@ from excite.diagnosis.equations.repeats import Moving, lag_of
 # Commands are the same where their difference is less than this share of their deviation, every joint taken together.
 # Ten runs of one program on a walking robot, whose logger and program kept clocks of their own, differ by 0.03.
 _SAME = 0.05
-# Trials whose commands have other deviations than to this share are not worth a closer look.
+# Trials whose commands' means, deviations and speeds differ by more than this share of them are not looked at closer.
 _LOOK = 0.1
-# So many pairs tell what a repeat is worth, and so many are looked at, a few milliseconds each.
-_PAIRS, _LOOKS = 40, 200
+# So many pairs tell what a repeat is worth; so many are looked at, on so many samples: a few milliseconds each.
+_PAIRS, _LOOKS, _SAMPLES = 40, 200, 4000
 # What two trials must share of the shorter one.
 _SHARED = 0.8
 
@@ -51,25 +51,58 @@ class Alike:
     lag_s: float
 
 
+@dataclass(frozen=True, eq=False)
+class _Thinned:
+    """Some samples of something that moves."""
+
+    time: Array
+    q: Array
+    v: Array
+
+
 def alike(trials: Sequence[Commanded]) -> tuple[Alike, ...]:
     """Pairs of trials that say that they repeat each other, or whose commands do."""
     if not trials:
         return ()
     rate = 1.0 / float(np.median(np.diff(trials[0].time)))
-    spread = [float(t.q.std(axis=0).mean()) for t in trials]
+    step = max(1, max(len(t.time) for t in trials) // _SAMPLES)
+    few = [_Thinned(t.time[::step], t.q[::step], t.v[::step]) for t in trials]
+    apart = _apart(few)
+    stated = {
+        (i, k)
+        for i, k in combinations(range(len(trials)), 2)
+        if trials[i].name == trials[k].repeats or trials[k].name == trials[i].repeats
+    }
+    near = (
+        pair for pair in combinations(range(len(trials)), 2) if apart[pair] <= _LOOK and pair not in stated
+    )
+    looked = [*sorted(stated), *sorted(near, key=lambda pair: float(apart[pair]))[:_LOOKS]]
     found: list[Alike] = []
-    looks = 0
-    for i, k in combinations(range(len(trials)), 2):
-        one, other = trials[i], trials[k]
-        stated = one.name == other.repeats or other.name == one.repeats
-        if not (stated or abs(spread[i] - spread[k]) <= _LOOK * max(spread[i], spread[k])):
-            continue
-        lag, looks = lag_of(one, other, rate), looks + 1
-        if stated or _same(one, other, lag):
-            found.append(Alike(i, k, lag))
-        if len(found) == _PAIRS or looks == _LOOKS:
+    for i, k in looked:
+        if (i, k) in stated or _same(few[i], few[k], lag_of(few[i], few[k], rate / step)):
+            found.append(Alike(i, k, lag_of(trials[i], trials[k], rate)))
+        if len(found) == _PAIRS:
             break
     return tuple(found)
+
+
+def _apart(trials: Sequence[Moving]) -> Array:
+    """Largest difference of what does not depend on when a logger was started, ``(n_trials, n_trials)``."""
+    mean, spread, speed = (
+        np.array([f(t) for t in trials])
+        for f in (
+            lambda t: t.q.mean(axis=0),
+            lambda t: t.q.std(axis=0),
+            lambda t: t.v.std(axis=0),
+        )
+    )
+
+    def off(values: Array, scale: Array) -> Array:
+        difference = np.abs(values[:, None] - values[None]).sum(axis=2)
+        whole = scale.sum(axis=1)
+        return np.asarray(difference / np.maximum(np.maximum(whole[:, None], whole[None]), 1e-300))
+
+    return np.maximum(off(mean, spread), np.maximum(off(spread, spread), off(speed, speed)))
 
 
 def _same(one: Moving, other: Moving, lag: float) -> bool:
