@@ -11,6 +11,7 @@ from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.verdict import Verdict, check_document
@@ -22,9 +23,11 @@ class CheckReport:
 
     Attributes:
         verdicts: one a motion, in order.
+        assumed: what no file said of the robot, so that the verdicts hold as far as it does.
     """
 
     verdicts: tuple[Verdict, ...]
+    assumed: tuple[Assumed, ...] = ()
 
     @property
     def safe(self) -> bool:
@@ -33,13 +36,18 @@ class CheckReport:
 
     def to_json(self) -> dict[str, Any]:
         """The ``excite.check/1`` document."""
-        return check_document(self.verdicts)
+        assumed = [one.model_dump() for one in self.assumed]
+        return {**check_document(self.verdicts), "assumed": assumed}
 
     def summary(self) -> str:
-        """One line a motion, then the total."""
+        """One line a motion, the total, and what the verdicts rest on."""
         unsafe = sum(not verdict.safe for verdict in self.verdicts)
         total = f"all {len(self.verdicts)} safe" if not unsafe else f"{unsafe} of {len(self.verdicts)} unsafe"
-        return "\n".join([*(verdict.summary() for verdict in self.verdicts), total])
+        lines = [*(verdict.summary() for verdict in self.verdicts), total]
+        if self.assumed:
+            named = ", ".join(dict.fromkeys(one.what for one in self.assumed))
+            lines.append(f"as far as what was assumed of the robot holds: {named}")
+        return "\n".join(lines)
 
 
 def check(
@@ -60,13 +68,10 @@ def check(
         raise InputError("no motions to check", remedy="name at least one")
     named = {motion.name: motion for motion in motions}
     tasks = ((motion, _neighbours(motion, named)) for motion in motions)
-    return CheckReport(
-        tuple(
-            in_order(
-                _checked, tasks, jobs=jobs, shared=robot, total=len(motions), stage="check", progress=progress
-            )
-        )
+    verdicts = in_order(
+        _checked, tasks, jobs=jobs, shared=robot, total=len(motions), stage="check", progress=progress
     )
+    return CheckReport(tuple(verdicts), tuple(robot.description.assumed))
 
 
 def _checked(robot: Robot, task: tuple[Motion, dict[str, Motion]]) -> Verdict:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from excite.campaign.on_disk import OnDisk, write_value
 from excite.campaign.pool import Pool
-from excite.campaign.rehearsal import UNKNOWN_LOAD, rehearse
+from excite.campaign.rehearsal import LEAST_LOAD, UNKNOWN_LOAD, can_fall, rehearse
 from excite.errors import NoSolutionError
 from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.precision import row_noise
@@ -38,25 +38,56 @@ class Rule:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Motions that were chosen and rehearsed: indices are those of the pool."""
+    """Motions that were chosen and rehearsed: indices are those of the pool.
+
+    Attributes:
+        pool: the motions that did not fall.
+        selection: which of them go on.
+        validation: which of the others judge the result.
+        fallen: how many fell.
+        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall.
+    """
 
     pool: Pool
     selection: Selection
     validation: tuple[int, ...]
     fallen: int
+    load: float | None
 
 
 def choose(
     robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, jobs: Jobs, progress: Progress
 ) -> Choice:
-    """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError."""
+    """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
+
+    Where all of them fall under the load that a robot should carry, they are rehearsed with the least.
+    """
+    try:
+        return _choose(robot, pool, base, rule, UNKNOWN_LOAD, jobs, progress)
+    except _AllFall:
+        return _choose(robot, pool, base, rule, LEAST_LOAD, jobs, progress)
+
+
+class _AllFall(NoSolutionError):
+    """No motion stands its rehearsal."""
+
+
+def _choose(
+    robot: Robot,
+    pool: Pool,
+    base: BaseParameters,
+    rule: Rule,
+    load: float,
+    jobs: Jobs,
+    progress: Progress,
+) -> Choice:
     fallen: set[str] = set()
     stood: set[str] = set()
     while True:
         left = pool.without(fallen)
         if fallen and not left.entries:
-            raise NoSolutionError(
-                f"all {len(fallen)} safe motions of {robot.name} fall in rehearsal, with {UNKNOWN_LOAD:.0%} of its "
+            raise _AllFall(
+                f"all {len(fallen)} safe motions of {robot.name} fall or slip in rehearsal, with {load:.0%} of its "
                 "mass on its back",
                 best=left.motions,
                 remedy="ask for more candidates, or for calmer motions",
@@ -72,8 +103,8 @@ def choose(
         names = left.names
         new = [i for i in (*selection.indices, *validation) if names[i] not in stood]
         if not new:
-            return Choice(left, selection, validation, len(fallen))
-        verdicts = rehearse(robot, left.motions.only(new), jobs=jobs, progress=progress)
+            return Choice(left, selection, validation, len(fallen), load if can_fall(robot) else None)
+        verdicts = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
         for i, stands in zip(new, verdicts, strict=True):
             (stood if stands else fallen).add(names[i])
 

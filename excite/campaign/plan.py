@@ -123,6 +123,7 @@ def plan(
             "rank": ranked - filtered,
             "choose": finished - ranked,
         },
+        load=choice.load,
     )
 
 

@@ -14,6 +14,7 @@ from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.campaign.on_disk import OnDisk
 from excite.campaign.outlook import Outlook, outlook, predictable
 from excite.campaign.pool import Pool
+from excite.campaign.rehearsal import UNKNOWN_LOAD
 from excite.excitation.conditioning import Conditioning, MotionFactor
 from excite.excitation.selection import Selection
 from excite.json_document import write_json
@@ -40,6 +41,7 @@ class Plan:
         conditioning: of the chosen motions together.
         unchosen: conditioning of as many seconds of accepted motions taken as they come, for comparison.
         stages: seconds by stage.
+        load: that the robot carried on its back in the rehearsal, of its mass; None of a robot that cannot fall.
     """
 
     robot: Robot
@@ -52,6 +54,7 @@ class Plan:
     conditioning: Conditioning
     unchosen: Conditioning
     stages: Mapping[str, float]
+    load: float | None = None
 
     @property
     def accepted(self) -> OnDisk[Motion]:
@@ -102,6 +105,7 @@ class Plan:
                 }
                 for item in self.selection.selected
             ],
+            "rehearsed_load": self.load,
             "validation": [f"motions/{self.pool.names[i]}.parquet" for i in self.validation],
             "conditioning": dict(self.conditioning.to_json()),
             "base_parameters": []
@@ -123,6 +127,11 @@ class Plan:
         if self.validation:
             names = ", ".join(f"{self.pool.names[i]}.parquet" for i in self.validation)
             lines.append(f"written too, to validate on and not to identify from: motions/{names}")
+        if self.load is not None and self.load < UNKNOWN_LOAD:
+            lines.append(
+                f"rehearsed with {self.load:.0%} of the robot's mass on its back: with {UNKNOWN_LOAD:.0%} every motion "
+                "falls or slips, so its model must know its mass"
+            )
         if self.refusals.few:
             lines.append(self.refusals.summary())
         if self.outlook is not None:

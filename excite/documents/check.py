@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from excite.documents.document import MOST_ENTRIES, Block, Document, FilePath, Maybe, Name, Text
+from excite.documents.document import MOST_ENTRIES, Assumptions, Block, Document, FilePath, Maybe, Name, Text
 
 # A motion has a few kinds of violations at each joint, foot and pair of links.
 _MOST_VIOLATIONS = 5 * MOST_ENTRIES
@@ -57,3 +57,4 @@ class Check(Document):
     motions: Annotated[list[CheckedMotion], Field(max_length=MOST_ENTRIES)] = Field(
         description="one entry a motion"
     )
+    assumed: Assumptions = Field(default=[], description="what no file said of the robot")

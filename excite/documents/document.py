@@ -59,6 +59,17 @@ class Block(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, populate_by_name=True, strict=True)
 
 
+class AssumedValue(Block):
+    """Something that no file said of a robot and that was assumed."""
+
+    what: Text = Field(description="what was not said")
+    value: Text = Field(description="what was taken for it")
+    consequence: Text = Field(description="what follows from it")
+
+
+Assumptions = Annotated[list[AssumedValue], Field(max_length=MOST_ENTRIES)]
+
+
 class Document(Block):
     """A whole document; its field ``schema`` says which, and of what version."""
 

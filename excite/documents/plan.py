@@ -9,6 +9,7 @@ from pydantic import Field
 from excite.documents.document import (
     MOST_CHANNELS,
     MOST_ENTRIES,
+    Assumptions,
     Block,
     Count,
     Document,
@@ -137,6 +138,12 @@ class Plan(Document):
     conditioning: Conditioning = Field(description="of the chosen motions together")
     base_parameters: Annotated[list[PlannedParameter], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="what the motions promise; empty where the sensors' noise is not stated"
+    )
+    assumed: Assumptions = Field(default=[], description="what no file said of the robot")
+    rehearsed_load: Maybe = Field(
+        default=None,
+        description="what the robot carried on its back in the rehearsal, as a share of its mass; null of a robot "
+        "that has nothing to fall from",
     )
     stages: Annotated[list[Stage], Field(max_length=MOST_ENTRIES)] = Field(
         description="time taken, in the order in which the stages ran"

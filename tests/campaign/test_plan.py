@@ -102,8 +102,21 @@ def test_a_motion_that_topples_the_robot_does_not_stand_its_rehearsal(g1: Robot,
 def test_when_every_motion_falls_that_is_what_is_said(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     choice = import_module("excite.campaign.choice")
     monkeypatch.setattr(choice, "rehearse", lambda robot, motions, **_: (False,) * len(motions))
-    with pytest.raises(NoSolutionError, match="all 2 safe motions of ur10 fall in rehearsal"):
+    with pytest.raises(
+        NoSolutionError, match="all 2 safe motions of ur10 fall or slip in rehearsal, with 5%"
+    ):
         plan(ur10, n_candidates=2, seed=1)
+
+
+def test_a_robot_that_cannot_carry_much_is_rehearsed_with_less(
+    ur10: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    choice = import_module("excite.campaign.choice")
+    monkeypatch.setattr(choice, "can_fall", lambda robot: True)
+    monkeypatch.setattr(choice, "rehearse", lambda robot, motions, load, **_: (load < 0.1,) * len(motions))
+    found = plan(ur10, n_candidates=2, seed=1)
+    assert found.load == 0.05 and found.to_json()["rehearsed_load"] == 0.05
+    assert "rehearsed with 5% of the robot's mass" in found.summary()
 
 
 def test_a_one_leg_stance_carries_a_load_of_which_the_model_does_not_know(

@@ -121,6 +121,9 @@ def _plan(robot: Robot, motions: list[Motion], data: ReportData) -> dict:
             "accepted": 118,
             "rejected": {"self_collision": 17, "zmp": 4, "time_limit": 1},
         },
+        "assumed": [
+            {"what": "friction of soles", "value": "0.5", "consequence": "feet may slip on a smoother floor"}
+        ],
         "selected": [
             {
                 "motion": f"motions/{motion.name}.parquet",

@@ -99,6 +99,7 @@ def test_every_section_and_every_figure_is_there(page):
         "−0.00400",
         "filter &lt;of 5 Hz&gt;",
         "mostly by the data",
+        "feet may slip on a smoother floor",
     ],
 )
 def test_the_numbers_of_the_files_are_on_the_page(fact, page):

@@ -88,7 +88,8 @@ def test_joints_that_share_a_body_keep_the_dynamics(tmp_path: Path) -> None:
 
 
 def test_a_free_base_keeps_the_dynamics(tmp_path: Path) -> None:
-    path = saved(ODD.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"'), tmp_path)
+    text = ODD.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"')
+    path = saved(text.replace('euler="0 20 0"', 'euler="0 0 20"'), tmp_path)
     conversion = convert_mjcf(path)
     assert conversion.floating
     inverse_dynamics_agree(path, conversion.urdf, pin.JointModelFreeFlyer())
@@ -129,28 +130,57 @@ def test_a_coupled_joint_becomes_a_mimic_joint(tmp_path: Path) -> None:
     assert '<mimic joint="yaw" multiplier="-2.0" offset="0.1"' in conversion.urdf
 
 
+def test_objects_about_a_robot_are_no_part_of_it(tmp_path: Path) -> None:
+    ball = '<body name="ball"><freejoint/><geom size=".1"/></body></worldbody>'
+    conversion = convert_mjcf(saved(ODD.replace("</worldbody>", ball), tmp_path))
+    assert conversion.urdf == convert_mjcf(saved(ODD, tmp_path, "alone.xml")).urdf
+    assert not conversion.floating and "'ball'" in " ".join(conversion.notes)
+
+
+def test_joints_of_a_closed_loop_are_held_still(tmp_path: Path) -> None:
+    tip = '<body name="bar" pos="0 .2 0"><joint name="crank" axis="1 0 0"/><geom size=".03"/></body>'
+    text = ODD.replace('<body pos="0 0.1 0">', f'{tip}<body pos="0 0.1 0">')
+    loop = '<equality><connect body1="bar" body2="slider" anchor="0 0 .1"/></equality></mujoco>'
+    written = write_scaffold(saved(text.replace("</mujoco>", loop), tmp_path), tmp_path / "out")
+    assert any("closed loop are held still (crank)" in note for note in written.notes)
+    assert set(load_robot(written.description).joint_names) == {"yaw", "pitch", "reach"}
+
+
+def test_a_base_that_lies_in_its_own_axes_stands_upright_in_the_urdf(tmp_path: Path) -> None:
+    text = ODD.replace('euler="0 20 0">', 'euler="90 0 0"><freejoint/>')
+    conversion = convert_mjcf(saved(text, tmp_path))
+    model = pin.buildModelFromXML(conversion.urdf, pin.JointModelFreeFlyer())
+    base = model.frames[model.getFrameId("base", pin.BODY)].placement.rotation
+    np.testing.assert_allclose(base, pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), atol=1e-9)
+
+
 FAULTS = {
     "ball joint": (
         '<joint name="yaw" axis="0 0 1" pos="0.01 0.02 0" range="-90 120"/>',
         "yaw.*is a ball joint",
     ),
-    "loop": ("</mujoco>", "equality.*welds two bodies"),
+    "loop": ("</mujoco>", "has no joint that moves"),
+    "welded base": ("</mujoco>", "equality.*welds two bodies between which no joint moves"),
     "tendon": ("</mujoco>", "tendon 'rope'.*path in space"),
-    "two robots": ("</worldbody>", "2 bodies that move on their own: 'base', 'ball'"),
+    "two robots": ("</worldbody>", "2 bodies that move on their own: 'base', 'other'"),
     "mesh": (
         'vertex="0 0 0  .1 0 0  0 .2 0  0 0 .3  .1 .2 0"',
         "'gone.stl' is not there, and the inertia of",
     ),
     "nonsense": ("<worldbody>", "MuJoCo cannot compile it"),
+    "radians": (' range="-90 120"', r"no hinge turns further than 2.0 degrees: .* angle=\"radian\""),
 }
 FAULTY = {
     "ball joint": '<joint name="yaw" type="ball"/>',
     "loop": '<equality><weld body1="slider" body2="base"/></equality></mujoco>',
+    "welded base": '<equality><weld body1="base"/></equality></mujoco>',
     "tendon": '<worldbody><site name="a"/><site name="b" pos="1 0 0"/></worldbody>'
     '<tendon><spatial name="rope"><site site="a"/><site site="b"/></spatial></tendon></mujoco>',
-    "two robots": '<body name="ball"><freejoint/><geom size=".1"/></body></worldbody>',
+    "two robots": '<body name="other"><freejoint/><geom size=".1"/><body><joint/><geom size=".1"/></body></body>'
+    "</worldbody>",
     "mesh": 'file="gone.stl"',
     "nonsense": "<worldbody><bodies/>",
+    "radians": ' range="-1.6 2"',
 }
 
 
@@ -162,6 +192,8 @@ def test_what_a_urdf_cannot_say_is_refused_by_name(fault: str, tmp_path: Path) -
         text = text.replace('<motor joint="yaw" gear="20" ctrlrange="-2 2" ctrllimited="true"/>', "")
         text = "\n".join(line for line in text.splitlines() if 'name="pitch"' not in line)
         text = "\n".join(line for line in text.splitlines() if 'joint="pitch"' not in line)
+    if fault == "radians":
+        text = text.replace('ref="10" range="-40 60"', 'range="-0.7 1"')
     if fault == "two robots":
         text = text.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"')
     path = saved(text, tmp_path)

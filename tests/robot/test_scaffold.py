@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import RobotError
+from excite.robot.holding import holding_torques
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.scaffold.description import scaffold_description
@@ -129,6 +131,44 @@ def test_wheels_and_fingers_are_held_and_the_ground_is_there(tmp_path: Path) -> 
     assert robot.description.collision.table_height is not None
     said = " ".join(str(one) for one in robot.description.assumed)
     assert "a wheel" in said and "coupled" in said and "ground" in said
+
+
+def hand_on_an_arm() -> str:
+    """An arm of four joints, its hand of three fingers on a wrist."""
+    parts, last = [link("base", 10.0)], "base"
+    for number, mass in enumerate((3.0, 2.0, 0.4, 0.2)):
+        parts.append(link(f"part_{number}", mass))
+        axis = ("0 0 1", "0 1 0", "0 1 0", "1 0 0")[number]
+        parts.append(hinge(f"joint_{number}", last, f"part_{number}", "0.3 0 0", axis))
+        last = f"part_{number}"
+    for number in range(3):
+        parts.append(link(f"digit_{number}", 0.02))
+        parts.append(hinge(f"bend_{number}", last, f"digit_{number}", f"0.1 {0.03 * number} 0", "0 1 0"))
+    return f'<robot name="handy">{"".join(parts)}</robot>'
+
+
+def test_a_joint_that_follows_one_that_is_not_there_is_held(tmp_path: Path) -> None:
+    robot = written(cart().replace('mimic joint="grip_a"', 'mimic joint="gone"'), tmp_path)
+    assert robot.joint_names == ("pan", "lift")
+    assert "it follows gone" in " ".join(str(one) for one in robot.description.assumed)
+
+
+def test_a_hand_begins_where_its_fingers_part(tmp_path: Path) -> None:
+    assert written(hand_on_an_arm(), tmp_path).joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
+
+
+def test_an_arm_that_cannot_hold_itself_stretched_out_rests_where_it_can(tmp_path: Path) -> None:
+    text = hand_on_an_arm().replace('effort="60"', 'effort="2"')
+    robot = written(text, tmp_path)
+    stretched = np.abs(holding_torques(robot, np.zeros((1, robot.n_joints))))
+    assert (stretched > robot.limits.torque).any()
+    assert (np.abs(holding_torques(robot, robot.rest[None])) < robot.limits.torque).all()
+
+
+def test_an_arm_without_masses_is_told_so(tmp_path: Path) -> None:
+    text = re.sub(r"<inertial>.*?</inertial>", "", hand_on_an_arm())
+    with pytest.raises(RobotError, match=r"states no masses; add <inertial>"):
+        written(text, tmp_path)
 
 
 def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:

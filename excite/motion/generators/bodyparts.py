@@ -27,10 +27,16 @@ def pelvis_joint(robot: Robot) -> int:
 
 
 def pelvis_height(robot: Robot) -> float:
-    """Height at rest of the frame of that body [m]."""
+    """Height at rest of the frame of that body, or of its hips, if they are higher [m].
+
+    Generators scale what they do to legs by it. A frame may lie anywhere in its body: some files put that of a free
+    base on the ground between the feet.
+    """
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.rest)
-    return float(data.oMi[pelvis_joint(robot)].translation[2])
+    first = 2 if robot.floating else 1
+    hips = [leg[0] + first for foot in robot.feet if (leg := leg_joints(robot, foot))]
+    return float(max(data.oMi[joint].translation[2] for joint in (pelvis_joint(robot), *hips)))
 
 
 def leg_joints(robot: Robot, foot: Foot) -> tuple[int, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from excite.report.sections.assumed import Assumed
 from excite.report.sections.certainty import Certainty
 from excite.report.sections.diagnosed.budget import BudgetByChannel
 from excite.report.sections.diagnosed.curves import Curves
@@ -36,6 +37,7 @@ SECTIONS: tuple[Section, ...] = (
     Record(),
     Motions(),
     Safety(),
+    Assumed(),
     Excitation(),
     Certainty(),
     Forces(),

@@ -18,6 +18,7 @@ from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.torques import torque_limits
+from excite.robot.mjcf.trees import loop_joints, robot_root
 from excite.robot.mjcf.urdf import Mimic, UrdfWriter
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def convert_mjcf(path: Path) -> MjcfConversion:
 
     Raises:
         RobotError: MuJoCo cannot compile it, or it holds what no tree of hinges and slides can say: ball
-            joints, free joints other than the base's, tendons, deformable bodies, closed loops, several robots,
+            joints, several robots of which one floats, tendons along paths in space, deformable bodies,
             or a mesh that is not there although a body's inertia depends on it; or it is too large, or makes
             MuJoCo crash, hang or take all memory.
     """
@@ -112,15 +113,21 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         line = " ".join(str(error).split())
         raise RobotError(f"MuJoCo cannot compile it ({line})", source=path, remedy="mend it there") from error
     _refuse(model, path)
-    root = _root(model, path)
-    bodies = _subtree(model, root) if root else tuple(range(1, model.nbody))
-    coupled = sorted(tendon_driven(model))
-    for joint in coupled:
-        # No range: a first description holds it still.
-        model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
-    if coupled:
-        names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in coupled[:6])
-        notes.append(f"joints that one motor drives together through a tendon are held still ({names})")
+    _check_angles(model, path)
+    root, objects = robot_root(model, path)
+    bodies = tuple(
+        body
+        for body in range(1, model.nbody)
+        if (model.body_rootid[body] == root if root else model.body_rootid[body] not in objects)
+    )
+    if objects:
+        names = ", ".join(repr(model.body(body).name) for body in objects[:6])
+        notes.append(f"free bodies without joints are no part of the robot and left out ({names})")
+    loops = loop_joints(model, path)
+    _hold(model, loops, "joints that move together in a closed loop", notes)
+    _hold(
+        model, tendon_driven(model) - loops, "joints that one motor drives together through a tendon", notes
+    )
     writer = UrdfWriter(model, bodies, _mimics(model, path), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
     if model.dof_armature[6 if root else 0 :].any():
@@ -188,50 +195,49 @@ def _refuse(model: mujoco.MjModel, path: Path) -> None:
         raise RobotError("is deformable", source=path, field="flex", remedy="remove it")
 
 
-def _root(model: mujoco.MjModel, path: Path) -> int:
-    """Body that floats, 0 for a robot that is bolted down."""
+def _check_angles(model: mujoco.MjModel, path: Path) -> None:
+    """Refuse ranges in radians that MuJoCo took for degrees: then no hinge turns by more than a turn's 57th part."""
     import mujoco
 
-    free = [
-        int(model.jnt_bodyid[j]) for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE
-    ]
-    if not free:
-        return 0
-    moving = sorted({int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt)})
-    if len(moving) > 1:
-        names = ", ".join(repr(model.body(body).name) for body in moving)
+    hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited != 0)
+    widest = float(np.abs(model.jnt_range[hinges]).max(initial=0.0))
+    if hinges.sum() > 1 and 0.0 < widest <= np.radians(2.0 * np.pi):
         raise RobotError(
-            f"holds {len(moving)} bodies that move on their own: {names}",
+            f"no hinge turns further than {np.degrees(widest):.1f} degrees: ranges look like radians",
             source=path,
-            field="worldbody",
-            remedy="keep the robot alone",
+            field="compiler",
+            remedy='write <compiler angle="radian"/>',
         )
-    return free[0]
 
 
-def _subtree(model: mujoco.MjModel, root: int) -> tuple[int, ...]:
-    return tuple(body for body in range(1, model.nbody) if model.body_rootid[body] == root)
+def _hold(model: mujoco.MjModel, joints: set[int], which: str, notes: list[str]) -> None:
+    """Leave joints no range, so that a first description holds them still, and say so."""
+    if not joints:
+        return
+    held = sorted(joints)
+    for joint in held:
+        model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
+    names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in held[:6])
+    notes.append(f"{which} are held still ({names}{', …' if len(held) > 6 else ''})")
 
 
 def _mimics(model: mujoco.MjModel, path: Path) -> dict[int, Mimic]:
-    """Joints that a linear equality ties to another; any other equality closes a loop and is refused."""
+    """Joints that a linear equality ties to another; equalities of bodies are loops, and any other is refused."""
     import mujoco
 
     mimics: dict[int, Mimic] = {}
     for number in np.flatnonzero(model.eq_active0):
-        kind, data = model.eq_type[number], model.eq_data[number]
+        kind, data = mujoco.mjtEq(int(model.eq_type[number])), model.eq_data[number]
+        if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            continue
         follower, master = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         couples = kind == mujoco.mjtEq.mjEQ_JOINT and master >= 0 and not np.any(data[2:5])
         if not couples or follower in mimics:
-            words = {
-                mujoco.mjtEq.mjEQ_CONNECT: "connects two bodies (a closed loop)",
-                mujoco.mjtEq.mjEQ_WELD: "welds two bodies (a closed loop)",
-            }
             raise RobotError(
-                words.get(mujoco.mjtEq(int(kind)), "is an equality that a URDF does not have"),
+                "is an equality that a URDF does not have",
                 source=path,
                 field=f"equality {model.equality(int(number)).name or number}",
-                remedy="remove it; closed loops are not modelled",
+                remedy="remove it",
             )
         # MuJoCo couples differences from the reference positions, which are zero in the URDF.
         mimics[follower] = Mimic(master, float(data[1]), float(data[0]))

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 WORLD = "world"
 MESHES = "meshes"
+# Cosine of 2.5 degrees: less than a base leans in any posture in which a robot is drawn standing.
+_UPRIGHT = 0.999
 # File systems take 255 bytes, of which a letter may need four.
 _LONGEST_NAME = 60
 
@@ -62,11 +64,23 @@ class UrdfWriter:
         if root == 0:
             ElementTree.SubElement(self._element, "link", name=WORLD)
             self._anchor[0] = np.zeros(3)
+        else:
+            self._upright(root)
         for body in self.bodies:
             self._anchor[body] = np.zeros(3) if body == root else self._joints(body)
             self._link(body)
         ElementTree.indent(self._element)
         return self._element
+
+    def _upright(self, root: int) -> None:
+        """A link without mass above a floating body whose own axes do not stand upright in the model."""
+        pose = _pose(np.zeros(3), self.model.body_quat[root])
+        if pose.rotation[2, 2] > _UPRIGHT:
+            return
+        name = f"{self.link_name(root)}_upright"
+        ElementTree.SubElement(self._element, "link", name=name)
+        self._joint(f"{name}_fixed", "fixed", name, self.link_name(root), pose)
+        self.notes.append(f"the base is {name}: the axes of {self.link_name(root)} do not stand upright")
 
     def link_name(self, body: int) -> str:
         """Name of a body's link."""

@@ -16,7 +16,7 @@ from excite.robot.robot import Robot
 from excite.robot.scaffold import numbers
 from excite.robot.scaffold.ground import ground_height, links_below
 from excite.robot.scaffold.guesses import JointGuess, guess_joints, guess_pairs
-from excite.robot.scaffold.held import held_joints
+from excite.robot.scaffold.held import MASSLESS, Held, held_joints
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest, find_rest
 from excite.robot.scaffold.said import Said
@@ -68,6 +68,19 @@ def scaffold_description(
     )
 
 
+def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
+    """What to say of a model none of whose joints is left to move."""
+    if held and all(one.why == MASSLESS for one in held.values()):
+        what, remedy = (
+            "states no masses",
+            "add <inertial> to its links: the maker's figures, or a CAD program's",
+        )
+        return RobotError(what, source=path, remedy=remedy)
+    named = ", ".join(list(held)[:3])
+    remedy = f"state limits that let {named} move" if held else "describe at least one"
+    return RobotError("has no joint that moves", source=path, remedy=remedy)
+
+
 def draft(path: Path, folder: str | Path | None, rng: np.random.Generator, said: Said) -> dict[str, Any]:
     """The content of a first ``robot.yaml``; arguments and errors as for :func:`scaffold_description`."""
     root = parse_urdf(path)
@@ -77,9 +90,7 @@ def draft(path: Path, folder: str | Path | None, rng: np.random.Generator, said:
     held = held_joints(root, joints, guesses)
     free = tuple(guess for guess in guesses if guess.name not in held and guess.follows is None)
     if not free:
-        named = ", ".join(list(held)[:3])
-        remedy = f"state limits that let {named} move" if held else "describe at least one"
-        raise RobotError("has no joint that moves", source=path, remedy=remedy)
+        raise _nothing_moves(held, path)
     for name, joint in joints.items():
         # As they will be read: what is held moves nothing, and no fault of its inertia matters.
         if name in held or joint.find("mimic") is not None:

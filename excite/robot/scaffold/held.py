@@ -12,6 +12,7 @@ from excite.robot.urdf.tree import MOVING
 _WHEEL = re.compile(r"wheel|caster|castor|roller|rotor|propell", re.IGNORECASE)
 _FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
 
+MASSLESS = "nothing with mass moves with it"
 # Hands have three fingers or more, and a twentieth of the mass that the heaviest joint of a robot moves.
 _FINGERS, _HAND = 3, 0.05
 
@@ -37,17 +38,20 @@ def held_joints(
     hard: dict[str, Held] = {}
     soft: dict[str, Held] = {}
     for guess in guesses:
-        if guess.follows is not None and guess.name not in masters:
+        if guess.follows is not None and guess.follows not in joints:
+            hard[guess.name] = Held(
+                _nearest(guess), f"it follows {guess.follows}, which the model does not have"
+            )
+            continue
+        if guess.follows is not None:
             continue
         child = joints[guess.name].find("child")
         called = f"{guess.name} {'' if child is None else child.get('link', '')}"
         slides = joints[guess.name].get("type") == "prismatic"
-        if guess.follows is not None:
-            continue
         if guess.name in masters:
             hard[guess.name] = Held(_nearest(guess), "other joints are coupled to it")
         elif masses[guess.name] <= 0.0:
-            hard[guess.name] = Held(_nearest(guess), "nothing with mass moves with it")
+            hard[guess.name] = Held(_nearest(guess), MASSLESS)
         elif guess.blocked is not None:
             hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
         elif slides and guess.position is None:
@@ -61,7 +65,7 @@ def held_joints(
 
 
 def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:
-    """Joints beyond a link of little mass from which three or more joints leave."""
+    """Joints beyond a link of little mass at which limbs part that have three or more ends."""
     moving = {name for name, joint in joints.items() if joint.get("type") in MOVING}
     ends = {
         name: tuple(str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
@@ -77,8 +81,11 @@ def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) 
 
     for name in moving:
         joints_beyond = beyond(ends[name][1])
-        tips = sum(not beyond(ends[one][1]) for one in joints_beyond)
-        if tips >= _FINGERS and masses[name] < _HAND * whole:
+        further = {one: beyond(ends[one][1]) for one in joints_beyond}
+        # A wrist or a forearm has all fingers beyond it, too; they part where no one joint leads to all others.
+        part = not any(len(rest) == len(joints_beyond) - 1 for rest in further.values())
+        tips = sum(not rest for rest in further.values())
+        if part and tips >= _FINGERS and masses[name] < _HAND * whole:
             found |= joints_beyond
     return found
 

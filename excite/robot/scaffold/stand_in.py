@@ -77,7 +77,9 @@ class StandIn:
                     "margin": self.margin,
                     "source": said,
                 },
-                **{name: one for name in ("velocity", "acceleration", "jerk", "torque")},
+                **{name: one for name in ("velocity", "acceleration", "jerk")},
+                # A joint without a torque limit is given one later that carries its load in any posture.
+                "torque": {"joints": {g.name: g.torque or 1e9 for g in self.free}, "source": said},
             },
             "sensors": {
                 "rate_hz": 1.0,

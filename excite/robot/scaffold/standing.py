@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import minimize
 
 from excite.arrays import Array
+from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.scaffold.footing import Footing, Standing
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.shapes.ignored_pairs import PairSearch
@@ -19,6 +23,8 @@ _WIDE = (0.0, 0.12)
 _ROOM, _APART = 0.35, 0.02
 # Angle of knees from which a leg can lift and lower its hip both ways [rad]: the bundled humanoids stand with 0.7.
 _BEND = 0.6
+# Share of the usable torque down to which a posture is eased: beside it there must be others that can be held, too.
+_EASE = 0.8
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
 
@@ -35,14 +41,47 @@ class Postures:
         self.wanted = np.clip(wanted, limits.position_lower, limits.position_upper)
 
     def clear(self, ground: float | None, ignored: frozenset[tuple[str, str]]) -> Array | None:
-        """A posture near the wanted one without collision and above the ground; None where none is found."""
+        """A posture near the wanted one without collision and above the ground that the drives can hold; one that
+        strains them least where none can be held, None where all collide."""
         every = np.ones(len(self.wanted), dtype=bool)
         parted = self._parted(self.wanted, set(), ignored)
+        least: tuple[float, Array] | None = None
         for q in (parted, *self._near(self.wanted, every)):
-            if self.touching(q, ignored) or (ground is not None and self._below(q, ground)):
+            eased = self._eased(q)
+            strain = self._strain(eased)
+            if least is not None and strain >= least[0]:
                 continue
+            if self.touching(eased, ignored) or (ground is not None and self._below(eased, ground)):
+                continue
+            if strain <= 1.0:
+                return eased
+            least = strain, eased
+        return None if least is None else least[1]
+
+    def _strain(self, q: Array) -> float:
+        """The largest torque that holds a posture, of what motions may use of it."""
+        return float(np.abs(holding_torques(self.figure.robot, q[None]) / self._usable).max(initial=0.0))
+
+    def _eased(self, q: Array) -> Array:
+        """A posture near ``q`` that the drives can hold, as far as one is found downhill from it."""
+        if self._strain(q) <= 1.0:
             return q
-        return None
+        model, data = self.figure.model, self.figure.data
+
+        def excess(at: Array) -> tuple[float, Array]:
+            strain = pin.computeGeneralizedGravity(model, data, at) / self._usable
+            over = np.sign(strain) * np.maximum(np.abs(strain) - _EASE, 0.0)
+            slope = pin.computeGeneralizedGravityDerivatives(model, data, at) / self._usable[:, None]
+            return float(over @ over), 2.0 * over @ slope
+
+        bounds = list(zip(self.lower, self.upper, strict=True))
+        start = np.clip(q, self.lower, self.upper)
+        return np.asarray(minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+
+    @cached_property
+    def _usable(self) -> Array:
+        robot = self.figure.robot
+        return usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), robot.limits.velocity)
 
     def _near(self, start: Array, moves: Array) -> list[Array]:
         tries = [start]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.description import Assumed
@@ -32,7 +33,7 @@ class Values:
     def __post_init__(self) -> None:
         inertia = joint_inertias(self.robot, self.rng)
         mass = float(self.figure.beyond[0])
-        legs = list(self.rest.legs)
+        legs = self._legs()
         loads = numbers.weight_loads(self.robot, self.rng, legs, 9.81 * mass if legs else 0.0)
         torques, said = numbers.torque_limits(self.robot, self.free, loads, inertia)
         object.__setattr__(self, "inertia", inertia)
@@ -91,7 +92,17 @@ class Values:
             )
         return feet
 
+    def _legs(self) -> dict[int, Array]:
+        """Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle."""
+        places = {}
+        for joint, foot in zip(self.rest.legs, self.rest.feet, strict=True):
+            model = self.robot.model
+            link = model.frames[model.getFrameId(foot.link, pin.BODY)].placement
+            narrow = len(foot.sole) < 3
+            places[joint] = np.asarray(link.act(np.mean(foot.sole, axis=0))) if narrow else np.zeros(3)
+        return places
+
     def controller(self) -> dict[str, Any]:
-        found = numbers.gains(self.robot, self.inertia, self.loads, list(self.rest.legs), self.mass)
+        found = numbers.gains(self.robot, self.inertia, self.loads, self._legs(), self.mass)
         said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
         return {name: {"joints": values, "source": said} for name, values in found.items()}

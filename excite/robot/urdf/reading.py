@@ -107,6 +107,9 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
         mimic = joint.find("mimic")
         if mimic is None or joint.get("type") == "fixed":
             continue
+        if name in stated.locked:
+            joint.remove(mimic)
+            continue
         where = f"joint {name!r}/mimic"
         master = mimic.get("joint", "")
         (factor,) = numbers(mimic, "multiplier", 1, path, where, default="1")

@@ -14,7 +14,9 @@ from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
 from excite.motion.generators.candidate import Candidate
 from excite.robot.robot import Foot, Robot
+from excite.safety.repairs.steering import Steering, steering
 
+_TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 _TOLERANCE = 1e-9
 _ITERATIONS = 12
 
@@ -22,10 +24,16 @@ _ITERATIONS = 12
 def _kinematic_urdf(robot: Robot) -> str:
     """The URDF without visual and collision elements, and with a link at the middle of each sole that is not flat.
 
-    placo would read every mesh, 250 MB on a G1.
+    placo would read every mesh, 250 MB on a G1. It asks for frames by name alone: links get names that no joint has.
     """
     root = fromstring(robot.urdf)
-    for link in root.iter("link"):
+    for joint in root.findall("joint"):
+        for end in ("parent", "child"):
+            element = joint.find(end)
+            if element is not None:
+                element.set("link", _frame(element.get("link", "")))
+    for link in root.findall("link"):
+        link.set("name", _frame(link.get("name", "")))
         for kind in ("visual", "collision"):
             for element in link.findall(kind):
                 link.remove(element)
@@ -33,13 +41,17 @@ def _kinematic_urdf(robot: Robot) -> str:
         if not foot.flat:
             corners = next(block.sole for block in robot.description.feet if block.name == foot.name)
             joint = ElementTree.SubElement(root, "joint", name=_tip(foot) + "/joint", type="fixed")
-            ElementTree.SubElement(joint, "parent", link=foot.link)
+            ElementTree.SubElement(joint, "parent", link=_frame(foot.link))
             ElementTree.SubElement(joint, "child", link=_tip(foot))
             ElementTree.SubElement(
                 joint, "origin", xyz=" ".join(map(repr, np.mean(corners, axis=0).tolist()))
             )
             ElementTree.SubElement(root, "link", name=_tip(foot))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _frame(link: str) -> str:
+    return f"{link}/link"
 
 
 def _tip(foot: Foot) -> str:
@@ -73,19 +85,21 @@ class Balancer:
         for joint in names[2:]:
             if joint not in legs:
                 solver.mask_dof(joint)
+        can = steering(robot)
         self._feet = {}
         for foot in robot.feet:
-            self._feet[foot.name] = _foot_task(solver, self._wrapper, robot, foot)
+            self._feet[foot.name] = _foot_task(solver, self._wrapper, robot, foot, can)
         self._com_rest = np.array(self._wrapper.com_world())
         self._com = solver.add_com_task(self._com_rest)
-        self._com.mask.set_axises("xy")
+        self._com.mask.set_axises("".join(axis for axis in "xy" if axis in can.trunk))
         self._com.configure("com", "hard", 1.0)
-        pelvis = robot.segments[pelvis_joint(robot) - 1].link
+        pelvis = _frame(robot.segments[pelvis_joint(robot) - 1].link)
         self._pelvis_rest = np.array(self._wrapper.get_T_world_frame(pelvis))
         self._turn = solver.add_orientation_task(pelvis, self._pelvis_rest[:3, :3])
+        self._turn.mask.set_axises("".join(axis for axis, turn in _TURNS.items() if turn in can.trunk))
         self._turn.configure("pelvis_orientation", "hard", 1.0)
         self._height = solver.add_position_task(pelvis, self._pelvis_rest[:3, 3])
-        self._height.mask.set_axises("z")
+        self._height.mask.set_axises("z" if "height" in can.trunk else "")
         self._height.configure("pelvis_height", "hard", 1.0)
         self._solver = solver
         # Targets as every later solve leaves them: placo rounds a pose that it is handed.
@@ -149,20 +163,26 @@ class Balancer:
             task.reset()
 
 
-def _foot_task(solver: Any, wrapper: Any, robot: Robot, foot: Foot) -> _SoleTask | _TipTask:
+def _foot_task(solver: Any, wrapper: Any, robot: Robot, foot: Foot, can: Steering) -> _SoleTask | _TipTask:
     if not foot.flat:
         return _TipTask(solver, wrapper, foot)
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.rest)
-    return _SoleTask(solver, wrapper, foot, np.array(data.oMi[foot.joint].act(foot.placement.translation)))
+    sole = np.array(data.oMi[foot.joint].act(foot.placement.translation))
+    return _SoleTask(solver, wrapper, foot, sole, can.soles[foot.name])
 
 
 class _SoleTask:
-    """Keeps a flat foot's six coordinates."""
+    """Keeps a flat foot's six coordinates, but for those that follow from the other feet's."""
 
-    def __init__(self, solver: Any, wrapper: Any, foot: Foot, sole: Array) -> None:
-        self._pose = np.array(wrapper.get_T_world_frame(foot.link))
-        self._task = solver.add_frame_task(foot.link, self._pose)
+    def __init__(self, solver: Any, wrapper: Any, foot: Foot, sole: Array, held: frozenset[str]) -> None:
+        self._pose = np.array(wrapper.get_T_world_frame(_frame(foot.link)))
+        self._task = solver.add_frame_task(_frame(foot.link), self._pose)
+        if len(held) < 6:
+            self._task.position().mask.set_axises("".join(axis for axis in "xyz" if axis in held))
+            self._task.orientation().mask.set_axises(
+                "".join(axis for axis, turn in _TURNS.items() if turn in held)
+            )
         self._task.configure(foot.name, "hard", 1.0, 1.0)
         self._sole = sole
 

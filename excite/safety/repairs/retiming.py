@@ -19,7 +19,7 @@ _SLOPE = 12.0
 # Width of the kernel that smooths the time law, and the step of its samples [s].
 _KERNEL = 0.14
 _STEP = 0.0025
-TORQUE_SHARE = "of what it may use"
+SHARE_USED = "of what it may use"
 
 
 class Retiming(Repair):
@@ -56,7 +56,7 @@ def _standing_still(rows: Rows) -> tuple[str, str, None, float | None, float | N
         return ("no_time_law", "path", None, None, None, None)
     reason, where = rows.labels[int(worst[1])]
     if reason == "joint_torque":
-        return (reason, where, None, 1.0 + excess, 1.0, TORQUE_SHARE)
+        return (reason, where, None, 1.0 + excess, 1.0, SHARE_USED)
     if reason == "zmp":
         # Rows are relative to the weight, which the ground carries here: what is left is a distance.
         return (reason, where, None, -excess, 0.0, "m inside the edge")

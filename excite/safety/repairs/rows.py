@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.generators.candidate import Candidate
+from excite.robot.holding import usable_torque
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
 from excite.safety.repairs.load import take_off_contacts
@@ -140,11 +141,8 @@ class PathLimits:
         share = np.full(robot.n_joints, self.shares.torque)
         for leg in self._legs.values():
             share[leg] = self.shares.leg_torque
-        viscous = per_joint(robot.description.drives.viscous, robot.joint_names, np.zeros(robot.n_joints))
-        coulomb = per_joint(robot.description.drives.coulomb, robot.joint_names, np.zeros(robot.n_joints))
         # Friction is bounded by that at the velocity limit, so that the rows stay linear.
-        friction = coulomb + viscous * self.shares.velocity * robot.limits.velocity
-        torque = np.maximum(share * robot.limits.torque - friction, 0.3 * robot.limits.torque)
+        torque = usable_torque(robot, share, self.shares.velocity * robot.limits.velocity)
         blocks.append(_two_sided(tau / torque))
         labels = [(kind, j) for kind in ("joint_acceleration", "joint_torque") for j in robot.joint_names * 2]
         if robot.feet:

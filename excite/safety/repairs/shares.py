@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from excite.robot.holding import TORQUE_SHARE
+
 
 @dataclass(frozen=True)
 class Shares:
@@ -31,7 +33,7 @@ class Shares:
 
     velocity: float = 0.8
     acceleration: float = 0.92
-    torque: float = 0.85
+    torque: float = TORQUE_SHARE
     leg_torque: float = 0.6
     jerk: float = 1.0
     friction: float = 0.6

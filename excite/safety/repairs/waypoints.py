@@ -1,8 +1,9 @@
-"""Throw out control points that would make the robot hit itself, before anything dear is computed."""
+"""Throw out control points where the robot would hit itself or could not hold still, before anything dear is done."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.motion.generators.candidate import Candidate, Draws
 from excite.motion.generators.curves import Curve, SplineCurve
+from excite.robot.holding import holding_torques, usable_torque
 from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.retiming import SHARE_USED
 
 # Samples in a span; a span takes 0.2 s or more, and between samples the probe's extra margin holds.
 SAMPLES_PER_SPAN = 12
@@ -22,19 +25,21 @@ _SHRINK, _SHRINK_TRIES = 0.85, 10
 
 
 class Waypoints(Repair):
-    """Redraws control points whose span collides, with the base and legs at rest.
+    """Redraws control points whose span collides, or cannot be held against gravity, with the base and legs at rest.
 
-    A control point of a uniform cubic B-spline completes one span, so the check of a span is the check of
-    the very path that will be run. Curves whose points must not be redrawn are shrunk about their start.
+    However slowly a path is run, it takes the torque that holds the robot still on it. A control point of a uniform
+    cubic B-spline completes one span, so the check of a span is the check of the very path that will be run. Curves
+    whose points must not be redrawn are shrunk about their start.
     """
 
     name: ClassVar[str] = "waypoints"
-    # Posture that the last search found to collide.
+    # Posture that the last search refused, and the joint that is too weak for it, None where it collides.
     _last: Array | None = None
+    _weak: int | None = None
 
     def repair(self, draft: Draft) -> Draft | Rejection:
-        """A draft whose posture does not collide, or the rejection ``self_collision``."""
-        self._last = None
+        """A draft whose posture is free, or the rejection ``self_collision`` or ``joint_torque``."""
+        self._last = self._weak = None
         candidate = draft.candidate
         if isinstance(candidate.posture, SplineCurve) and candidate.draws is not None:
             walk = _Walk(self, candidate, candidate.posture, candidate.draws)
@@ -46,9 +51,14 @@ class Waypoints(Repair):
         return replace(draft, candidate=replace(candidate, posture=posture))
 
     def _refused(self, draft: Draft) -> Rejection:
-        """The rejection, by the pair that lacked most of its distance in the last posture that was tried."""
+        """The rejection, by the weak joint of the last posture that was tried, or the pair that lacked most of its
+        distance in it."""
         if self._last is None:
             return draft.rejected("self_collision", "control points")
+        if self._weak is not None:
+            strain = float(self._strain(self._last[None])[0, self._weak])
+            joint = self.robot.joint_names[self._weak]
+            return draft.rejected("joint_torque", joint, value=strain, limit=1.0, unit=SHARE_USED)
         pair, distance, required = self.probe.closest(self._last)
         return draft.rejected("self_collision", pair, value=distance, limit=required)
 
@@ -61,13 +71,27 @@ class Waypoints(Repair):
         return None
 
     def free(self, joints: Array) -> bool:
-        """Whether joint positions ``(n, n_joints)`` do not collide with the base at rest."""
+        """Whether joint positions ``(n, n_joints)`` do not collide with the base at rest, and can be held."""
         q = np.tile(self.robot.rest, (len(joints), 1))
         q[:, self.robot.n_base_q :] = joints
-        row = self.probe.first(q)
-        if row is not None:
+        strain = self._strain(q)
+        if strain.max(initial=0.0) > 1.0:
+            row, self._weak = (int(k) for k in np.unravel_index(int(strain.argmax()), strain.shape))
             self._last = q[row]
-        return row is None
+            return False
+        collides = self.probe.first(q)
+        if collides is not None:
+            self._last, self._weak = q[collides], None
+        return collides is None
+
+    def _strain(self, q: Array) -> Array:
+        """Torque that holds each joint in configurations ``(n, nq)``, of what it may use, ``(n, n_joints)``."""
+        return np.asarray(np.abs(holding_torques(self.robot, q[:, self.robot.n_base_q :])) / self._usable)
+
+    @cached_property
+    def _usable(self) -> Array:
+        share = np.full(self.robot.n_joints, self.shares.torque)
+        return usable_torque(self.robot, share, self.shares.velocity * self.robot.limits.velocity)
 
 
 class _Walk:

@@ -1,0 +1,87 @@
+"""Which trees of a MuJoCo model are the robot, and which of its joints close loops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.errors import RobotError
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def robot_root(model: mujoco.MjModel, path: Path) -> tuple[int, tuple[int, ...]]:
+    """Body that floats, 0 for a robot that is bolted down; and free bodies without joints, which are objects about it.
+
+    Raises:
+        RobotError: several trees move on their own, and more than one of them has joints or one floats.
+    """
+    import mujoco
+
+    free = {
+        int(model.jnt_bodyid[j]) for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE
+    }
+    trees = sorted({int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt)})
+    joints = {tree: int(sum(model.body_rootid[model.jnt_bodyid] == tree)) for tree in trees}
+    objects = tuple(tree for tree in trees if tree in free and joints[tree] == 1)
+    robots = [tree for tree in trees if tree not in objects]
+    if (len(robots) > 1 and free - set(objects)) or (not robots and len(objects) > 1):
+        moving = robots or list(objects)
+        names = ", ".join(repr(model.body(body).name) for body in moving)
+        raise RobotError(
+            f"holds {len(moving)} bodies that move on their own: {names}",
+            source=path,
+            field="worldbody",
+            remedy="keep the robot alone",
+        )
+    if not robots and objects:
+        return objects[0], ()
+    floating = sorted(free - set(objects))
+    return (floating[0] if floating else 0), objects
+
+
+def loop_joints(model: mujoco.MjModel, path: Path) -> set[int]:
+    """Hinges and slides between two bodies that an equality connects or welds: they move together in a closed loop.
+
+    Raises:
+        RobotError: an equality ties bodies between which there is no such joint.
+    """
+    import mujoco
+
+    closing = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+    joints: set[int] = set()
+    for number in np.flatnonzero(model.eq_active0):
+        kind = mujoco.mjtEq(int(model.eq_type[number]))
+        if kind not in closing:
+            continue
+        ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+        if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
+            ends = [int(model.site_bodyid[site]) for site in ends]
+        first, second = (_to_root(model, body) for body in ends)
+        between = set(first) ^ set(second)
+        found = {
+            joint
+            for joint in range(model.njnt)
+            if int(model.jnt_bodyid[joint]) in between and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE
+        }
+        if not found:
+            word = "connects" if kind == mujoco.mjtEq.mjEQ_CONNECT else "welds"
+            raise RobotError(
+                f"{word} two bodies between which no joint moves",
+                source=path,
+                field=f"equality {model.equality(int(number)).name or number}",
+                remedy="remove it: a base that is bolted down has no free joint",
+            )
+        joints |= found
+    return joints
+
+
+def _to_root(model: mujoco.MjModel, body: int) -> list[int]:
+    chain = []
+    while body:
+        chain.append(body)
+        body = int(model.body_parentid[body])
+    return chain
