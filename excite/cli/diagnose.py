@@ -51,7 +51,7 @@ def command(
 
         applied = apply_effects(result, model, apply)
         summary += f"\n{applied.summary()}"
-        document |= {"applied": applied.to_json()}
+        document |= {"applied": applied.to_json(out or Path.cwd())}
     if out is not None:
         summary += f"\nreport: {_save(result, document, out)}"
     emit(summary, document, as_json=as_json)

@@ -200,7 +200,7 @@ class TrivialErrors(Block):
 class Applied(Block):
     """The robot that was written with the effects in it."""
 
-    robot: FilePath = Field(description="its robot.yaml, in the folder of --apply")
+    robot: FilePath = Field(description="its robot.yaml, from --out or the working folder")
     written: Texts = Field(description="what was changed")
     left_out: Texts = Field(description="what the files have no place for")
 

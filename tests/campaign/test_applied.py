@@ -116,8 +116,8 @@ def test_what_no_description_holds_is_a_line(tmp_path: Path) -> None:
     applied = apply_effects(found, robot, tmp_path)
     assert applied.left_out == (line,)
     assert applied.summary().splitlines()[1:] == ["  coulomb [N·m]: elbow_joint 2", f"  not in it: {line}"]
-    assert applied.to_json() == {
-        "robot": "robot.yaml",
+    assert applied.to_json(tmp_path.parent) == {
+        "robot": f"{tmp_path.name}/robot.yaml",
         "written": ["coulomb [N·m]: elbow_joint 2"],
         "left_out": [line],
     }

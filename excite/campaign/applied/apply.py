@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,9 +38,10 @@ class Applied:
     written: tuple[str, ...]
     left_out: tuple[str, ...]
 
-    def to_json(self) -> dict[str, Any]:
-        """As it stands in the document of a diagnosis."""
-        return {"robot": self.robot.name, "written": list(self.written), "left_out": list(self.left_out)}
+    def to_json(self, beside: Path) -> dict[str, Any]:
+        """As it stands in the document of a diagnosis, the path from the folder ``beside``."""
+        robot = Path(os.path.relpath(self.robot, beside)).as_posix()
+        return {"robot": robot, "written": list(self.written), "left_out": list(self.left_out)}
 
     def summary(self) -> str:
         """A line each."""
@@ -125,13 +127,14 @@ def _doubts(diagnosis: Diagnosis) -> list[str]:
     if not (diagnosis.ambiguous_with and diagnosis.effects):
         return []
     first = diagnosis.effects[0]
+    taken = {(item.effect, item.location) for item in diagnosis.effects}
     others = [
         in_words(item.effect, item.location)
         for item in diagnosis.ambiguous_with
-        if (item.effect, item.location) != (first.effect, first.location)
+        if (item.effect, item.location) not in taken
     ]
-    taken = in_words(first.effect, first.location)
-    return [f"{taken} was taken, which this record cannot tell from {', '.join(others)}"] if others else []
+    what = in_words(first.effect, first.location)
+    return [f"{what} was taken, which this record cannot tell from {', '.join(others)}"] if others else []
 
 
 def _written(changes: RobotChanges) -> list[str]:
