@@ -23,6 +23,8 @@ from excite.robot.robot import Robot
 from tests.diagnosis.test_command_only import controller_of, without_torque
 from tests.identification.practice_log import arm_log, changed
 from tests.report.diagnosed import ambiguous, two_joints_diagnosed
+from tests.reproduction.emps import emps_log
+from tests.reproduction.real_robots.entry import RIGID, with_modelled
 
 LOAD = pin.Inertia(1.5, np.array([0.05, 0.02, 0.06]), np.diag([0.004, 0.005, 0.003]))
 VISCOUS, COULOMB = 3.0, 4.0
@@ -167,3 +169,22 @@ def test_a_servo_keeps_the_model_that_it_had(gap_dir: Path, tmp_path: Path) -> N
     rest = diagnose(log, robot_for_log(applied.robot, log.folder))
     assert (rest.verdict, rest.effects) == ("none", ())
     assert rest.gap.before < 0.05 * found.gap.before
+
+
+@pytest.mark.slow
+def test_a_real_axis_has_no_friction_left_in_the_second_round(data_dir: Path, tmp_path: Path) -> None:
+    """EMPS: published viscous friction 203.5 N·s/m and dry friction 20.4 N, which the log does not call modelled."""
+    log = with_modelled(emps_log(data_dir, tmp_path, split=2 / 3), (*RIGID, "torque_bias"))
+    found = diagnose(log)
+    assert {item.effect for item in found.effects} == {"coulomb_friction", "viscous_friction"}
+    applied = apply_effects(found, nominal_robot(log), tmp_path / "robot")
+    assert applied.left_out == ()
+    drives = load_robot(applied.robot).description.drives
+    assert drives.coulomb is not None and drives.coulomb.joints["slide"] == pytest.approx(20.4, rel=0.1)
+    assert drives.viscous is not None and drives.viscous.joints["slide"] == pytest.approx(203.5, rel=0.1)
+    assert log.folder is not None
+    rest = diagnose(log, robot_for_log(applied.robot, log.folder))
+    assert (rest.verdict, rest.effects) == ("none", ())
+    assert rest.gap.per_channel["slide"].before == pytest.approx(
+        found.gap.per_channel["slide"].after, rel=0.05
+    )
