@@ -76,7 +76,7 @@ def beaten(errors: Mapping[str, TrivialErrors]) -> tuple[Finding, ...]:
     ]
     text = (
         f"at {len(worse)} of {len(errors)} joints the simulator is no better on trials left out than "
-        f"a linear filter or a delay of the command: {listed(said)}; that its physics is right they do not show"
+        f"a linear filter or a delay of the command: {listed(said)}; they do not show that its physics is right"
     )
     figures = {
         **{f"model.{name}": model for name, (_, _, model) in worse.items()},
