@@ -36,8 +36,12 @@ class Registry(Mapping[str, type[Member]], Generic[Member]):
     def __len__(self) -> int:
         return len(self._members)
 
-    def make(self, name: str) -> Member:
-        """A member of that name; raises UnknownNameError."""
+    def find(self, name: str) -> type[Member]:
+        """The member of that name; raises UnknownNameError."""
         if name not in self:
             raise UnknownNameError(self._kind, name, sorted(self))
-        return self[name]()
+        return self[name]
+
+    def make(self, name: str) -> Member:
+        """One of the member of that name; raises UnknownNameError."""
+        return self.find(name)()

@@ -20,11 +20,18 @@ NAME = "export"
 def command(
     motions: MotionArgument,
     format_name: Annotated[
-        str, typer.Option("--format", help=f"One of {', '.join(EXPORTERS)} (ros2: JointTrajectory in MCAP).")
+        str,
+        typer.Option(
+            "--format", help=f"One of {', '.join(EXPORTERS)} (docs/formats.md says what reads each)."
+        ),
     ],
     rate_hz: Annotated[
         float | None,
-        typer.Option("--rate", min=1e-3, help="Samples per second; the motion's own where left out."),
+        typer.Option(
+            "--rate",
+            min=1e-3,
+            help="Samples per second; the controller's, or the motion's own, where left out.",
+        ),
     ] = None,
     robot: Annotated[
         str | None,
@@ -36,6 +43,19 @@ def command(
             "--unsafe-anyway",
             metavar="REASON",
             help="Write motions that fail the check all the same; reason and violations stand in what is written.",
+        ),
+    ] = None,
+    approach: Annotated[
+        bool,
+        typer.Option(
+            "--approach",
+            help="Lead from the robot's rest posture to the start and back, checked with the motion.",
+        ),
+    ] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="A setting of the format, such as a gain; repeatable."
         ),
     ] = None,
     out: OutOption = None,
@@ -54,6 +74,8 @@ def command(
             rate_hz=rate_hz,
             robot=robot,
             unsafe_anyway=unsafe_anyway,
+            approach=approach,
+            settings=_settings(settings or []),
         )
     except excite.UnsafeMotionError as error:
         # One line each; the last one, which says what to do, is the error's own.
@@ -73,3 +95,14 @@ def command(
     if out is not None:
         write_json(document, out / "export.json")
     emit("\n".join(f"wrote {item.path}" for item in written), document, as_json=as_json)
+
+
+def _settings(texts: list[str]) -> dict[str, str]:
+    """Settings from texts ``NAME=VALUE``, each once."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or name.strip() in found:
+            raise typer.BadParameter(f"{text!r} is no NAME=VALUE, or stands twice", param_hint="'--set'")
+        found[name.strip()] = value
+    return found

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.errors import InputError, MotionError, UnsafeMotionError
+from excite.export.approach import with_approach
+from excite.export.exporter import Exporter
 from excite.export.grid import on_grid
 from excite.motion.content import with_verdict
 from excite.motion.motion import Motion, interpolate
@@ -47,31 +49,41 @@ class Cleared:
 
 
 def clear_motions(
-    robots: Sequence[Robot],
+    exporters: Sequence[Exporter],
     motions: Sequence[Motion],
     rate_hz: float | None = None,
     unsafe_anyway: str | None = None,
+    *,
+    approach: bool = False,
 ) -> list[Cleared]:
     """Judge motions anew, as they will be written, before any of them is.
 
     Args:
-        robots: the robot of each motion.
+        exporters: what shall write each motion, for its robot.
         motions: what shall leave.
-        rate_hz: rate of the files; None for each motion's own samples.
+        rate_hz: rate of the files; None for the controller's, or each motion's own samples.
         unsafe_anyway: why motions that fail are written all the same; None where they are not.
+        approach: whether the way from the robot's rest posture and back is part of each.
 
     Raises:
         UnsafeMotionError: the check does not find one safe, as it is or at ``rate_hz``, and there is no reason to write
             it all the same. It carries the verdicts on all that fail.
         MotionError: the joints are not the robot's.
-        InputError: the rate loses a motion, or is no rate; the reason is blank.
+        InputError: the rate loses a motion, or is no rate, of the controller or at all; the controller does not run
+            such a robot; the reason is blank.
     """
     if unsafe_anyway is not None and not unsafe_anyway.strip():
         raise InputError("is blank", field="unsafe_anyway", remedy="say why, for whoever finds the files")
+    for exporter, motion in zip(exporters, motions, strict=True):
+        exporter.refuse(motion)
+    if approach:
+        motions = [
+            with_approach(exporter.robot, motion) for exporter, motion in zip(exporters, motions, strict=True)
+        ]
     named = {motion.name: motion for motion in motions}
     cleared = [
-        _cleared(robot, motion, named, rate_hz, unsafe_anyway)
-        for robot, motion in zip(robots, motions, strict=True)
+        _cleared(exporter, motion, named, rate_hz, unsafe_anyway)
+        for exporter, motion in zip(exporters, motions, strict=True)
     ]
     failed = [item.verdict for item in cleared if not item.verdict.safe]
     broken = next((verdict for verdict in failed if _unwritable(verdict)), None)
@@ -92,8 +104,13 @@ def clear_motions(
 
 
 def _cleared(
-    robot: Robot, motion: Motion, named: Mapping[str, Motion], rate_hz: float | None, reason: str | None
+    exporter: Exporter,
+    motion: Motion,
+    named: Mapping[str, Motion],
+    asked_hz: float | None,
+    reason: str | None,
 ) -> Cleared:
+    robot = exporter.robot
     if motion.joint_names != robot.joint_names:
         raise MotionError(
             f"its joints are not those of robot {robot.name!r}",
@@ -103,27 +120,33 @@ def _cleared(
     verdict = check_motion(robot, motion, neighbours=named)
     if _unwritable(verdict):
         return Cleared(motion, verdict, reason)
+    rate_hz = exporter.rate(motion, asked_hz)
     written = motion
     if rate_hz is not None:
-        if rate_hz < MIN_RATE_HZ:
-            raise InputError(
-                f"is {rate_hz:g} Hz, and below {MIN_RATE_HZ:g} Hz nobody can tell what a controller would do",
-                source=motion.name,
-                field="rate_hz",
-                remedy=f"give at least {MIN_RATE_HZ:g} Hz",
-            )
+        _check_rate(motion, rate_hz)
         written = on_grid(motion, robot, rate_hz)
         # What is not safe does not leave at any rate, and what cannot be read cannot be compared.
         if verdict.safe or (verdict.readable and reason is not None):
             _check_loss(robot, motion, written, rate_hz)
         if verdict.safe:
             verdict = check_motion(robot, written, neighbours=named)
+    verdict = replace(verdict, violations=(*verdict.violations, *exporter.violations(written)))
     said = dict(verdict.to_json())
     if not verdict.safe and reason is not None:
         said["unsafe_anyway"] = reason
     metadata = replace(written.metadata, robot_hash=robot.hash, stated_hash="")
     sealed = with_verdict(replace(written, robot=robot.name, metadata=metadata), said, robot.hash)
     return Cleared(sealed, verdict, None if verdict.safe else reason)
+
+
+def _check_rate(motion: Motion, rate_hz: float) -> None:
+    if rate_hz < MIN_RATE_HZ:
+        raise InputError(
+            f"is {rate_hz:g} Hz, and below {MIN_RATE_HZ:g} Hz nobody can tell what a controller would do",
+            source=motion.name,
+            field="rate_hz",
+            remedy=f"give at least {MIN_RATE_HZ:g} Hz",
+        )
 
 
 def _unwritable(verdict: Verdict) -> bool:

@@ -10,10 +10,9 @@ import pyarrow.csv
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.export.exporter import Exporter
+from excite.export.statement import commented, warnings
 from excite.motion.content import motion_columns
 from excite.motion.motion import Motion
-from excite.motion.readers.table import UNSAFE
-from excite.safety.verdict import Violation
 
 
 class CsvExporter(Exporter):
@@ -30,15 +29,5 @@ class CsvExporter(Exporter):
         """See :class:`Exporter`; numbers are written with all their digits."""
         options = pa.csv.WriteOptions(quoting_style="none")
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            for line in _warnings(motion):
-                stream.write(f"# {UNSAFE}: {' '.join(line.split())}\n".encode())
+            stream.write(commented(warnings(motion)).encode())
             pa.csv.write_csv(arrow_table(motion_columns(motion)), stream, options)
-
-
-def _warnings(motion: Motion) -> list[str]:
-    """What whoever opens the file has to know; nothing of a motion that is safe."""
-    verdict = motion.metadata.verdict or {}
-    if "unsafe_anyway" not in verdict:
-        return []
-    said = [Violation(**item) for item in verdict["violations"]]
-    return [f"written all the same, {verdict['unsafe_anyway']}", *map(str, said)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from excite.atomic import all_or_nothing
 from excite.errors import InputError, MotionError, OtherRobotError, UnsafeMotionError
 from excite.export.clearance import Cleared, clear_motions
+from excite.export.exporter import Exporter
 from excite.export.registry import EXPORTERS
 from excite.json_document import write_json
 from excite.motion.collection import motion_paths
@@ -53,6 +54,8 @@ def export_motion(
     rate_hz: float | None = None,
     *,
     unsafe_anyway: str | None = None,
+    approach: bool = False,
+    settings: Mapping[str, object] | None = None,
 ) -> Path:
     """Write a motion in a controller's format, if the independent check finds it safe.
 
@@ -61,9 +64,13 @@ def export_motion(
         robot: its robot.
         format: a name in ``EXPORTERS``.
         path: file or folder to write; the format's suffix is added where it is missing.
-        rate_hz: samples per second of the file; None keeps the motion's own samples.
+        rate_hz: samples per second of the file; None keeps the motion's own samples, or takes the controller's rate
+            where it runs at one only.
         unsafe_anyway: why a motion that fails the check is written all the same. The reason and what is violated then
             stand in the file, where its format can hold them, and in ``NAME.unsafe.json`` beside it.
+        approach: whether the way from the robot's rest posture to the start, and back from the end, is part of the
+            file; it is checked with the motion.
+        settings: what can be said of the format beside the motion, by name (``Exporter.settings``).
 
     Returns:
         The path written.
@@ -72,12 +79,13 @@ def export_motion(
         UnknownNameError: no such format.
         UnsafeMotionError: the check does not find it safe, as it is or at ``rate_hz``; nothing was written.
         MotionError: the motion is not this robot's.
-        InputError: ``rate_hz`` is not positive and finite, gives fewer than two samples, or loses the motion.
+        InputError: ``rate_hz`` is not positive and finite, gives fewer than two samples, loses the motion, or is not
+            the controller's; the controller runs no such robot; no such setting.
     """
-    _check_format(format)
-    (cleared,) = clear_motions([robot], [motion], rate_hz, unsafe_anyway)
+    exporter = EXPORTERS.find(format)(robot, settings)
+    (cleared,) = clear_motions([exporter], [motion], rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
-        return _write(cleared, format, Path(path))
+        return _write(exporter, cleared, Path(path))
 
 
 def export_motions(
@@ -88,10 +96,19 @@ def export_motions(
     rate_hz: float | None = None,
     robot: str | None = None,
     unsafe_anyway: str | None = None,
+    approach: bool = False,
+    settings: Mapping[str, object] | None = None,
 ) -> list[Path]:
     """The paths that :func:`export_with_verdicts` writes; arguments and errors as there."""
     written = export_with_verdicts(
-        paths, format, out=out, rate_hz=rate_hz, robot=robot, unsafe_anyway=unsafe_anyway
+        paths,
+        format,
+        out=out,
+        rate_hz=rate_hz,
+        robot=robot,
+        unsafe_anyway=unsafe_anyway,
+        approach=approach,
+        settings=settings,
     )
     return [item.path for item in written]
 
@@ -104,6 +121,8 @@ def export_with_verdicts(
     rate_hz: float | None = None,
     robot: str | None = None,
     unsafe_anyway: str | None = None,
+    approach: bool = False,
+    settings: Mapping[str, object] | None = None,
 ) -> list[Exported]:
     """Write motion files in a controller's format, each under its own name; all of them, or none.
 
@@ -111,9 +130,11 @@ def export_with_verdicts(
         paths: motion files, or folders of them.
         format: a name in ``EXPORTERS``.
         out: folder to write to.
-        rate_hz: samples per second; None keeps each motion's own samples.
+        rate_hz: as for :func:`export_motion`.
         robot: name or file of the robot; the one that each file names where left out.
         unsafe_anyway: as for :func:`export_motion`.
+        approach: as for :func:`export_motion`.
+        settings: as for :func:`export_motion`.
 
     Returns:
         What was written, one a motion.
@@ -122,9 +143,9 @@ def export_with_verdicts(
         UnknownNameError: no such format or robot.
         UnsafeMotionError: a motion is not safe, as it is or at ``rate_hz``; nothing was written.
         MotionError: a file is malformed, not this robot's, or does not say whose it is.
-        InputError: bad rate, or two motions of the same name.
+        InputError: bad rate, setting or robot, as for :func:`export_motion`; or two motions of the same name.
     """
-    _check_format(format)
+    kind = EXPORTERS.find(format)
     files = motion_paths(paths)
     names = [file.stem for file in files]
     repeated = sorted({name for name in names if names.count(name) > 1})
@@ -134,16 +155,13 @@ def export_with_verdicts(
         )
     robots = _robots(files, robot)
     motions = [_read(file, its) for file, its in zip(files, robots, strict=True)]
-    cleared = clear_motions(robots, motions, rate_hz, unsafe_anyway)
+    exporters = [kind(its, settings) for its in robots]
+    cleared = clear_motions(exporters, motions, rate_hz, unsafe_anyway, approach=approach)
     with all_or_nothing():
         return [
-            Exported(_write(item, format, Path(out) / file.stem), item)
-            for file, item in zip(files, cleared, strict=True)
+            Exported(_write(exporter, item, Path(out) / file.stem), item)
+            for exporter, file, item in zip(exporters, files, cleared, strict=True)
         ]
-
-
-def _check_format(format: str) -> None:
-    EXPORTERS.make(format)
 
 
 def _robots(files: Sequence[Path], robot: str | None) -> list[Robot]:
@@ -173,10 +191,8 @@ def _read(file: Path, robot: Robot) -> Motion:
         ) from error
 
 
-def _write(cleared: Cleared, format: str, path: Path) -> Path:
-    exporter = EXPORTERS.make(format)
-    if exporter.suffix and path.suffix != exporter.suffix:
-        path = path.with_name(path.name + exporter.suffix)
+def _write(exporter: Exporter, cleared: Cleared, path: Path) -> Path:
+    path = exporter.destination(path)
     exporter.write(cleared.motion, path)
     if cleared.reason is not None:
         beside = path.with_name(path.name + ".unsafe.json")

@@ -10,17 +10,15 @@ import numpy as np
 
 from excite.atomic import atomic_folder
 from excite.export.exporter import Exporter
+from excite.export.goals import goal_velocities
 from excite.motion.motion import Motion
 from excite.motion.readers.ros2 import BASE_TRAJECTORY, CONTACTS, JOINT_TRAJECTORY, ROBOT, ROBOT_HASH
+from excite.motion.timing import nanoseconds
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 BASE_TOPIC = "/excite/base"
+JOINT_STATE = "sensor_msgs/msg/JointState"
 _BAG_VERSION: Literal[9] = 9  # readable from Humble on
-
-
-def nanoseconds(time: np.ndarray) -> np.ndarray:
-    """Times since the first sample as whole nanoseconds, ``(n,)`` integers, from ``(n,)`` seconds."""
-    return np.asarray(np.round((np.asarray(time) - time[0]) * 1e9).astype(np.int64))
 
 
 class Ros2Exporter(Exporter):
@@ -39,25 +37,40 @@ class Ros2Exporter(Exporter):
 
     def write(self, motion: Motion, path: Path) -> None:
         """See :class:`Exporter`; ``path`` is the bag's folder."""
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-
-        store = get_typestore(Stores.ROS2_HUMBLE)
-        messages = [(TOPIC, JOINT_TRAJECTORY, _joints(store, motion))]
-        if motion.floating:
-            messages.append((BASE_TOPIC, BASE_TRAJECTORY, _base(store, motion)))
-        if motion.contacts:
-            messages.append((CONTACTS, JOINT_TRAJECTORY, _contacts(store, motion)))
         with atomic_folder(path) as temporary:
-            bag = Writer(temporary, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
-            bag.set_custom_data(ROBOT, motion.robot)
-            bag.set_custom_data(ROBOT_HASH, motion.metadata.robot_hash)
-            if motion.metadata.verdict is not None:
-                bag.set_custom_data("excite.verdict", json.dumps(motion.metadata.verdict))
-            with bag:
-                for topic, kind, content in messages:
-                    connection = bag.add_connection(topic, kind, typestore=store)
-                    bag.write(connection, 0, store.serialize_cdr(content, kind))
+            write_bag(motion, temporary)
+
+
+def write_bag(motion: Motion, folder: Path, command: str = "") -> None:
+    """Write a motion as a bag folder that is not yet there.
+
+    Args:
+        motion: the motion.
+        folder: of the bag; the MCAP file in it has its name.
+        command: topic of a ``sensor_msgs/msg/JointState`` for every sample at its time; none where empty.
+    """
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    messages = [(TOPIC, JOINT_TRAJECTORY, [_joints(store, motion)])]
+    if motion.floating:
+        messages.append((BASE_TOPIC, BASE_TRAJECTORY, [_base(store, motion)]))
+    if motion.contacts:
+        messages.append((CONTACTS, JOINT_TRAJECTORY, [_contacts(store, motion)]))
+    if command:
+        messages.append((command, JOINT_STATE, _states(store, motion)))
+    bag = Writer(folder, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
+    bag.set_custom_data(ROBOT, motion.robot)
+    bag.set_custom_data(ROBOT_HASH, motion.metadata.robot_hash)
+    if motion.metadata.verdict is not None:
+        bag.set_custom_data("excite.verdict", json.dumps(motion.metadata.verdict))
+    times = nanoseconds(motion.time).tolist()
+    with bag:
+        for topic, kind, contents in messages:
+            connection = bag.add_connection(topic, kind, typestore=store)
+            for time, content in zip(times, contents, strict=False):
+                bag.write(connection, time, store.serialize_cdr(content, kind))
 
 
 def _times(store: Any, motion: Motion) -> list[Any]:
@@ -73,13 +86,27 @@ def _joints(store: Any, motion: Motion) -> Any:
     point, nothing = store.types["trajectory_msgs/msg/JointTrajectoryPoint"], np.empty(0)
     rows = zip(
         np.ascontiguousarray(motion.joint_positions()),
-        np.ascontiguousarray(motion.joint_velocities()),
+        np.ascontiguousarray(goal_velocities(motion)),
         np.ascontiguousarray(motion.joint_accelerations()),
         _times(store, motion),
         strict=True,
     )
     points = [point(q, v, a, nothing, t) for q, v, a, t in rows]
     return store.types[JOINT_TRAJECTORY](_header(store), list(motion.joint_names), points)
+
+
+def _states(store: Any, motion: Motion) -> list[Any]:
+    state, stamp = store.types[JOINT_STATE], store.types["builtin_interfaces/msg/Time"]
+    header, names = store.types["std_msgs/msg/Header"], list(motion.joint_names)
+    return [
+        state(header(stamp(*divmod(t, 1_000_000_000)), ""), names, q, v, np.empty(0))
+        for t, q, v in zip(
+            nanoseconds(motion.time).tolist(),
+            np.ascontiguousarray(motion.joint_positions()),
+            np.ascontiguousarray(motion.joint_velocities()),
+            strict=True,
+        )
+    ]
 
 
 def _base(store: Any, motion: Motion) -> Any:

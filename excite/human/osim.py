@@ -16,8 +16,10 @@ from excite.human.segments import NAMES, PARENTS, SEGMENTS, Segment
 
 _VERSION = "40000"
 # From x forward, y left, z up to x forward, y up, z right.
-_TO_ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-_FREE = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
+TO_ISB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""Turns directions of ours into OpenSim's."""
+PELVIS = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
+"""Coordinates of the pelvis: turns about its z, x and y, then its place."""
 
 
 def write_osim(body: Body, path: Path, markers: MarkerModel | None = None, name: str = "human") -> Path:
@@ -56,6 +58,17 @@ def osim_text(body: Body, markers: MarkerModel | None = None, name: str = "human
     return ElementTree.tostring(document, encoding="unicode", xml_declaration=True) + "\n"
 
 
+def coordinate_names() -> tuple[str, ...]:
+    """Coordinates of the model's joints, without the pelvis'; they are the names of the joints in the URDF too."""
+    return tuple(name for segment in SEGMENTS if segment.joint is not None for name in _coordinates(segment))
+
+
+def _coordinates(segment: Segment) -> tuple[str, ...]:
+    if len(segment.axes) == 1:
+        return (str(segment.joint),)
+    return tuple(f"{segment.joint}_{axis.name}" for axis in segment.axes)
+
+
 def _leaf(parent: ElementTree.Element, tag: str, text: str) -> None:
     ElementTree.SubElement(parent, tag).text = text
 
@@ -73,8 +86,8 @@ def _body(bodies: ElementTree.Element, name: str, body: Body, k: int) -> None:
     inertia = body.inertias[k]
     element = ElementTree.SubElement(bodies, "Body", name=name)
     _leaf(element, "mass", f"{inertia.mass:.12g}")
-    _leaf(element, "mass_center", _text(_TO_ISB @ inertia.center))
-    moments = _TO_ISB @ inertia.inertia @ _TO_ISB.T
+    _leaf(element, "mass_center", _text(TO_ISB @ inertia.center))
+    moments = TO_ISB @ inertia.inertia @ TO_ISB.T
     _leaf(element, "inertia", _text(moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
 
 
@@ -86,22 +99,21 @@ def _joint(joints: ElementTree.Element, segment: Segment, k: int, offset: Array)
     _leaf(joint, "socket_parent_frame", f"{carrier}_offset")
     _leaf(joint, "socket_child_frame", f"{segment.name}_offset")
     if free:
-        names: tuple[str, ...] = _FREE
+        names: tuple[str, ...] = PELVIS
         axes = [np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])]
     else:
-        single = len(segment.axes) == 1
-        names = tuple(name if single else f"{name}_{axis.name}" for axis in segment.axes)
-        axes = [_TO_ISB @ np.eye(3)[axis.index] * axis.sign for axis in segment.axes]
+        names = _coordinates(segment)
+        axes = [TO_ISB @ np.eye(3)[axis.index] * axis.sign for axis in segment.axes]
     coordinates = ElementTree.SubElement(joint, "coordinates")
     for coordinate in names:
         element = ElementTree.SubElement(coordinates, "Coordinate", name=coordinate)
         _leaf(element, "default_value", "0")
         _leaf(element, "range", "-3.2 3.2" if not coordinate.startswith("pelvis_t") else "-10 10")
     frames = ElementTree.SubElement(joint, "frames")
-    place = np.zeros(3) if free else _TO_ISB @ offset
+    place = np.zeros(3) if free else TO_ISB @ offset
     _frame(frames, carrier, "/ground" if free else f"/bodyset/{carrier}", place, np.eye(3))
     # The last axis of a shoulder is turned against the arm's own frame.
-    turn = _TO_ISB @ frame_turn(k).T @ _TO_ISB.T
+    turn = TO_ISB @ frame_turn(k).T @ TO_ISB.T
     _frame(frames, segment.name, f"/bodyset/{segment.name}", np.zeros(3), turn)
     transform = ElementTree.SubElement(joint, "SpatialTransform")
     used = [*axes, *_others(axes)][:3]
@@ -144,5 +156,5 @@ def _markers(markers: ElementTree.Element, model: MarkerModel) -> None:
     for label, segment, local in zip(model.labels, model.segment, model.local, strict=True):
         marker = ElementTree.SubElement(markers, "Marker", name=label)
         _leaf(marker, "socket_parent_frame", f"/bodyset/{NAMES[int(segment)]}")
-        _leaf(marker, "location", _text(_TO_ISB @ local))
+        _leaf(marker, "location", _text(TO_ISB @ local))
         _leaf(marker, "fixed", "true")

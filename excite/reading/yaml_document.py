@@ -22,24 +22,33 @@ MAX_DEPTH = 40
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-def read_yaml(path: str | Path, *, error: type[InputError] = InputError, remedy: str = "") -> dict[str, Any]:
+def read_yaml(
+    path: str | Path,
+    *,
+    error: type[InputError] = InputError,
+    remedy: str = "",
+    limit: int = MAX_DESCRIPTION_BYTES,
+    most_nodes: int = MAX_NODES,
+) -> dict[str, Any]:
     """The mapping that a YAML file holds.
 
     Args:
         path: of the file.
         error: class of the errors.
         remedy: what to do where it is no mapping at all.
+        limit: largest size [bytes].
+        most_nodes: how many values it may stand for.
 
     Raises:
         InputError: of the class ``error``: the file cannot be read, is no YAML or no mapping, nests or repeats itself
             without end, holds a key twice, or a number that is none.
     """
     path = Path(path)
-    text = read_text(path, limit=MAX_DESCRIPTION_BYTES, error=error)
+    text = read_text(path, limit=limit, error=error)
     try:
-        root = _composed(text, path, error)
+        root = _composed(text, path, error, most_nodes)
         if root is not None:
-            _check_nodes(root, path, error)
+            _check_nodes(root, path, error, most_nodes)
         content = None if root is None else _constructed(text)
     except yaml.YAMLError as reason:
         line = " ".join(str(reason).split())
@@ -55,7 +64,7 @@ def read_yaml(path: str | Path, *, error: type[InputError] = InputError, remedy:
     return content
 
 
-def _composed(text: str, path: Path, error: type[InputError]) -> yaml.Node | None:
+def _composed(text: str, path: Path, error: type[InputError], most_nodes: int) -> yaml.Node | None:
     """The nodes of the text, after its depth and length were found to be within bounds."""
     depth = nodes = 0
     for event in yaml.parse(text, Loader=_Loader):
@@ -66,8 +75,8 @@ def _composed(text: str, path: Path, error: type[InputError]) -> yaml.Node | Non
         nodes += isinstance(event, yaml.NodeEvent)
         if depth > MAX_DEPTH:
             raise error(f"is nested more than {MAX_DEPTH} deep", source=path, remedy="flatten it")
-        if nodes > MAX_NODES:
-            raise _too_many(path, error)
+        if nodes > most_nodes:
+            raise _too_many(path, error, most_nodes)
     return yaml.compose(text, Loader=_Loader)
 
 
@@ -75,10 +84,12 @@ def _constructed(text: str) -> Any:
     return yaml.load(text, Loader=_Loader)
 
 
-def _check_nodes(root: yaml.Node, path: Path, error: type[InputError]) -> None:
+def _check_nodes(root: yaml.Node, path: Path, error: type[InputError], most_nodes: int) -> None:
     """Refuse keys that stand twice, values that are no numbers, and aliases that multiply."""
     sizes: dict[int, int] = {}
     _expanded(root, (), sizes, frozenset(), path, error)
+    if max(sizes.values()) > most_nodes:
+        raise _too_many(path, error, most_nodes)
 
 
 def _expanded(
@@ -104,8 +115,6 @@ def _expanded(
             size += _expanded(value, (*place, str(index)), sizes, above, path, error)
     elif node.tag == "tag:yaml.org,2002:float" and _is_nan(node.value):
         raise error(f"is {node.value}", source=path, field=".".join(place), remedy="give a number")
-    if size > MAX_NODES:
-        raise _too_many(path, error)
     sizes[id(node)] = size
     return size
 
@@ -136,7 +145,7 @@ def _nan(text: str) -> bool:
         return False
 
 
-def _too_many(path: Path, error: type[InputError]) -> InputError:
+def _too_many(path: Path, error: type[InputError], most_nodes: int) -> InputError:
     return error(
-        f"stands for more than {MAX_NODES} values", source=path, remedy="remove repetitions and aliases"
+        f"stands for more than {most_nodes} values", source=path, remedy="remove repetitions and aliases"
     )

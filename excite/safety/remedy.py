@@ -130,9 +130,14 @@ def _without_pairs(robot: Robot, where: tuple[str, ...]) -> Robot:
     block = robot.description.collision
     pairs = [tuple(pair.split(" - ")) for pair in where]
     links = tuple(pair for pair in pairs if TABLE not in pair)
-    changes: dict[str, object] = {"ignored_pairs": (*block.ignored_pairs, *links)}
+    ignored = (*block.ignored_pairs, *links)
+    changes: dict[str, object] = {"ignored_pairs": ignored}
     if len(links) < len(pairs):
-        changes["table_height"] = None
+        # A surface that is gone is near nothing.
+        changes = {
+            "table_height": None,
+            "ignored_pairs": tuple(pair for pair in ignored if TABLE not in pair),
+        }
     block = block.model_copy(update=changes)
     return replace(robot, description=robot.description.model_copy(update={"collision": block}))
 

@@ -14,9 +14,14 @@ from excite.errors import InputError, MotionError, UnknownNameError
 from excite.export.export import export_motion, export_motions
 from excite.export.grid import on_grid
 from excite.export.registry import EXPORTERS
-from excite.motion.files import save_motion
+from excite.motion.files import load_motion, save_motion
+from excite.motion.library import library_folder
 from excite.motion.motion import Motion
+from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+from tests.export.person import drawn_body, person_robot, standing_still
+from tests.export.test_clearance import runs
 from tests.safety.motions import smooth, standing_motion
 
 
@@ -42,20 +47,39 @@ def _read_bag(path: Path):
 
 
 @pytest.mark.parametrize("format", sorted(EXPORTERS))
-def test_every_format_writes_the_same_bytes_twice_and_replaces(format, motion, g1, tmp_path):
-    assert EXPORTERS[format].name == format and EXPORTERS[format].summary
-    first = export_motion(motion, g1, format, tmp_path / "a" / "rise", rate_hz=100.0)
-    again = export_motion(motion, g1, format, tmp_path / "b" / "rise", rate_hz=100.0)
-    once_more = export_motion(motion, g1, format, tmp_path / "b" / "rise", rate_hz=100.0)
+def test_every_format_writes_the_same_bytes_twice_and_replaces(
+    format, motion, g1, tmp_path, tmp_path_factory
+):
+    kind = EXPORTERS[format]
+    assert kind.name == format and kind.summary
+    robot, moved, rate = g1, motion, kind.rates_hz[0] if kind.rates_hz else 100.0
+    if not runs(format, g1, motion):
+        arms = [(robot, _a_move(robot)) for robot in map(load_robot, ("ur10", "panda"))]
+        someone = person_robot(drawn_body(), tmp_path_factory.mktemp("person"))
+        several = [*arms, (someone, standing_still(someone))]
+        robot, moved = next((its, motion) for its, motion in several if runs(format, its, motion))
+    # The boxes about a person's segments overlap, so that no motion of a person is found safe.
+    reason = None if check_motion(robot, moved).safe else "a test"
+    first, again, once_more = (
+        export_motion(moved, robot, format, tmp_path / folder / "rise", rate_hz=rate, unsafe_anyway=reason)
+        for folder in ("a", "b", "b")
+    )
     assert again == once_more
     assert _bytes(first) == _bytes(again) != {}
-    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [again.name]
+    beside = [f"{again.name}.unsafe.json"] if reason else []
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == [again.name, *beside]
+
+
+def _a_move(robot: Robot) -> Motion:
+    """A ready motion of a robot."""
+    file = sorted((library_folder(robot.name) / "motions").glob("random_joint_*.parquet"))[0]
+    return load_motion(file, robot)
 
 
 def _bytes(path: Path) -> dict[str, bytes]:
     if path.is_file():
         return {"": path.read_bytes()}
-    return {file.name: file.read_bytes() for file in path.rglob("*")}
+    return {file.name: file.read_bytes() for file in path.rglob("*") if file.is_file()}
 
 
 def test_csv_has_a_header_and_all_digits(motion, g1, tmp_path):

@@ -137,6 +137,14 @@ def test_objects_about_a_robot_are_no_part_of_it(tmp_path: Path) -> None:
     assert not conversion.floating and "'ball'" in " ".join(conversion.notes)
 
 
+def test_bodies_that_stand_for_joints_which_are_not_there_are_left_out(tmp_path: Path) -> None:
+    text = ODD.replace('<geom type="box"', '<freejoint name="root"/><geom type="box"')
+    spare = '<body name="spare" pos="0 0 20"><inertial pos="0 0 0" mass="1e-3" diaginertia="1e-3 1e-3 1e-3"/>'
+    dummy = f'{spare}<joint name="waist"/></body></worldbody>'
+    conversion = convert_mjcf(saved(text.replace("</worldbody>", dummy), tmp_path))
+    assert conversion.floating and "waist" not in conversion.urdf and "'spare'" in " ".join(conversion.notes)
+
+
 def test_joints_of_a_closed_loop_are_held_still(tmp_path: Path) -> None:
     tip = '<body name="bar" pos="0 .2 0"><joint name="crank" axis="1 0 0"/><geom size=".03"/></body>'
     text = ODD.replace('<body pos="0 0.1 0">', f'{tip}<body pos="0 0.1 0">')

@@ -117,6 +117,22 @@ def test_a_quadruped_stands_level_on_four_balls(tmp_path: Path) -> None:
     assert np.linalg.norm(centre[:2] - touching[:, :2].mean(axis=0)) < 0.02
 
 
+def test_a_quadruped_whose_legs_cannot_steer_it_is_held(tmp_path: Path) -> None:
+    stiff = re.sub(r'(<joint name="\w+_roll" type=)"revolute"', r'\1"fixed"', quadruped())
+    robot = written(stiff, tmp_path)
+    assert robot.description.base == "held" and robot.n_joints == 8
+    assert "too few joints" in " ".join(str(one) for one in robot.description.assumed)
+
+
+def test_a_leg_that_bends_about_any_level_axis_stands_bent(tmp_path: Path) -> None:
+    turned = quadruped().replace('axis xyz="0 1 0"', 'axis xyz="0.6 0.8 0"')
+    turned = turned.replace('axis xyz="1 0 0"', 'axis xyz="0.8 -0.6 0"')
+    robot = written(turned, tmp_path)
+    knees = [robot.joint_index(name) for name in robot.joint_names if name.endswith("knee")]
+    assert robot.description.base == "floating"
+    assert (np.abs(robot.rest[robot.n_base_q :][knees]) > 0.5).all()
+
+
 def test_a_biped_stands_on_its_soles(tmp_path: Path) -> None:
     robot = written(biped(), tmp_path)
     assert [foot.link for foot in robot.feet] == ["left_ankle_roll", "right_ankle_roll"]
@@ -163,6 +179,21 @@ def test_an_arm_that_cannot_hold_itself_stretched_out_rests_where_it_can(tmp_pat
     stretched = np.abs(holding_torques(robot, np.zeros((1, robot.n_joints))))
     assert (stretched > robot.limits.torque).any()
     assert (np.abs(holding_torques(robot, robot.rest[None])) < robot.limits.torque).all()
+
+
+def test_a_joint_too_weak_for_any_posture_is_held(tmp_path: Path) -> None:
+    spring = link("frame", 20.0) + hinge("suspension", "rail", "frame", "0 0 0.1", "0 0 1").replace(
+        "revolute", "prismatic"
+    ).replace('effort="60"', 'effort="5"').replace('lower="-1.5" upper="1.5"', 'lower="0" upper="0.05"')
+    text = hand_on_an_arm().replace("</robot>", f"{link('rail', 1.0)}{spring}</robot>")
+    text = text.replace('<parent link="base"/>', '<parent link="frame"/>')
+    text = text.replace(
+        "</robot>",
+        '<joint name="bolts" type="fixed"><parent link="base"/><child link="rail"/></joint></robot>',
+    )
+    robot = written(text, tmp_path)
+    assert "suspension" not in robot.joint_names and robot.n_joints == 4
+    assert "its drive cannot hold" in " ".join(str(one) for one in robot.description.assumed)
 
 
 def test_an_arm_without_masses_is_told_so(tmp_path: Path) -> None:

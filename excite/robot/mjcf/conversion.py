@@ -122,7 +122,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     )
     if objects:
         names = ", ".join(repr(model.body(body).name) for body in objects[:6])
-        notes.append(f"free bodies without joints are no part of the robot and left out ({names})")
+        notes.append(f"bodies that move on their own are no part of the robot and left out ({names})")
     loops = loop_joints(model, path)
     _hold(model, loops, "joints that move together in a closed loop", notes)
     _hold(

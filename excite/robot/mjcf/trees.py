@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def robot_root(model: mujoco.MjModel, path: Path) -> tuple[int, tuple[int, ...]]:
-    """Body that floats, 0 for a robot that is bolted down; and free bodies without joints, which are objects about it.
+    """Body that floats, 0 for a robot that is bolted down; and trees that are no part of it.
+
+    Those are objects about it, free bodies without joints, and, beside a robot that floats, bodies without geometry
+    that stand for joints which this version of it lacks.
 
     Raises:
         RobotError: several trees move on their own, and more than one of them has joints or one floats.
@@ -26,7 +29,11 @@ def robot_root(model: mujoco.MjModel, path: Path) -> tuple[int, tuple[int, ...]]
     }
     trees = sorted({int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt)})
     joints = {tree: int(sum(model.body_rootid[model.jnt_bodyid] == tree)) for tree in trees}
-    objects = tuple(tree for tree in trees if tree in free and joints[tree] == 1)
+    solid = {int(root) for root in model.body_rootid[model.geom_bodyid]}
+    floats = any(joints[tree] > 1 and tree in solid for tree in trees if tree in free)
+    objects = tuple(
+        tree for tree in trees if (tree in free and joints[tree] == 1) or (floats and tree not in solid)
+    )
     robots = [tree for tree in trees if tree not in objects]
     if (len(robots) > 1 and free - set(objects)) or (not robots and len(objects) > 1):
         moving = robots or list(objects)

@@ -18,7 +18,7 @@ from excite.robot.scaffold.ground import ground_height, links_below
 from excite.robot.scaffold.guesses import JointGuess, guess_joints, guess_pairs
 from excite.robot.scaffold.held import MASSLESS, Held, held_joints
 from excite.robot.scaffold.limbs import Figure
-from excite.robot.scaffold.rest import Rest, find_rest
+from excite.robot.scaffold.rest import Rest, find_rest, weak_joints
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.solids import box_shapes
 from excite.robot.scaffold.stand_in import StandIn
@@ -81,13 +81,24 @@ def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
     return RobotError("has no joint that moves", source=path, remedy=remedy)
 
 
-def draft(path: Path, folder: str | Path | None, rng: np.random.Generator, said: Said) -> dict[str, Any]:
-    """The content of a first ``robot.yaml``; arguments and errors as for :func:`scaffold_description`."""
+def draft(
+    path: Path,
+    folder: str | Path | None,
+    rng: np.random.Generator,
+    said: Said,
+    weak: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
+    """The content of a first ``robot.yaml``; arguments and errors as for :func:`scaffold_description`.
+
+    Joints in ``weak`` are held still where it says [rad or m].
+    """
+    weak = weak or {}
     root = parse_urdf(path)
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
     slides = {name for name, joint in joints.items() if joint.get("type") == "prismatic"}
     held = held_joints(root, joints, guesses)
+    held |= {name: Held(value, "its drive cannot hold what it carries") for name, value in weak.items()}
     free = tuple(guess for guess in guesses if guess.name not in held and guess.follows is None)
     if not free:
         raise _nothing_moves(held, path)
@@ -108,6 +119,9 @@ def draft(path: Path, folder: str | Path | None, rng: np.random.Generator, said:
         robot = stand_in.robot("authored", authored)
     figure = Figure(robot)
     rest = find_rest(figure, _wanted(robot, said.posture), said, rng)
+    more_weak = weak_joints(figure, rest)
+    if more_weak and len(more_weak) < len(free):
+        return draft(path, folder, rng, said, {**weak, **more_weak})
     ground = None if rest.base == "floating" else ground_height(figure, rest.q)
     faults = loose if rest.base == "floating" else still
     made = Values(path, robot, free, rest, figure, rng)

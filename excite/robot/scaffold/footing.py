@@ -70,9 +70,11 @@ class Footing:
         return np.vstack(soles)[:, :2]
 
     def bend(self, stand: Standing, leg: int, foot: FootGuess) -> float:
-        """Angle [rad] between thigh and shank, a leg's two longest parts in a row; a stretched leg lifts no hip."""
+        """Angle [rad] between thigh and shank, a leg's two longest parts in a row, seen along the joint between them; a
+        stretched leg lifts no hip."""
         figure = self.figure
         figure.centre(stand.q)
+        pin.computeJointJacobians(figure.model, figure.data, stand.q)
         pose = figure.data.oMi[leg] * self._placement(foot)
         ends = [figure.data.oMi[joint].translation for joint in figure.chain(leg)]
         parts = np.diff([*ends, pose.act(foot.sole.mean(axis=0))], axis=0)
@@ -80,6 +82,12 @@ class Footing:
         if len(parts) < 2:
             return np.inf
         k = int(np.argmax(sizes[:-1] + sizes[1:]))
+        knee = figure.chain(leg)[k + 1]
+        turn = pin.getJointJacobian(figure.model, figure.data, knee, pin.LOCAL_WORLD_ALIGNED)
+        axis = turn[3:, knee - 1]
+        # Thighs and shanks stand beside each other in some legs, however straight these are.
+        parts = parts - (parts @ axis)[:, None] * axis
+        sizes = np.linalg.norm(parts, axis=1)
         cosine = parts[k] @ parts[k + 1] / max(sizes[k] * sizes[k + 1], 1e-12)
         return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.robot.description import Assumed, Base
+from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.scaffold.ground import ground_height
 from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.scaffold.said import Said
@@ -57,13 +58,17 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     if legs:
         standing = postures.standing(legs, allowed)
         narrow = standing is not None and not has_area(postures.footing.corners(standing, legs))
-        base = "held" if standing is None or narrow else "floating"
+        stiff = standing is not None and not _steered(figure, legs, standing.feet)
+        base = "held" if standing is None or narrow or stiff else "floating"
         if standing is None:
             notes.append(_said("base", "held", "no standing posture was found: hold the robot up, legs free"))
         elif narrow:
             notes.append(
                 _said("base", "held", "its feet span no area to stand on: hold the robot up, legs free")
             )
+        elif stiff:
+            few = "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
+            notes.append(_said("base", "held", few))
         else:
             q, feet = standing.q, standing.feet
             source = "found: feet on one plane, centre of mass above their middle"
@@ -101,6 +106,24 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         )
     notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
     return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
+
+
+def _steered(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bool:
+    """Whether legs have the joints to move a trunk forth, aside and up: six coordinates of the base and the legs' less
+    what the feet hold, six of a sole and three of a point or an edge."""
+    joints = {joint for leg in legs for joint in figure.chain(leg)}
+    held = sum(6 if len(foot.sole) >= 3 else 3 for foot in feet)
+    return 6 + len(joints) - held >= 3
+
+
+def weak_joints(figure: Figure, rest: Rest) -> dict[str, float]:
+    """Joints outside legs whose drives cannot hold the robot at rest, springs of a suspension among them, and where
+    they are then [rad or m]."""
+    robot = figure.robot
+    usable = usable_torque(robot, np.full(robot.n_joints, TORQUE_SHARE), robot.limits.velocity)
+    strained = np.abs(holding_torques(robot, rest.q[None]))[0] > usable
+    strained[[joint - 1 for leg in rest.legs for joint in figure.chain(leg)]] = False
+    return {robot.joint_names[i]: float(rest.q[i]) for i in np.flatnonzero(strained)}
 
 
 _CONSEQUENCE = {

@@ -25,6 +25,8 @@ _ROOM, _APART = 0.35, 0.02
 _BEND = 0.6
 # Share of the usable torque down to which a posture is eased: beside it there must be others that can be held, too.
 _EASE = 0.8
+# Cosine of 37 degrees: axes this near to each other, or to the ground, count as along them.
+_ALONG = 0.8
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
 
@@ -186,12 +188,7 @@ class Postures:
         model, data = self.figure.model, self.figure.data
         pin.computeJointJacobians(model, data, pin.neutral(model))
         for leg in legs:
-            pitch, signs = [], []
-            for joint in self.figure.chain(leg):
-                column = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[:, joint - 1]
-                if abs(column[4]) > 0.8:
-                    pitch.append(joint - 1)
-                    signs.append(np.sign(column[4]))
+            pitch, signs = self._pitches(leg)
             self._widen(q, leg, wide)
             if len(pitch) < 2:
                 continue
@@ -202,6 +199,22 @@ class Postures:
             lost = [float(np.abs(a - b).sum()) for a, b in zip(both, clipped, strict=True)]
             q[pitch] = clipped[0] if lost[0] <= lost[1] + 1e-9 else clipped[1]
         return np.clip(q, self.lower, self.upper)
+
+    def _pitches(self, leg: int) -> tuple[list[int], list[float]]:
+        """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel."""
+        level = []
+        for joint in self.figure.chain(leg):
+            turn = pin.getJointJacobian(self.figure.model, self.figure.data, joint, pin.LOCAL_WORLD_ALIGNED)
+            axis = turn[3:5, joint - 1]
+            if np.linalg.norm(axis) > _ALONG:
+                level.append((joint - 1, axis / np.linalg.norm(axis)))
+        groups = [[one for one in level if abs(one[1] @ axis) > _ALONG] for _, axis in level]
+        # Where as many roll as pitch, those across the robot bend it.
+        group = max(groups, key=lambda one: (len(one), abs(one[0][1][1])), default=[])
+        if not group:
+            return [], []
+        forth = group[0][1] * (1.0 if group[0][1][1] >= 0.0 else -1.0)
+        return [index for index, _ in group], [float(np.sign(axis @ forth)) for _, axis in group]
 
     def _widen(self, q: Array, leg: int, wide: float) -> None:
         """Turn a leg's hip out by ``wide`` [rad] and its ankle back, if joints for that are there."""

@@ -28,10 +28,12 @@ class Steering:
     Attributes:
         trunk: among ``x, y`` (centre of mass), ``height, roll, pitch, yaw`` (pelvis).
         soles: by flat foot, among ``x, y, z, roll, pitch, yaw``; the others follow from these.
+        spare: coordinates that all of these leave free: those of legs with more joints than a foot needs.
     """
 
     trunk: frozenset[str]
     soles: dict[str, frozenset[str]]
+    spare: int
 
 
 def steering(robot: Robot) -> Steering:
@@ -60,7 +62,7 @@ def steering(robot: Robot) -> Steering:
         turns.remove(freest)
         if chosen.takes(wanted[freest][moving]):
             trunk.append(freest)
-    return Steering(frozenset(trunk), soles)
+    return Steering(frozenset(trunk), soles, chosen.spare)
 
 
 class _Independent:
@@ -68,6 +70,11 @@ class _Independent:
 
     def __init__(self, size: int) -> None:
         self._basis = np.zeros((0, size))
+
+    @property
+    def spare(self) -> int:
+        """How many more there can be."""
+        return self._basis.shape[1] - len(self._basis)
 
     def left(self, row: Array) -> float:
         """Share of a row that does not follow from those taken."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -72,17 +74,24 @@ def _ramp(
     """From 0 to 1 at rest, as fast as the limits allow: position, velocity and acceleration at a time; duration."""
     import ruckig
 
-    problem = ruckig.InputParameter(1)
-    problem.current_position, problem.target_position = [0.0], [1.0]
-    problem.max_velocity, problem.max_acceleration = [velocity], [acceleration]
-    problem.max_jerk = [jerk]
-    trajectory = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(problem, trajectory)
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise NoSolutionError(f"ruckig finds no transfer ({result})", remedy="check the limits")
+    # In units of time in which the jerk is one where ruckig fails on the limits as they are: of ways of some hundredths
+    # of a radian they are thousands of the way per second cubed.
+    for unit in (1.0, jerk ** (-1.0 / 3.0)):
+        problem = ruckig.InputParameter(1)
+        problem.current_position, problem.target_position = [0.0], [1.0]
+        problem.max_velocity, problem.max_acceleration = [velocity * unit], [acceleration * unit**2]
+        problem.max_jerk = [jerk * unit**3]
+        trajectory = ruckig.Trajectory(1)
+        try:
+            result = ruckig.Ruckig(1).calculate(problem, trajectory)
+        except ruckig.RuckigError:
+            continue
+        if result in (ruckig.Result.Working, ruckig.Result.Finished):
+            return partial(_state, trajectory, unit), unit * float(trajectory.duration)
+    raise NoSolutionError("ruckig finds no transfer", remedy="check the limits")
 
-    def state(time: float) -> tuple[float, float, float]:
-        position, speed, rate = trajectory.at_time(float(time))
-        return position[0], speed[0], rate[0]
 
-    return state, float(trajectory.duration)
+def _state(trajectory: Any, unit: float, time: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration of a trajectory whose time counts in ``unit`` [s]."""
+    position, speed, rate = trajectory.at_time(float(time) / unit)
+    return position[0], speed[0] / unit, rate[0] / unit**2

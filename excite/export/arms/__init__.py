@@ -1,0 +1,1 @@
+"""Programs and streams for arms whose makers have formats of their own."""

@@ -1,0 +1,1 @@
+"""Sequences for humanoids and quadrupeds, and motions of people."""

@@ -1,0 +1,1 @@
+"""Motions for MuJoCo: keyframes of any model."""

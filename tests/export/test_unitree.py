@@ -1,0 +1,111 @@
+"""LowCmd sequences: read back by json, each motor where the vendor's SDK has it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.conversion.sources.ros import unitree as recorded
+from excite.errors import InputError, MotionError
+from excite.export.export import export_motion
+from excite.export.humanoids.unitree_motors import KNOWN, motor_places
+from excite.motion.files import load_motion
+from excite.motion.library import library_folder
+from excite.motion.motion import Motion
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from excite.safety.check import check_file
+from tests.export.person import standing_still
+
+
+def lines(path: Path) -> tuple[dict, list[dict]]:
+    first, *rest = [json.loads(line) for line in path.read_text().splitlines()]
+    return first["excite"], rest
+
+
+@pytest.fixture(scope="module")
+def squat(g1: Robot) -> Motion:
+    return load_motion(library_folder("g1") / "motions" / "squat_009.parquet", g1)
+
+
+def test_every_motor_of_a_g1_gets_its_joint_at_500_hz(g1: Robot, squat: Motion, tmp_path: Path) -> None:
+    path = export_motion(squat, g1, "unitree", tmp_path / "squat")
+    same = np.load(export_motion(squat, g1, "npz", tmp_path / "same", 500.0))
+    said, rows = lines(path)
+    assert [row["t"] for row in rows] == list(same["time"])
+    for field, values in (("q", same["q"]), ("dq", same["v"])):
+        sent = np.array([[command[field] for command in row["motor_cmd"]] for row in rows])
+        # The G1's model has its joints in the order of its motors.
+        np.testing.assert_array_equal(sent, values)
+    assert [command["index"] for command in rows[7]["motor_cmd"]] == list(range(29))
+    kp = g1.description.controller.kp
+    knee = rows[0]["motor_cmd"][3]
+    assert said["motors"]["3"] == "left_knee_joint" and knee["mode"] == 1 and knee["tau"] == 0.0
+    assert knee["kp"] == (kp.joints or {}).get("left_knee_joint", kp.default)
+    assert said["verdict"]["safe"] and said["mode_pr"] == 0
+
+
+def test_a_quadrupeds_legs_are_in_the_sdks_order_not_the_models(tmp_path: Path) -> None:
+    robot = load_robot("go2")
+    path = export_motion(
+        standing_still(robot), robot, "unitree", tmp_path / "still", settings={"kp": 40, "kd": "2"}
+    )
+    said, rows = lines(path)
+    assert [said["motors"][str(k)] for k in (0, 3, 6, 9)] == [
+        "FR_hip_joint",
+        "FL_hip_joint",
+        "RR_hip_joint",
+        "RL_hip_joint",
+    ]
+    position = dict(zip(robot.joint_names, robot.rest[7:], strict=True))
+    for command in rows[0]["motor_cmd"]:
+        assert command["q"] == position[said["motors"][str(command["index"])]]
+        assert (command["kp"], command["kd"]) == (40.0, 2.0)
+
+
+def test_known_orders_are_those_that_recordings_are_read_by() -> None:
+    assert [f"{name}_joint" for name in KNOWN["quadruped"]] == list(recorded._QUADRUPED)
+    assert [name for name in recorded._H1 if name != "unused_joint"] == [
+        f"{name}_joint" for name in KNOWN["h1"] if name
+    ]
+    assert recorded._H1.index("left_ankle_joint") == KNOWN["h1"].index("left_ankle") == 10
+
+
+def test_a_robot_that_nobody_knows_says_its_order_or_is_refused(tmp_path: Path) -> None:
+    robot = load_robot("ur10")
+    motion = load_motion(library_folder("ur10") / "motions" / "random_joint_015.parquet", robot)
+    with pytest.raises(InputError, match="motors: nobody knows the order of the motors of 'ur10'") as caught:
+        export_motion(motion, robot, "unitree", tmp_path / "a")
+    assert "\n" not in str(caught.value)
+    turned = [*reversed(robot.joint_names)]
+    order = ",".join([turned[0], "-", *turned[1:]])
+    path = export_motion(motion, robot, "unitree", tmp_path / "a", settings={"motors": order})
+    said, rows = lines(path)
+    assert [command["index"] for command in rows[0]["motor_cmd"]] == [0, 2, 3, 4, 5, 6]
+    assert said["motors"]["0"] == "wrist_3_joint" and rows[0]["motor_cmd"][0]["q"] == motion.q[0, 5]
+    verdict = check_file(robot, path)
+    assert verdict.safe, verdict.violations
+    for wrong, what in (
+        (order.replace("elbow_joint", "-"), "has 0 places for joint 'elbow_joint'"),
+        (order + ",elbow_joint", "has 2 places"),
+        (order + ",knee", "names 'knee', which robot 'ur10' does not have"),
+    ):
+        with pytest.raises(InputError, match=what):
+            motor_places(robot, wrong)
+    assert motor_places(robot, "model") == {joint: k for k, joint in enumerate(robot.joint_names)}
+    text = path.read_text()
+    for spoilt in (text.replace('"index": 6', '"index": 7', 1), text + "{}\n", text.splitlines()[0] + "\n"):
+        path.write_text(spoilt)
+        with pytest.raises(MotionError) as caught_again:
+            load_motion(path, robot)
+        assert "\n" not in str(caught_again.value)
+
+
+def test_a_rate_other_than_500_hz_may_be_asked_for(g1: Robot, squat: Motion, tmp_path: Path) -> None:
+    path = export_motion(replace(squat), g1, "unitree", tmp_path / "squat", 250.0)
+    _, rows = lines(path)
+    assert rows[1]["t"] == 0.004
