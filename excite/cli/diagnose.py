@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import excite
-from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.output import emit
 from excite.diagnosis.answer.result import Diagnosis
 from excite.json_document import write_json
+
+if TYPE_CHECKING:
+    from excite.robot.robot import Robot
 
 NAME = "diagnose"
 
@@ -24,20 +27,48 @@ def command(
             "--budget/--no-budget", help="Say where each joint's gap goes, all effects taken together."
         ),
     ] = True,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT",
+            help="The nominal robot, where it is not the one that the log names: bundled, a robot.yaml or a URDF.",
+        ),
+    ] = None,
+    apply: ApplyOption = None,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = None,
 ) -> None:
     """Diagnose the sim-to-real gap: where it lies, which effect causes it, how far it shrinks."""
-    result = excite.diagnose(log, seed=seed, out=out, budget=budget)
-    summary = result.summary()
+    nominal = None if robot is None else excite.robot_for_log(robot, log)
+    model = None if apply is None else _checked(nominal, log)
+    result = excite.diagnose(log, nominal, seed=seed, out=out or apply, budget=budget)
+    summary, document = result.summary(), result.to_json()
+    if apply is not None and model is not None:
+        from excite.campaign.applied.apply import apply_effects  # lazy: pinocchio
+
+        applied = apply_effects(result, model, apply)
+        summary += f"\n{applied.summary()}"
+        document |= {"applied": applied.to_json(out or Path.cwd())}
     if out is not None:
-        summary += f"\nreport: {_save(result, out)}"
-    emit(summary, result.to_json(), as_json=as_json)
+        summary += f"\nreport: {_save(result, document, out)}"
+    emit(summary, document, as_json=as_json)
 
 
-def _save(result: Diagnosis, out: Path) -> Path:
+def _checked(nominal: Robot | None, log: Path) -> Robot:
+    """The robot that effects are to be written into, refused before any work where it takes none."""
+    from excite.campaign.applied.apply import check_applicable  # lazy: pinocchio
+    from excite.logs.files import load_log  # lazy: pinocchio
+    from excite.logs.robot import nominal_robot  # lazy: pinocchio
+
+    robot = nominal or nominal_robot(load_log(log))
+    check_applicable(robot)
+    return robot
+
+
+def _save(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
     """Write the curves, the document, and the page that shows both; returns the page."""
     from excite.report.data import ForceComparison, ReportData, save_report_data  # lazy: pydantic
 
@@ -45,5 +76,5 @@ def _save(result: Diagnosis, out: Path) -> Path:
     if c is not None:
         curves = ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after)
         save_report_data(ReportData(gap=curves), out / "report_data.npz")
-    write_json(result.to_json(), out / "diagnosis.json")
+    write_json(document, out / "diagnosis.json")
     return excite.report(out)

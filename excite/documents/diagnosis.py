@@ -184,6 +184,27 @@ class Detectable(Block):
     unit: Name = Field(description="SI unit; 1 where it has none")
 
 
+class TrivialErrors(Block):
+    """What predictors far simpler than a simulator reach where it is judged, and it beside them: RMSE [unit]."""
+
+    command: MaybePositive = Field(description="of the command taken for the position; null for torques")
+    delayed_command: MaybePositive = Field(description="of the command delayed, scaled and offset")
+    fir: MaybePositive = Field(description="of a linear filter from the command to the position")
+    repeat: MaybePositive = Field(description="by which trials with one command differ; null without such")
+    model: MaybePositive = Field(default=None, description="of the simulator or model with the effects found")
+    unit: Name = Field(default="rad", description="unit of them all")
+    delay_s: MaybePositive = Field(default=None, description="delay of the delayed command [s]")
+    fir_s: MaybePositive = Field(default=None, description="length of the filter [s]")
+
+
+class Applied(Block):
+    """The robot that was written with the effects in it."""
+
+    robot: FilePath = Field(description="its robot.yaml, from --out or the working folder")
+    written: Texts = Field(description="what was changed")
+    left_out: Texts = Field(description="what the files have no place for")
+
+
 class Diagnosis(Document):
     """Where the gap lies, which effect causes it, how far it shrinks."""
 
@@ -216,6 +237,12 @@ class Diagnosis(Document):
     budget_sentence: Text = Field(default="", description="the budget in one sentence")
     detectable: Annotated[list[Detectable], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="how large effects would have to be for the record to show them"
+    )
+    trivial: Annotated[dict[Name, TrivialErrors], Field(max_length=MOST_CHANNELS)] = Field(
+        default={}, description="by channel, what simple predictors reach on the rows that judge"
+    )
+    applied: Applied | None = Field(
+        default=None, description="the robot that was written; null without --apply"
     )
     findings: Annotated[list[Noticed], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="the same, with their figures"

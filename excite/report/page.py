@@ -50,6 +50,11 @@ th:last-child, td:last-child { padding-right: 0; }
 td.map { text-align: center; padding: 4px 10px; }
 #effects td:not(:last-child) { white-space: nowrap; }
 p.verdict { font-size: 1.15rem; color: var(--ink); }
+.stack { display: flex; height: 18px; border-radius: 4px; overflow: hidden; background: var(--ground);
+  max-width: 720px; margin: 6px 0 10px; }
+.stack span { display: block; height: 100%; border-right: 1px solid var(--paper); }
+.legend { display: flex; flex-wrap: wrap; gap: 4px 18px; font-size: .88rem; color: var(--muted); max-width: none; }
+.legend i { display: inline-block; width: 12px; height: 12px; border-radius: 3px; margin-right: 6px; }
 details { margin: 10px 0; }
 summary { cursor: pointer; color: var(--identified); }
 footer { padding-bottom: 48px; font-size: .88rem; }

@@ -95,11 +95,15 @@ class FootBlock(Block):
 
 
 class FrictionBlock(Block):
-    """Friction and rotor inertia of the drives that a virtual robot is built with."""
+    """Friction and rotor inertia of the drives that a virtual robot is built with.
+
+    ``found`` says that records of this very robot told them: a diagnosis takes them, and no guesses, for its model's.
+    """
 
     viscous: DriveFrictions | None = None
     coulomb: DriveFrictions | None = None
     armature: DriveFrictions | None = None
+    found: bool = False
 
 
 class ControllerBlock(Block):

@@ -36,3 +36,29 @@ def test_a_diagnosis_ends_in_a_page_with_its_sentence(tmp_path: Path) -> None:
         np.testing.assert_allclose(np.sqrt((left**2).mean(axis=0)), stated, rtol=1e-6)
     hidden = [path.name for path in out.iterdir() if path.name.startswith(".")]
     assert not hidden and [path.name for path in tmp_path.iterdir() if path != out] == ["log"]
+
+
+def test_the_robot_with_the_effects_is_what_the_next_diagnosis_starts_from(tmp_path: Path) -> None:
+    """Friction that the log does not call modelled is found, written, and found no more."""
+    trials = [
+        moved(name, role, 12.0, np.random.default_rng(seed), np.eye(2))
+        for name, role, seed in (
+            ("a", "identification", 1),
+            ("b", "identification", 2),
+            ("c", "validation", 3),
+        )
+    ]
+    log = save_log(two_joint_log(tuple(trials), modelled=["rigid_body"]), tmp_path / "log")
+    robot = tmp_path / "robot"
+    arguments = ["diagnose", str(log), "--no-budget", "--json"]
+    found = CliRunner().invoke(app, [*arguments, "--apply", str(robot)])
+    assert found.exit_code == 0, found.exception
+    first = json.loads(found.stdout)
+    assert first["verdict"] == "effect"
+    assert (Path.cwd() / first["applied"]["robot"]).samefile(robot / "robot.yaml")
+    assert first["applied"]["left_out"] == []
+    assert any(text.startswith("coulomb [N·m]: first 1.") for text in first["applied"]["written"])
+    again = CliRunner().invoke(app, [*arguments, "--robot", str(robot / "robot.yaml")])
+    assert again.exit_code == 0, again.exception
+    document = json.loads(again.stdout)
+    assert document["verdict"] == "none" and document["effects"] == [] and "applied" not in document

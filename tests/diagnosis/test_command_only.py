@@ -166,6 +166,12 @@ def test_command_only_payload_is_named_on_positions(gap_dir: Path, tmp_path: Pat
     assert {c.unit for c in result.gap.per_channel.values()} == {"rad"}
     assert result.gap.after < 0.3 * result.gap.before
     assert result.simulation is not None and result.simulation.driven_by == "q_cmd"
+    # Beside it stands what needs no physics, judged on the same rows.
+    told = result.to_json()["trivial"]
+    assert set(told) == set(result.gap.per_channel)
+    for name, item in told.items():
+        assert (item["unit"], item["model"]) == ("rad", result.gap.per_channel[name].after)
+        assert 0.0 < max(item["fir"], item["delayed_command"]) < item["command"]
     assert (tmp_path / "augmented.xml").is_file()
     assert any("has no torque" in text for text in result.warnings)
 

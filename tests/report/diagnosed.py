@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, UnnamedShare
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
 from excite.diagnosis.answer.result import Diagnosis, NextExperiment, Rollout
+from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
 from excite.report.data import ForceComparison
 
@@ -57,6 +59,28 @@ def two_joints_diagnosed() -> Diagnosis:
             ),
         ),
         warnings=("judged on one trial",),
+    )
+
+
+def budgeted() -> Diagnosis:
+    """The same with a budget and what repeats differ by."""
+    shoulder = ChannelBudget(
+        0.05,
+        0.41,
+        (
+            EffectShare("coulomb_friction", "shoulder", 0.63, (0.55, 0.70)),
+            EffectShare("torque_bias", "shoulder", 0.1, (-0.1, 0.3)),
+            EffectShare("backlash", "shoulder", -0.05, (-0.3, 0.1)),
+        ),
+        (UnnamedShare("position", 0.2, (0.0, 1.0), (0.0, 0.3)), UnnamedShare("does not repeat", 0.02)),
+        0.1,
+        0.985,
+    )
+    elbow = ChannelBudget(0.1, 0.12, (), (), 1.0, 0.015)
+    return replace(
+        two_joints_diagnosed(),
+        budget=Budget({"elbow": elbow, "shoulder": shoulder}, ()),
+        trivial={name: TrivialErrors(repeat=0.02, model=0.3, unit="N·m") for name in ("shoulder", "elbow")},
     )
 
 

@@ -19,7 +19,7 @@ from excite.report.data import (
     save_report_data,
 )
 from excite.robot.robot import Robot
-from tests.report.diagnosed import trial, two_joints_diagnosed
+from tests.report.diagnosed import budgeted, trial
 
 _WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 _GENERATORS = ("random_joint", "walking", "fourier")
@@ -105,7 +105,7 @@ def sample_folder(folder: Path, robot: Robot, n_motions: int = 6) -> Path:
         "check": _check(motions),
         "campaign": _campaign(robot, data),
         "signals": _signals(robot),
-        "diagnosis": two_joints_diagnosed().to_json(),
+        "diagnosis": budgeted().to_json(),
     }.items():
         (folder / f"{name}.json").write_text(json.dumps(document), encoding="utf-8")
     return folder

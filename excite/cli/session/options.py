@@ -68,6 +68,15 @@ ClusterOption = Annotated[
         help="Dask scheduler whose workers are to be used instead, such as tcp://10.0.0.1:8786.",
     ),
 ]
+ApplyOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--apply",
+        metavar="DIR",
+        help="Write the robot with the effects found: robot.yaml and robot.urdf, for --robot of the next round.",
+        callback=_usable,
+    ),
+]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder that results are written to.", callback=_usable),

@@ -20,7 +20,7 @@ def trial_curves(samples: ArmSamples, before: Array, after: Array) -> Curves:
     """
     chosen = next((k for k, t in enumerate(samples.trials) if not t.identification), 0)
     trial, here = samples.trials[chosen], samples.trial_of_row == chosen
-    measured = np.asarray(samples.rows(samples.stacked("tau"))[here])
+    measured = np.asarray(samples.rows(samples.stacked("measured"))[here])
     return Curves(
         trial=trial.name,
         validation=not trial.identification,

@@ -11,7 +11,9 @@ from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
-from excite.diagnosis.answer.tables import budget_table, effect_table, gap_table
+from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.diagnosis.answer.tables import budget_table, effect_table, gap_table, trivial_table
+from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
 
 SCHEMA = "excite.diagnosis/1"
@@ -98,6 +100,8 @@ class Diagnosis:
         faults: what the doctor found in the record, worst first.
         warnings: limits of what was said, one sentence each.
         budget: where each channel's gap goes; None where it was not computed.
+        trivial: by channel, what predictors far simpler than a simulator reach where it is judged.
+        changes: what the first none, one, two … of the accepted effects change of the robot; no part of the document.
         curves: a validation trial before and after, for figures; no part of the document. None where there are none.
     """
 
@@ -116,6 +120,8 @@ class Diagnosis:
     faults: tuple[Finding, ...] = ()
     warnings: tuple[str, ...] = ()
     budget: Budget | None = None
+    trivial: dict[str, TrivialErrors] = field(default_factory=dict)
+    changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
     curves: Curves | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -147,6 +153,7 @@ class Diagnosis:
                     for item in self.faults
                 ],
                 "warnings": list(self.warnings),
+                "trivial": {name: item.to_json() for name, item in self.trivial.items()},
                 **({} if self.budget is None else self.budget.to_json()),
             }
         )
@@ -184,6 +191,7 @@ class Diagnosis:
         lines += ["", *effect_table(self.effects, self.candidates, self.ambiguous_with)]
         if self.budget is not None:
             lines += ["", self.budget.sentence(), *budget_table(self.budget)]
+        lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
         lines += _fault_lines(self.faults)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, measured
 from excite.diagnosis.answer.gap import Gap, Where
+from excite.diagnosis.answer.trivial import TrivialErrors
 
 _LISTED = 6
 
@@ -39,6 +40,21 @@ def budget_table(budget: Budget) -> list[str]:
             what = other.follows if not other.knots else f"follows {other.follows}, without a name"
             lines.append(f"{name:{width}}  {100 * other.share:4.0f}%  {'':10}  {what}")
         lines.append(f"{name:{width}}  {100 * channel.rest:4.0f}%  {'':10}  the rest")
+    return lines
+
+
+def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
+    """Lines with the model's error beside those of simple predictors; none where there are no such ones."""
+    names = ("model", "command", "delayed_command", "fir", "repeat")
+    rows = {name: [item.to_json()[n] for n in names] for name, item in errors.items()}
+    if all(value is None for row in rows.values() for value in row[1:]):
+        return []
+    width = max([len(name) for name in errors] + [7])
+    heads = ("model", "command", "delayed", "filter", "repeat")
+    lines = ["", f"{'channel':{width}}  " + "  ".join(f"{h:>8}" for h in heads) + "  RMSE on what judges"]
+    for name, row in rows.items():
+        values = "  ".join(f"{'' if v is None else format(v, '.3g'):>8}" for v in row)
+        lines.append(f"{name:{width}}  {values}  [{errors[name].unit}]")
     return lines
 
 

@@ -28,7 +28,9 @@ from excite.diagnosis.next_experiment.advice import advice
 from excite.diagnosis.search.attribution import Attribution
 from excite.diagnosis.search.unnamed import in_words
 from excite.diagnosis.simulator.accepted_values import found_effects
+from excite.diagnosis.simulator.robot_changes import robot_changes
 from excite.diagnosis.simulator.rollout_compare import simulated
+from excite.diagnosis.trivial.neighbours import of_torques
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 
@@ -112,6 +114,8 @@ def diagnose_torques(
         warnings=_warnings(record, found, effects),
         budget=found.budget,
         faults=found.findings,
+        trivial={} if record.reconstructed_noise else of_torques(samples, closed),
+        changes=robot_changes(attribution, baseline),
         curves=trial_curves(samples, before, closed),
     )
 

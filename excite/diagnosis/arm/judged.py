@@ -19,6 +19,7 @@ from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
+from excite.diagnosis.equations.known_drives import known_terms, less_known
 from excite.diagnosis.equations.noise_floor import spectral_floor, unrepeated, white_floor
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.search.attribute import Attributor
@@ -68,6 +69,8 @@ class _Ready:
 def judged_record(record: TorqueRecord) -> Judged:
     """Find what a record's gap is made of, beside a baseline that is fitted first."""
     samples = arm_samples(record.robot, record.log, record.log.trials)
+    if known_terms(samples, record.modelled):
+        samples = less_known(samples, record.modelled, spectral_floor(samples))
     spectral = (record.reconstructed_noise or spectral_floor)(samples)
     # Torques that were not measured are no better further up in the spectrum.
     measured = record.reconstructed_noise is None
@@ -84,7 +87,7 @@ def judged_record(record: TorqueRecord) -> Judged:
 def _with_budget(record: TorqueRecord, found: Judged, least: Array) -> Judged:
     """Where each joint's gap goes by one model of all effects, and those that show only there named too."""
     samples = found.samples
-    tau = samples.rows([t.tau for t in samples.trials])[samples.identification]
+    tau = samples.rows([t.measured for t in samples.trials])[samples.identification]
     full = begun_baseline(samples, record.modelled, least)
     together = unison(full)
     # On one path any list of effects could stand for any other.

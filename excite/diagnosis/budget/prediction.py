@@ -62,7 +62,7 @@ def predicted(full: Baseline, model: Model) -> Prediction:
         phi = full.phi + full.basis @ (x - full.fit.shared)
         q, v, a = (s.stacked(name) for name in ("q", "v", "a"))
         rigid = inverse_dynamics(s.robot.model, q, v, a, phi)[:, index]
-    moved, driven = np.zeros_like(rigid), np.zeros_like(rigid)
+    moved, driven = np.zeros_like(rigid), full.added_drive.copy()
     y, back = full.solver.equations.y.copy(), full.root_weight / full.strict
     torques, moves = {}, {}
     for k in model.chosen:

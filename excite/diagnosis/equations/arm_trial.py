@@ -38,9 +38,10 @@ class ArmTrial:
         q: ``(n, n_joints)`` in the model's order; v, a alike [rad, rad/s, rad/s²].
         v: velocities.
         a: accelerations.
-        tau: ``(n, n_joints)`` unfiltered torque, the log's joints in the model's order [N·m].
+        tau: ``(n, n_joints)`` unfiltered torque, the log's joints in the model's order, less what is known [N·m].
         rows: indices of the rows that are kept.
         q_cmd: commanded positions, as ``q``; None where there are none.
+        known: torque of drives whose friction and rotor inertia are known, as ``tau``; None where none are.
     """
 
     name: str
@@ -54,3 +55,9 @@ class ArmTrial:
     tau: Array
     rows: NDArray[np.int64]
     q_cmd: Array | None = None
+    known: Array | None = None
+
+    @property
+    def measured(self) -> Array:
+        """Unfiltered torque as it was measured, as ``tau`` [N·m]."""
+        return self.tau if self.known is None else self.tau + self.known

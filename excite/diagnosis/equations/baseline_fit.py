@@ -62,7 +62,8 @@ def fit_baseline(
     torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
     friction = np.column_stack([own_signals(samples, terms, j, sign) @ fit.own[j] for j in range(len(index))])
     nothing = np.zeros_like(torque)
-    total = torque + friction
+    known = _known(samples, nothing)
+    total = torque + friction + known
     baseline = Baseline(
         samples,
         modelled,
@@ -77,7 +78,7 @@ def fit_baseline(
         root,
         strict,
         nothing,
-        nothing,
+        known,
     )
     if COULOMB not in terms:
         return baseline
@@ -85,6 +86,12 @@ def fit_baseline(
         return first_signs(baseline, leads=leads)
     led = baseline.with_signs(like.signs, like.samples.lead)
     return led.updated(led.solver.fit())
+
+
+def _known(samples: ArmSamples, nothing: Array) -> Array:
+    """Full-rate torque of what is known of the drives, ``(n_samples, n_joints)``; ``nothing`` where that is none."""
+    parts = [trial.known for trial in samples.trials if trial.known is not None]
+    return np.concatenate(parts) if parts else nothing
 
 
 def standstill_weights(samples: ArmSamples, slope: float, least: float) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -13,6 +14,22 @@ from excite.diagnosis.equations.arm_trial import ArmTrial
 # A lag of less than this share of a sample is none.
 _NONE = 0.1
 _ITERATIONS = 3
+
+
+class Moving(Protocol):
+    """Something that moves, on an even clock."""
+
+    @property
+    def time(self) -> Array:
+        """``(n,)`` [s]."""
+
+    @property
+    def q(self) -> Array:
+        """Positions ``(n, n_joints)`` [rad or m]."""
+
+    @property
+    def v(self) -> Array:
+        """Velocities ``(n, n_joints)``."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +56,14 @@ def repeats_of(trials: Sequence[ArmTrial], rate_hz: float) -> tuple[Repeat, ...]
     """
     names = [trial.name for trial in trials]
     pairs = [(names.index(t.repeats), k) for k, t in enumerate(trials) if t.repeats in names]
-    return tuple(Repeat(i, k, _lag(trials[i], trials[k], rate_hz)) for i, k in pairs)
+    return tuple(Repeat(i, k, lag_of(trials[i], trials[k], rate_hz)) for i, k in pairs)
 
 
-def _lag(first: ArmTrial, again: ArmTrial, rate_hz: float) -> float:
-    """The lag at which the velocities of both correlate most, to a fraction of a sample by Gauss and Newton [s]."""
+def lag_of(first: Moving, again: Moving, rate_hz: float) -> float:
+    """How much later the second moves: where the velocities of both correlate most [s].
+
+    To a fraction of a sample by Gauss and Newton.
+    """
     size = len(first.v) + len(again.v)
     spectra = [np.fft.rfft(trial.v, size, axis=0) for trial in (first, again)]
     products = np.fft.irfft(spectra[0].conj() * spectra[1], size, axis=0).sum(axis=1)

@@ -58,7 +58,7 @@ class Attributor:
         """Add effects until none passes."""
         samples = self.baseline.samples
         use = samples.identification
-        tau = samples.rows([t.tau for t in samples.trials])
+        tau = samples.rows([t.measured for t in samples.trials])
         scale = np.maximum(tau[use].std(axis=0), 1e-9)
         scorer = Scorer(self.baseline, self.spectral, self.unrepeated, scale)
         current = self.baseline

@@ -23,7 +23,7 @@ from excite.diagnosis.servo.witness import Witness, witness
 from excite.diagnosis.simulator.model_text import MODEL
 from excite.diagnosis.simulator.rollout_compare import compared
 from excite.diagnosis.simulator.rollout_drives import Drive
-from excite.diagnosis.simulator.rollout_windows import Plan
+from excite.diagnosis.simulator.rollout_windows import Plan, spans
 from excite.errors import InputError
 
 _HORIZON_S = 2.0
@@ -49,6 +49,7 @@ class ClosedLoop:
         strength: RMS of the first effect's torque over all torque's deviation, at the joint where it is most.
         structured: joints with a gap that effects strong enough leave.
         lags: whether the first effect is a lag and clearly no delay.
+        spans: pieces of trials that were simulated.
         witness: what roll-outs say of the accepted effects; None where there are none.
     """
 
@@ -85,6 +86,7 @@ class ClosedLoop:
             self.rollout = Rollout({}, {}, _HORIZON_S, None, "q_cmd", (f"no roll-outs: {error}",))
             return self.rollout
         rollout, self.kept = comparison.rollout, comparison.kept
+        self.spans = spans(samples, plan)
         if comparison.errors is not None:
             band = min(2.0 * samples.bands.rows_hz / samples.rate_hz, 1.0)
             self.witness = witness(*comparison.errors, band)
@@ -102,6 +104,7 @@ class ClosedLoop:
     witness: Witness | None = None
     lags: bool = False
     structured: tuple[str, ...] = ()
+    spans: tuple[tuple[str, float, float], ...] = ()
 
 
 def _position_floor(baseline: Baseline) -> Array:

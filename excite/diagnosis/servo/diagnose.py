@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.trivial import beaten
 from excite.diagnosis.arm.diagnose import diagnose_arm, diagnose_torques
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.effects.readings.torque_gain import TorqueGain
@@ -23,7 +24,10 @@ from excite.diagnosis.servo.levels import error_integral, trial_levels
 from excite.diagnosis.servo.noise import servo_floor
 from excite.diagnosis.servo.servo import Servo, Signals, read_signals
 from excite.diagnosis.servo.strength import EXACT
+from excite.diagnosis.trivial.neighbours import of_positions
+from excite.errors import LogError, RobotError
 from excite.logs.log import Log, Trial
+from excite.logs.robot import nominal_robot
 from excite.logs.signals.resample import is_uniform, resample_smooth, uniform_grid
 from excite.robot.robot import Robot
 from excite.rows.kinematics import trial_rate
@@ -54,7 +58,8 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
     if all(trial.tau_cmd is not None for trial in log.trials):
         return _asked(robot, log, rng, out)
     trials = tuple(_evened(log, t) for t in log.trials)
-    signals = {t.name: read_signals(robot, log, t) for t in trials}
+    controller = _controllers(log)
+    signals = {t.name: read_signals(robot, log, t, controller) for t in trials}
     fitted = {t.name: signals[t.name] for t in trials if t.role == "identification"}
     servo = known_servo(robot, log, fitted)
     # A wrong scale of a joint's torques is its gain's where that was estimated.
@@ -74,7 +79,34 @@ def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Pat
 
     library = servo_effects(servo, log.header.joints)
     record = TorqueRecord(robot, replace(log, trials=asked), modelled, out, floor_of, library)
-    return _judged(diagnose_torques(record, rng, closed), closed)
+    found = _judged(diagnose_torques(record, rng, closed), closed)
+    return _beside_neighbours(found, robot, log, closed)
+
+
+def _beside_neighbours(found: Diagnosis, robot: Robot, log: Log, closed: ClosedLoop) -> Diagnosis:
+    """The diagnosis with what simple predictors of the positions reach on the same rows."""
+    rolled = closed.rollout if closed.rollout is not None and closed.rollout.after else None
+    floor = {} if rolled is None else {n: c.noise_floor for n, c in found.gap.per_channel.items()}
+    errors = of_positions(
+        robot,
+        log,
+        tuple(found.gap.per_channel),
+        closed.spans,
+        None if rolled is None else rolled.after,
+        floor,
+    )
+    return replace(found, trivial=errors, faults=(*found.faults, *beaten(errors)))
+
+
+def _controllers(log: Log) -> Robot | None:
+    """The robot that the log names: what the servo knew, whichever model the diagnosis starts from."""
+    if log.folder is None:
+        return None
+    try:
+        return nominal_robot(log)
+    except (LogError, RobotError):
+        # One that is handed over in the place of a robot that is not there is all that is known of it.
+        return None
 
 
 def _wound(

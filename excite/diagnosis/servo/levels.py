@@ -46,7 +46,9 @@ def trial_levels(samples: ArmSamples, modelled: tuple[str, ...]) -> dict[str, Ar
     """
     levelled = _Levelled(**{item.name: getattr(samples, item.name) for item in fields(samples)})
     baseline = fit_baseline(levelled, modelled, spectral_floor(levelled))
-    missing = [total - t.tau for total, t in zip(samples.split(baseline.total), samples.trials, strict=True)]
+    missing = [
+        total - t.measured for total, t in zip(samples.split(baseline.total), samples.trials, strict=True)
+    ]
     found = {}
     for trial, rest in zip(samples.trials, missing, strict=True):
         found[trial.name] = np.asarray(rest[trial.rows].mean(axis=0))

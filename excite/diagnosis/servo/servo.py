@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import LogError
@@ -55,8 +56,8 @@ class Signals:
         time: ``(n,)`` [s].
         measured: position and its derivatives, ``(n, n_joints)``.
         commanded: the command's.
-        gravity: nominal torque that holds the measured position ``(n, n_joints)`` [N·m].
-        dynamics: nominal inverse dynamics at the command.
+        gravity: torque that holds the measured position by the servo's model ``(n, n_joints)`` [N·m].
+        dynamics: inverse dynamics at the command by that model.
         nominal: nominal inverse dynamics at the measured motion.
         integral: torque of the servo's integral part, 0 before it is known.
     """
@@ -84,8 +85,14 @@ class Signals:
         return servo.kp * e + servo.kd * rate + self.integral + self.feedforward(servo.feedforward)
 
 
-def read_signals(robot: Robot, log: Log, trial: Trial) -> Signals:
+def read_signals(robot: Robot, log: Log, trial: Trial, controller: Robot | None = None) -> Signals:
     """Commands and motion of a trial, differentiated.
+
+    Args:
+        robot: the nominal model.
+        log: the log, for its header.
+        trial: the trial.
+        controller: the model that the servo's feedforward was computed with, where it is another.
 
     Raises:
         LogError: the trial has no commands.
@@ -101,14 +108,16 @@ def read_signals(robot: Robot, log: Log, trial: Trial) -> Signals:
     index = [robot.joint_index(name) for name in log.header.joints]
     q, c = (central_differences(lowpass(x, rate, BAND_HZ), rate) for x in (trial.q, trial.q_cmd))
 
-    def torque(d: Derivatives, moving: float) -> Array:
+    def torque(model: pin.Model, d: Derivatives, moving: float) -> Array:
         full = [np.tile(robot.rest, (len(trial.time), 1))] + [np.zeros((len(trial.time), robot.model.nv))] * 2
         full = [part.copy() for part in full]
         for part, values, share in zip(
             full, (d.value, d.first, d.second), (1.0, moving, moving), strict=True
         ):
             part[:, index] = share * values
-        return inverse_dynamics(robot.model, *full)[:, index]
+        return inverse_dynamics(model, *full)[:, index]
 
     still = np.zeros_like(q.value)
-    return Signals(trial.time, q, c, torque(q, 0.0), torque(c, 1.0), torque(q, 1.0), still)
+    forward = (controller or robot).model
+    gravity, dynamics = torque(forward, q, 0.0), torque(forward, c, 1.0)
+    return Signals(trial.time, q, c, gravity, dynamics, torque(robot.model, q, 1.0), still)

@@ -20,7 +20,7 @@ def effect_strength(item: Scored) -> float:
     if h.columns.extra is None:
         return float(np.inf)
     made = np.sqrt(((h.columns.extra @ h.fit.extra) ** 2).mean(axis=1))
-    return float((made / samples.rows([t.tau for t in samples.trials]).std(axis=0)).max())
+    return float((made / samples.rows([t.measured for t in samples.trials]).std(axis=0)).max())
 
 
 def without_faint(attribution: Attribution, baseline: Baseline) -> Attribution:

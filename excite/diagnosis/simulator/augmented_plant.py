@@ -11,6 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.effects.form import Form
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.friction_sign import sign_of_motion
+from excite.diagnosis.equations.known_drives import known_terms
 from excite.diagnosis.equations.own_columns import ARMATURE, CONSTANT, COULOMB, VISCOUS, OwnTerm, own_terms
 from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies
 from excite.regressor.kernels import joint_torque_regressor
@@ -49,7 +50,9 @@ def fitted_plant(baseline: Baseline) -> Plant:
     def of(term: OwnTerm) -> Array:
         return values[:, terms.index(term)] if term in terms else np.zeros(len(values))
 
-    return Plant(baseline.phi, of(VISCOUS), of(COULOMB), of(ARMATURE), of(CONSTANT))
+    known = {item.term: item.values for item in known_terms(baseline.samples, baseline.modelled)}
+    viscous, coulomb, armature = (of(term) + known.get(term, 0.0) for term in (VISCOUS, COULOMB, ARMATURE))
+    return Plant(baseline.phi, viscous, coulomb, armature, of(CONSTANT))
 
 
 def with_effect(plant: Plant, baseline: Baseline, location: str, form: Form) -> Plant:

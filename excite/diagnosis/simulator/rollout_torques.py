@@ -82,9 +82,9 @@ def driving_torques(samples: ArmSamples) -> DrivingTorques:
     commands = [t.q_cmd for t in trials if t.q_cmd is not None]
     long = min(len(t.time) for t in trials) > _LEAST_S * rate
     law = _law(samples, commands) if long and len(commands) == len(trials) else None
-    inner = [t.tau for t in trials]
+    inner = [t.measured for t in trials]
     if law is not None:
-        residuals = (t.tau - law.torque(samples, t, c) for t, c in zip(trials, commands, strict=True))
+        residuals = (t.measured - law.torque(samples, t, c) for t, c in zip(trials, commands, strict=True))
         inner = [r[_inside(samples)] for r in residuals]
     length = min(round(_SEGMENT_S * rate), *(len(r) // 2 for r in inner))
     spectra = [welch(r - _trend(r), rate, length, centred=False) for r in inner]
@@ -93,12 +93,12 @@ def driving_torques(samples: ArmSamples) -> DrivingTorques:
     noise = _noise(frequency, power, rate)
     sigma = np.sqrt(0.5 * rate * noise)
     if law is None:
-        logged = {t.name: t.tau for t in trials}
+        logged = {t.name: t.measured for t in trials}
         return DrivingTorques(logged, sigma, frequency, np.ones_like(power), np.zeros((2, len(sigma))), cut)
     wide = np.concatenate([power[:1], power, power[-1:]])
     passed = 1.0 - noise / (0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:])
     passed = np.clip(passed, 0.0, 1.0)
-    made = {t.name: t.tau.copy() for t in trials}
+    made = {t.name: t.measured.copy() for t in trials}
     for trial, rest in zip(trials, inner, strict=True):
         made[trial.name][_inside(samples)] += _through(rest, rate, frequency, passed) - rest
     return DrivingTorques(made, sigma, frequency, passed, law.weights[:, :2].T, cut)
@@ -131,7 +131,7 @@ def _law(samples: ArmSamples, commands: list[Array]) -> _Law:
     for trial, command in zip(samples.trials, commands, strict=True):
         x = _columns(samples, trial, command)[_inside(samples)][::step]
         x = np.ascontiguousarray(x.transpose(1, 2, 0))
-        tau = lowpass(trial.tau, samples.rate_hz, _cut(samples))[_inside(samples)][::step]
+        tau = lowpass(trial.measured, samples.rate_hz, _cut(samples))[_inside(samples)][::step]
         sums.append((x @ x.transpose(0, 2, 1), np.einsum("jcn,nj->jc", x, tau), (tau**2).sum(axis=0)))
         rows += len(tau)
     gram, right, power = (np.sum(part, axis=0) for part in zip(*sums, strict=True))

@@ -85,7 +85,24 @@ def pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
         rigid: ``(n_samples, n_joints)`` torque that the gears carry, for their deflection [N·m].
         plan: horizon and drives.
     """
-    loads = samples.split(rigid)
+    loads, starts = samples.split(rigid), _starts(samples, plan)
+    n = round(plan.horizon_s * samples.rate_hz)
+    smooth = {k: _smooth(samples, samples.trials[k]) for k in {k for k, _ in starts}}
+    return [_piece(samples, samples.trials[k], smooth[k], loads[k], i, n, plan) for k, i in starts]
+
+
+def spans(samples: ArmSamples, plan: Plan) -> tuple[tuple[str, float, float], ...]:
+    """Where the pieces lie: the trial's name, their first and last instant after its start [s]."""
+    n = round(plan.horizon_s * samples.rate_hz)
+    trials = samples.trials
+    return tuple(
+        (trials[k].name, float(trials[k].time[i]), float(trials[k].time[i + n]))
+        for k, i in _starts(samples, plan)
+    )
+
+
+def _starts(samples: ArmSamples, plan: Plan) -> list[tuple[int, int]]:
+    """Index of the trial and of the first sample of every piece."""
     wanted = [k for k, t in enumerate(samples.trials) if t.identification == plan.fitted]
     chosen = wanted or list(range(len(samples.trials)))
     n = round(plan.horizon_s * samples.rate_hz)
@@ -93,11 +110,7 @@ def pieces(samples: ArmSamples, rigid: Array, plan: Plan) -> list[Piece]:
     starts = [(k, i) for k in chosen for i in range(edge, len(samples.trials[k].time) - edge - n, n)]
     most = max(1, int(plan.total_s / plan.horizon_s))
     pick = np.unique(np.linspace(0, len(starts) - 1, min(most, len(starts))).round().astype(int))
-    smooth = {k: _smooth(samples, samples.trials[k]) for k in chosen}
-    return [
-        _piece(samples, samples.trials[k], smooth[k], loads[k], i, n, plan)
-        for k, i in (starts[p] for p in pick)
-    ]
+    return [starts[p] for p in pick]
 
 
 def _smooth(samples: ArmSamples, trial: ArmTrial) -> tuple[Array, Array]:

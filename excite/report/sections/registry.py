@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from excite.report.sections.assumed import Assumed
 from excite.report.sections.certainty import Certainty
-from excite.report.sections.diagnosis import Verdict
-from excite.report.sections.diagnosis_curves import Curves
-from excite.report.sections.diagnosis_effects import Effects
-from excite.report.sections.diagnosis_gap import GapByChannel
-from excite.report.sections.diagnosis_record import Record
-from excite.report.sections.diagnosis_where import Where
+from excite.report.sections.diagnosed.budget import BudgetByChannel
+from excite.report.sections.diagnosed.curves import Curves
+from excite.report.sections.diagnosed.effects import Effects
+from excite.report.sections.diagnosed.gap import GapByChannel
+from excite.report.sections.diagnosed.record import Record
+from excite.report.sections.diagnosed.trivial import Trivial
+from excite.report.sections.diagnosed.verdict import Verdict
+from excite.report.sections.diagnosed.where import Where
 from excite.report.sections.differences import Differences
 from excite.report.sections.excitation import Excitation
 from excite.report.sections.forces import Forces
@@ -27,7 +29,9 @@ SECTIONS: tuple[Section, ...] = (
     Verdict(),
     Overview(),
     Effects(),
+    BudgetByChannel(),
     GapByChannel(),
+    Trivial(),
     Where(),
     Curves(),
     Record(),

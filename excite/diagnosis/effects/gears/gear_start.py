@@ -42,7 +42,7 @@ def first_states(context: Context, j: int, behind: Behind, gear: Gear) -> Array:
         return begin
     firsts = np.flatnonzero(samples.starts)
     rows = np.concatenate([firsts[k] + np.arange(counts[k]) for k in told])
-    measured = np.concatenate([samples.trials[k].tau[: counts[k], j] for k in told])
+    measured = np.concatenate([samples.trials[k].measured[: counts[k], j] for k in told])
     own = base.total[rows, j] - base.rigid[rows, j]
     early = _Early(
         behind.at(rows),

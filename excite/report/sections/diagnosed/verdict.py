@@ -14,6 +14,8 @@ _VERDICTS = {
     "unknown": "no effect of the library explains it",
     "none": "nothing stands above the noise",
 }
+# An interval that begins below this part of the share closed contradicts it at first sight.
+_SURE = 0.5
 
 
 class Verdict(Section):
@@ -41,6 +43,8 @@ def _tiles(found: Document) -> Iterator[str]:
     if closed:
         bounds = gap["share_closed_90"]
         within = f"; 90 % interval {_whole(bounds[0])} to {_whole(bounds[1])} %" if bounds else ""
+        if bounds and None not in bounds and bounds[0] < _SURE * (gap["share_closed"] or 0.0):
+            within += ": so much is closed on the trials that judge, which are too few or too short to say it of others"
         yield tile(f"{_whole(gap['share_closed'])} %", "of the gap above the noise is closed" + within)
     rollouts = found["simulation"]
     if closed and rollouts and rollouts["before"]:

@@ -1,0 +1,1 @@
+"""A robot with the effects that a diagnosis found."""

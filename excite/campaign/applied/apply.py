@@ -1,0 +1,150 @@
+"""The robot with the effects that a diagnosis found: its description and its URDF, for the next round."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from excite.atomic import write_text
+from excite.campaign.applied.bodies import with_bodies
+from excite.diagnosis.answer.candidate import in_words
+from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.errors import InputError, RobotError
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+
+ROBOT, MODEL = "robot.yaml", "robot.urdf"
+_SOURCE = "excite diagnose --apply"
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A robot that was written with the effects of a diagnosis in it.
+
+    Attributes:
+        robot: its ``robot.yaml``.
+        written: what was changed, a sentence each.
+        left_out: what the files have no place for, a sentence each.
+    """
+
+    robot: Path
+    written: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    def to_json(self, beside: Path) -> dict[str, Any]:
+        """As it stands in the document of a diagnosis, the path from the folder ``beside``."""
+        robot = Path(os.path.relpath(self.robot, beside)).as_posix()
+        return {"robot": robot, "written": list(self.written), "left_out": list(self.left_out)}
+
+    def summary(self) -> str:
+        """A line each."""
+        lines = [f"robot with the effects: {self.robot}"]
+        lines += [f"  {text}" for text in self.written or ("nothing was found that it did not have",)]
+        return "\n".join([*lines, *(f"  not in it: {text}" for text in self.left_out)])
+
+
+def apply_effects(diagnosis: Diagnosis, robot: Robot, folder: Path) -> Applied:
+    """Write ``robot.yaml`` and ``robot.urdf`` of a robot with the accepted effects in it.
+
+    Bodies go into the links' inertials, friction and rotor inertia into ``drives``, marked as found, so that a
+    diagnosis of a log with this robot works on what is left.
+
+    Args:
+        diagnosis: of a log of a fixed-base arm.
+        robot: the nominal robot that it was made with.
+        folder: folder to write to.
+
+    Raises:
+        InputError: the diagnosis is not of an arm; :func:`check_applicable` says so before it is made.
+        RobotError: what was found makes no robot, such as a payload that its drives cannot hold.
+    """
+    if len(diagnosis.changes) <= len(diagnosis.effects):
+        raise InputError(
+            "has no effects that could be written into a robot",
+            field="apply",
+            remedy="diagnose a log of a fixed base",
+        )
+    changes = diagnosis.changes[len(diagnosis.effects)]
+    urdf = with_bodies(robot.urdf, changes.bodies)
+    content = _description(robot, changes)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / MODEL, urdf)
+    path = write_text(folder / ROBOT, _text(content))
+    try:
+        load_robot(path)
+    except RobotError:
+        for file in (path, folder / MODEL):
+            file.unlink()
+        raise
+    return Applied(path, (*_written(changes), *_doubts(diagnosis)), tuple(changes.beyond))
+
+
+def check_applicable(robot: Robot) -> None:
+    """Raise InputError where a diagnosis of a robot cannot be written into it: bases that move are diagnosed apart."""
+    if robot.floating:
+        raise InputError(
+            f"{robot.name} has a free base, whose effects no robot.yaml takes up",
+            field="--apply",
+            remedy="diagnose it without --apply; augmented.xml has what a simulator can",
+        )
+
+
+def _text(content: Mapping[str, Any]) -> str:
+    head = "# The robot with the effects that a diagnosis found; drives marked found are part of the model.\n"
+    return head + str(yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=110))
+
+
+def _description(robot: Robot, changes: RobotChanges) -> dict[str, Any]:
+    """The content of the new ``robot.yaml``."""
+    content = robot.description.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content["model"] = {
+        **content["model"],
+        "path": MODEL,
+        "source": f"{robot.description.model.source}, with {_SOURCE}",
+    }
+    content["model"].pop("package", None)
+    drives: dict[str, Any] = {}
+    for term in ("viscous", "coulomb", "armature"):
+        values = {name: value for name, value in getattr(changes, term).items() if value > 0.0}
+        if values:
+            drives[term] = {"joints": values, "source": _SOURCE}
+    content["drives"] = {**drives, "found": True} if drives else {}
+    low, high = robot.limits.position_lower, robot.limits.position_upper
+    rest = np.clip(robot.rest[robot.n_base_q :], low, high)
+    content["posture"]["joints"] = {n: float(v) for n, v in zip(robot.joint_names, rest, strict=True) if v}
+    return content
+
+
+def _doubts(diagnosis: Diagnosis) -> list[str]:
+    """What was taken for what it may not be."""
+    if not (diagnosis.ambiguous_with and diagnosis.effects):
+        return []
+    first = diagnosis.effects[0]
+    taken = {(item.effect, item.location) for item in diagnosis.effects}
+    others = [
+        in_words(item.effect, item.location)
+        for item in diagnosis.ambiguous_with
+        if (item.effect, item.location) not in taken
+    ]
+    what = in_words(first.effect, first.location)
+    return [f"{what} was taken, which this record cannot tell from {', '.join(others)}"] if others else []
+
+
+def _written(changes: RobotChanges) -> list[str]:
+    """What was changed, in words."""
+    said = [f"{link}: {body[0]:+.3g} kg" for link, body in changes.bodies.items()]
+    units = {"viscous": "N·m·s/rad", "coulomb": "N·m", "armature": "kg·m²"}
+    for term, unit in units.items():
+        values = {name: value for name, value in getattr(changes, term).items() if value}
+        if values:
+            said.append(
+                f"{term} [{unit}]: " + ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+            )
+    return said

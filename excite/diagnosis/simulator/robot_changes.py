@@ -1,0 +1,78 @@
+"""Accepted effects as changes of a robot's description."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from excite.arrays import Array
+from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.diagnosis.effects.form import Form
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.baseline_fit import model_phi
+from excite.diagnosis.search.attribution import Attribution
+from excite.diagnosis.simulator.accepted_values import found_effects
+from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, physical_plant, with_effect
+from excite.diagnosis.simulator.found import Found
+from excite.diagnosis.simulator.model_text import MODEL
+from excite.robot.links import carried_link
+
+
+def robot_changes(attribution: Attribution, baseline: Baseline) -> tuple[RobotChanges, ...]:
+    """What the first none, one, two … of the accepted effects change.
+
+    Friction and rotor inertia are all that the model of the record has, with what ``modelled`` had fitted; bodies are
+    the effects' alone, as near to them as bodies can be.
+
+    Args:
+        attribution: the attribution.
+        baseline: the baseline before it.
+    """
+    effects = found_effects(attribution)
+    made = [_changes(baseline, ())]
+    for count in range(1, len(effects) + 1):
+        last = count == len(effects)
+        beside = attribution.final if last else attribution.stages[count].context.baseline
+        made.append(_changes(beside, effects[:count]))
+    return tuple(made)
+
+
+def _changes(baseline: Baseline, effects: Sequence[Found]) -> RobotChanges:
+    samples = baseline.samples
+    wanted, said = fitted_plant(baseline), []
+    for item in effects:
+        form = item.form(samples.joints)
+        wanted = with_effect(wanted, baseline, item.location, form)
+        said += _beyond(item, form)
+    links = {item.location for item in effects if item.form(samples.joints).body is not None}
+    plant = physical_plant(baseline, wanted) if links else wanted
+    drives = [
+        {name: max(float(v), 0.0) for name, v in zip(samples.joints, values, strict=True)}
+        for values in (plant.viscous, plant.coulomb, plant.armature)
+    ]
+    viscous, coulomb, armature = drives
+    return RobotChanges(viscous, coulomb, armature, _bodies(baseline, plant, links), beyond=tuple(said))
+
+
+def _bodies(baseline: Baseline, plant: Plant, links: Collection[str]) -> dict[str, Array]:
+    """What each of these links has more than the nominal model, which stands where bodies have effects."""
+    model = baseline.samples.robot.model
+    change = (plant.phi - model_phi(baseline.samples)).reshape(-1, 10)
+    names = [carried_link(model, k) for k in range(1, model.njoints)]
+    return {name: row for name, row in zip(names, change, strict=True) if name in links}
+
+
+def _beyond(item: Found, form: Form) -> list[str]:
+    """Parts of an effect that a description has no place for."""
+    what = f"{item.effect.name.replace('_', ' ')} at {item.location}"
+    if form.absent is not None:
+        return [f"{what}: in no file, {form.absent}"]
+    said = []
+    if form.bias != 0.0:
+        said.append(f"{what}: of the reading ({form.bias:.3g}), not of the robot; take it off the log")
+    if form.gravity is not None:
+        said.append(f"{what}: gravity stands in log.yaml, which is left as it is")
+    if form.elements is not None or form.finish is not None or form.notes:
+        all_of_it = not (form.viscous or form.coulomb or form.armature)
+        part = "it stands" if all_of_it else "how it builds up and changes stands"
+        said.append(f"{what}: {part} in {MODEL} alone")
+    return said

@@ -1,0 +1,1 @@
+"""What far simpler predictors than a simulator reach on the rows that judge it."""

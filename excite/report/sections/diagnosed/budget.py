@@ -1,0 +1,179 @@
+"""Where each channel's gap goes: noise floor, named effects with their intervals, unnamed shares, the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+
+from excite.diagnosis.answer.budget import NOT_REPEATED
+from excite.report.folder import Document, Findings
+from excite.report.html import folded, number, paragraph, section
+from excite.report.plots.forces import channel_label
+from excite.report.sections.section import Section
+
+# Channels with less of the whole gap are folded away.
+_SMALL = 0.02
+# Wider intervals are worth a word; shares that differ by more, too.
+_WIDE, _DIFFERS = 0.5, 0.1
+# Parts of a sentence, and the least of them.
+_SAID, _WORTH = 3, 0.02
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of a channel's gap: what it is, its share, the interval, what it is drawn with."""
+
+    what: str
+    share: float | None
+    interval: tuple[float, float] | None
+    kind: str
+
+
+class BudgetByChannel(Section):
+    """A sentence, a stacked bar and a table for each channel, the largest part of the gap first."""
+
+    identifier = "budget"
+    title = "Where the gap goes"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        found = findings.diagnosis
+        if found is None or not found["budget"]:
+            return ""
+        units = {name: item["unit"] for name, item in found["gap"]["per_channel"].items()}
+        order = sorted(found["budget"].items(), key=lambda item: -(item[1]["weight"] or 0.0))
+        blocks = [(item["weight"] or 0.0, _channel(name, item, units.get(name, ""))) for name, item in order]
+        large = "".join(html for weight, html in blocks if weight >= _SMALL) or blocks[0][1]
+        small = "".join(html for weight, html in blocks[1:] if weight < _SMALL)
+        lead = _sentence(order[0][0], order[0][1], units.get(order[0][0], ""))
+        how = (
+            "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
+            "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
+            "record: blocks of it were left out in turn."
+        )
+        rest = folded(f"Joints with less than {100 * _SMALL:.0f} % of the whole gap", small) if small else ""
+        return section(
+            self.identifier, self.title, lead, paragraph(how), _beside(found, order), _legend(), large, rest
+        )
+
+
+def _channel(name: str, channel: Document, unit: str) -> str:
+    """A channel's heading, bar and table."""
+    parts = list(_parts(channel))
+    floor, gap = number(channel["noise_floor"]), number(channel["gap"])
+    size = f"gap {gap} {unit}, noise floor {floor} {unit}, {_percent(channel['weight'])} of the whole gap"
+    rows = "".join(
+        f"<tr><td>{escape(part.what)}</td><td class='number'>{_percent(part.share)}</td>"
+        f"<td>{_interval(part)}</td><td>{escape(_doubt(part))}</td></tr>"
+        for part in parts
+    )
+    head = "<tr><th>part</th><th class='number'>share</th><th>90 % interval</th><th></th></tr>"
+    return (
+        f'<h3>{escape(channel_label(name))}</h3><p class="lead">{escape(size)}</p>{_bar(parts)}'
+        f'<div class="wide"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>'
+    )
+
+
+def _parts(channel: Document) -> Iterator[_Part]:
+    """Parts of a channel's gap, named effects first, the largest of each kind first."""
+    for item in sorted(channel["effects"], key=lambda item: -(item["share"] or 0.0)):
+        low, high = item["interval90"]
+        bounds = None if low is None or high is None else (low, high)
+        what = f"{item['effect'].replace('_', ' ')} at {item['location']}"
+        yield _Part(what, item["share"], bounds, "identified")
+    for item in sorted(channel["unnamed"], key=lambda item: -(item["share"] or 0.0)):
+        repeats = item["follows"] == NOT_REPEATED
+        what = NOT_REPEATED if repeats else f"follows {item['follows']}, without a name"
+        yield _Part(what, item["share"], None, "muted" if repeats else "nominal")
+    yield _Part("the rest", channel["rest"], None, "pale")
+
+
+def _bar(parts: list[_Part]) -> str:
+    """A stacked bar; what does harm has no width, and the others are drawn to their sum."""
+    sizes = [max(part.share or 0.0, 0.0) for part in parts]
+    whole = max(sum(sizes), 1.0)
+    pieces = "".join(
+        f'<span style="width: {100 * size / whole:.2f}%; background: var(--{part.kind})" '
+        f'title="{escape(part.what)} {_percent(part.share)}"></span>'
+        for part, size in zip(parts, sizes, strict=True)
+        if size > 0.0
+    )
+    said = escape("; ".join(f"{part.what} {_percent(part.share)}" for part in parts))
+    return f'<div class="stack" role="img" aria-label="{said}">{pieces}</div>'
+
+
+def _legend() -> str:
+    kinds = {
+        "identified": "named effects",
+        "nominal": "follows something, no name",
+        "muted": NOT_REPEATED,
+        "pale": "the rest",
+    }
+    items = "".join(
+        f'<span><i style="background: var(--{kind})"></i>{text}</span>' for kind, text in kinds.items()
+    )
+    return f'<p class="legend">{items}</p>'
+
+
+def _sentence(name: str, channel: Document, unit: str) -> str:
+    """``Of the gap at joint 2 (0.41 N·m above 0.05 noise), 63 % is Coulomb friction …``."""
+    *named, rest = _parts(channel)
+    large = sorted((p for p in named if (p.share or 0.0) >= _WORTH), key=lambda part: -(part.share or 0.0))
+    said = [f"{_percent(part.share)} {_verb(part)}" for part in large[:_SAID]]
+    listed = ", ".join([*said, f"{_percent(rest.share)} is {'the rest' if said else 'without a name'}"])
+    size = f"{number(channel['gap'], 2)} {unit} above {number(channel['noise_floor'], 2)} noise"
+    return f"Of the gap at {channel_label(name)} ({size}), {listed}."
+
+
+def _verb(part: _Part) -> str:
+    return part.what if part.what.startswith(("follows", "does")) else f"is {part.what}"
+
+
+def _beside(found: Document, order: list[tuple[str, Document]]) -> str:
+    """Why the parts with a name are not what the accepted effects close, where they differ."""
+    closed = found["gap"]["share_closed"]
+    named = sum(
+        (channel["weight"] or 0.0) * sum(item["share"] or 0.0 for item in channel["effects"])
+        for _, channel in order
+    )
+    if closed is None or abs(named - closed) <= _DIFFERS:
+        return ""
+    taken = (
+        "no effect was accepted" if not found["effects"] else f"the accepted effects close {_percent(closed)}"
+    )
+    return paragraph(
+        f"Here named effects take {_percent(named)}, and {taken}: both are right. The first counts all effects that "
+        "one fit of everything together finds, the motion alone and each joint by its own power; the second what the "
+        "effects that were accepted one after the other leave of all rows, each joint by its own signal.",
+        "note",
+    )
+
+
+def _doubt(part: _Part) -> str:
+    """Why a share and its interval do not seem to fit each other."""
+    if part.interval is None or part.share is None:
+        return ""
+    low, high = part.interval
+    if part.share < 0.0:
+        return "does harm on the trials that judge"
+    if low <= 0.0 < part.share:
+        return "may be nothing: too few stretches of the record show it for more"
+    if high - low > _WIDE:
+        return "known roughly: few stretches of the record show it"
+    if not low <= part.share <= high:
+        return "the trials that judge show it otherwise than the rest of the record"
+    return ""
+
+
+def _interval(part: _Part) -> str:
+    if part.interval is None:
+        return "–"
+    return f"{_percent(part.interval[0])} to {_percent(part.interval[1])}"
+
+
+def _percent(share: float | None) -> str:
+    if share is None:
+        return "–"
+    text = f"{100.0 * share:.0f} %".replace("-", "−")
+    return "0 %" if text == "−0 %" else text

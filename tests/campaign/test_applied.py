@@ -1,0 +1,190 @@
+"""The robot with the effects of a diagnosis in it, and the diagnosis that follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+from excite.campaign.applied.apply import Applied, apply_effects, check_applicable
+from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.diagnosis.diagnose import diagnose
+from excite.errors import InputError, RobotError
+from excite.logs.files import load_log, save_log
+from excite.logs.log import Trial
+from excite.logs.robot import nominal_robot, robot_for_log
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from tests.diagnosis.test_command_only import controller_of, without_torque
+from tests.identification.practice_log import arm_log, changed
+from tests.report.diagnosed import ambiguous, two_joints_diagnosed
+from tests.reproduction.emps import emps_log
+from tests.reproduction.real_robots.entry import RIGID, with_modelled
+
+LOAD = pin.Inertia(1.5, np.array([0.05, 0.02, 0.06]), np.diag([0.004, 0.005, 0.003]))
+VISCOUS, COULOMB = 3.0, 4.0
+
+
+def rubbed(trial: Trial) -> Trial:
+    """Viscous friction at the shoulder's lift, dry friction at the elbow."""
+    v = np.gradient(trial.q, trial.time, axis=0)
+    made = VISCOUS * v * np.eye(6)[1] + COULOMB * np.tanh(v / 0.01) * np.eye(6)[2]
+    return replace(trial, tau=trial.tau + made)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A UR10 with a load at its wrist and friction at two joints, of which its model knows nothing."""
+    robot = load_robot("ur10")
+    true = robot.nominal_parameters.copy()
+    true[50:60] += LOAD.toDynamicParameters()
+    log = changed(arm_log(robot, 3, duration=10.0, torque="link_side", trials=4, true=true), rubbed)
+    header = log.header.model_copy(update={"modelled": ("rigid_body_fixed",), "torque": "motor_side"})
+    return save_log(replace(log, robot_text=robot.urdf, header=header), tmp_path_factory.mktemp("log"))
+
+
+@pytest.fixture(scope="module")
+def first(folder: Path) -> Diagnosis:
+    return diagnose(folder)
+
+
+@pytest.fixture(scope="module")
+def again(folder: Path, applied: Applied) -> Diagnosis:
+    return diagnose(folder, robot_for_log(applied.robot, folder))
+
+
+@pytest.fixture(scope="module")
+def applied(folder: Path, first: Diagnosis, tmp_path_factory: pytest.TempPathFactory) -> Applied:
+    assert {item.effect for item in first.effects} == {"payload", "coulomb_friction", "viscous_friction"}
+    return apply_effects(first, nominal_robot(load_log(folder)), tmp_path_factory.mktemp("robot"))
+
+
+def test_what_was_found_is_where_a_description_holds_it(applied: Applied) -> None:
+    said = yaml.safe_load(applied.robot.read_text())["drives"]
+    assert said["found"] is True and "armature" not in said
+    assert said["viscous"]["joints"] == {"shoulder_lift_joint": pytest.approx(VISCOUS, rel=0.01)}
+    assert said["coulomb"]["joints"] == {"elbow_joint": pytest.approx(COULOMB, rel=0.01)}
+    inertias = load_robot(applied.robot).model.inertias
+    heavy, before = inertias[6], load_robot("ur10").model.inertias[6]
+    assert heavy.toDynamicParameters() == pytest.approx((before + LOAD).toDynamicParameters(), abs=2e-3)
+    # Other links are as they were.
+    for new, old in zip(inertias[1:6], load_robot("ur10").model.inertias[1:6], strict=True):
+        assert new.toDynamicParameters() == pytest.approx(old.toDynamicParameters(), rel=1e-9, abs=1e-12)
+    assert applied.left_out == ()
+    assert any("wrist_3_link: +1.5 kg" in text for text in applied.written)
+
+
+def test_the_next_diagnosis_finds_nothing(again: Diagnosis) -> None:
+    assert (again.verdict, again.effects) == ("none", ())
+    assert again.gap.before < 1.2 * again.gap.noise_floor
+
+
+def test_the_next_simulator_is_the_last_one_with_its_effects(first: Diagnosis, again: Diagnosis) -> None:
+    old, new = first.simulation, again.simulation
+    assert old is not None and new is not None
+    for name, after in old.after.items():
+        assert new.before[name] == pytest.approx(after, rel=0.4)
+        assert new.before[name] < 0.2 * old.before[name]
+
+
+def test_what_was_written_wrongly_is_found_as_a_rest(folder: Path, applied: Applied, tmp_path: Path) -> None:
+    """Drives marked as found are taken as given: a part of the friction is left to be named."""
+    content = yaml.safe_load(applied.robot.read_text())
+    content["drives"]["coulomb"]["joints"]["elbow_joint"] = 0.6 * COULOMB
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content))
+    (tmp_path / "robot.urdf").write_text((applied.robot.parent / "robot.urdf").read_text())
+    (rest,) = diagnose(folder, robot_for_log(tmp_path / "robot.yaml", folder)).effects
+    assert (rest.effect, rest.location) == ("coulomb_friction", "elbow_joint")
+    assert rest.parameters["level"].value == pytest.approx(0.4 * COULOMB, rel=0.03)
+    # A guess about a type of robot is no part of the model.
+    content["drives"]["found"] = False
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content))
+    found = diagnose(folder, robot_for_log(tmp_path / "robot.yaml", folder)).effects
+    assert max(e.parameters["level"].value for e in found if "level" in e.parameters) == pytest.approx(
+        COULOMB, rel=0.02
+    )
+
+
+def test_what_no_description_holds_is_a_line(tmp_path: Path) -> None:
+    robot = load_robot("ur10")
+    line = "backlash at elbow_joint: it stands in augmented.xml alone"
+    changes = (RobotChanges(), RobotChanges(), RobotChanges(coulomb={"elbow_joint": 2.0}, beyond=(line,)))
+    found = replace(two_joints_diagnosed(), changes=changes)
+    applied = apply_effects(found, robot, tmp_path)
+    assert applied.left_out == (line,)
+    assert applied.summary().splitlines()[1:] == ["  coulomb [N·m]: elbow_joint 2", f"  not in it: {line}"]
+    assert applied.to_json(tmp_path.parent) == {
+        "robot": f"{tmp_path.name}/robot.yaml",
+        "written": ["coulomb [N·m]: elbow_joint 2"],
+        "left_out": [line],
+    }
+
+
+def test_what_the_record_cannot_tell_apart_is_said(tmp_path: Path) -> None:
+    found = replace(ambiguous(two_joints_diagnosed()), changes=(RobotChanges(), RobotChanges()))
+    (line,) = apply_effects(found, load_robot("ur10"), tmp_path).written
+    assert line == (
+        "joint spring at shoulder was taken, which this record cannot tell from torque bias at shoulder"
+    )
+
+
+def test_a_diagnosis_that_says_nothing_of_a_robot_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no effects that could be written"):
+        apply_effects(two_joints_diagnosed(), load_robot("ur10"), tmp_path / "robot")
+    assert not (tmp_path / "robot").exists()
+
+
+def test_a_robot_that_cannot_be_is_not_left_behind(tmp_path: Path) -> None:
+    """A load that its drives cannot hold up."""
+    heavy = RobotChanges(
+        bodies={"wrist_3_link": pin.Inertia(900.0, np.zeros(3), np.eye(3)).toDynamicParameters()}
+    )
+    found = replace(two_joints_diagnosed(), effects=(), changes=(heavy,))
+    with pytest.raises(RobotError):
+        apply_effects(found, load_robot("ur10"), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_free_base_is_refused_before_any_work(g1: Robot) -> None:
+    check_applicable(load_robot("ur10"))
+    with pytest.raises(InputError, match=r"--apply: g1 has a free base"):
+        check_applicable(g1)
+
+
+@pytest.mark.slow
+def test_a_servo_keeps_the_model_that_it_had(gap_dir: Path, tmp_path: Path) -> None:
+    """Commands and positions alone: the feedforward was made without the load, whatever the next round's model has."""
+    log = load_log(gap_dir / "arm" / "case_003")
+    robot = nominal_robot(log)
+    log = without_torque(log, controller_of(log, robot) | {"feedforward": "inverse_dynamics"})
+    found = diagnose(log, robot)
+    assert (found.effect, found.location) == ("payload", "link6")
+    applied = apply_effects(found, robot, tmp_path)
+    assert log.folder is not None
+    rest = diagnose(log, robot_for_log(applied.robot, log.folder))
+    assert (rest.verdict, rest.effects) == ("none", ())
+    assert rest.gap.before < 0.05 * found.gap.before
+
+
+@pytest.mark.slow
+def test_a_real_axis_has_no_friction_left_in_the_second_round(data_dir: Path, tmp_path: Path) -> None:
+    """EMPS: published viscous friction 203.5 N·s/m and dry friction 20.4 N, which the log does not call modelled."""
+    log = with_modelled(emps_log(data_dir, tmp_path, split=2 / 3), (*RIGID, "torque_bias"))
+    found = diagnose(log)
+    assert {item.effect for item in found.effects} == {"coulomb_friction", "viscous_friction"}
+    applied = apply_effects(found, nominal_robot(log), tmp_path / "robot")
+    assert applied.left_out == ()
+    drives = load_robot(applied.robot).description.drives
+    assert drives.coulomb is not None and drives.coulomb.joints["slide"] == pytest.approx(20.4, rel=0.1)
+    assert drives.viscous is not None and drives.viscous.joints["slide"] == pytest.approx(203.5, rel=0.1)
+    assert log.folder is not None
+    rest = diagnose(log, robot_for_log(applied.robot, log.folder))
+    assert (rest.verdict, rest.effects) == ("none", ())
+    assert rest.gap.per_channel["slide"].before == pytest.approx(
+        found.gap.per_channel["slide"].after, rel=0.05
+    )

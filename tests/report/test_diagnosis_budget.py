@@ -1,0 +1,100 @@
+"""The page's section on where each channel's gap goes, and the one on simple predictors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from excite.diagnosis.answer.gap import ChannelGap
+from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.answer.trivial import TrivialErrors, beaten
+from excite.json_document import write_json
+from excite.report.page import report
+from tests.report.diagnosed import budgeted, two_joints_diagnosed, unknown
+
+
+def page_of(diagnosis: Diagnosis, folder: Path) -> str:
+    write_json(diagnosis.to_json(), folder / "diagnosis.json")
+    return report(folder).read_text(encoding="utf-8")
+
+
+def budget_of(page: str) -> str:
+    start = page.index('<section id="budget">')
+    return page[start : page.index("</section>", start)]
+
+
+def test_one_sentence_opens_the_budget(tmp_path: Path) -> None:
+    section = budget_of(page_of(budgeted(), tmp_path))
+    sentence = (
+        "Of the gap at shoulder (0.41 N·m above 0.050 noise), 63 % is coulomb friction at shoulder, "
+        "20 % follows position, without a name, 10 % is torque bias at shoulder, 10 % is the rest."
+    )
+    assert section.index(sentence) < section.index("<h3>shoulder</h3>") < section.index("<details>")
+    # What is hardly any of the whole gap is folded.
+    assert section.index("<details>") < section.index("<h3>elbow</h3>")
+
+
+def test_every_share_has_its_row_and_its_doubt(tmp_path: Path) -> None:
+    section = budget_of(page_of(budgeted(), tmp_path))
+    rows = {
+        "coulomb friction at shoulder": ("63 %", "55 % to 70 %", ""),
+        "torque bias at shoulder": ("10 %", "−10 % to 30 %", "may be nothing: too few stretches"),
+        "backlash at shoulder": ("−5 %", "−30 % to 10 %", "does harm on the trials that judge"),
+        "follows position, without a name": ("20 %", "–", ""),
+        "does not repeat": ("2 %", "–", ""),
+        "the rest": ("10 %", "–", ""),
+    }
+    for what, (share, interval, doubt) in rows.items():
+        assert f"<tr><td>{what}</td><td class='number'>{share}</td><td>{interval}</td><td>{doubt}" in section
+
+
+def test_a_bar_is_as_long_as_its_shares(tmp_path: Path) -> None:
+    section = budget_of(page_of(budgeted(), tmp_path))
+    bar = section[section.index('<div class="stack"') :]
+    bar = bar[: bar.index("</div>")]
+    widths = [float(part.split("%")[0]) for part in bar.split('style="width: ')[1:]]
+    # What does harm has no length; the others fill the bar.
+    assert widths == pytest.approx([100 * x / 1.05 for x in (0.63, 0.1, 0.2, 0.02, 0.1)], abs=0.01)
+
+
+def test_figures_that_seem_to_contradict_each_other_are_explained(tmp_path: Path) -> None:
+    page = page_of(budgeted(), tmp_path)
+    assert "named effects take 67 %, and the accepted effects close 99 %: both are right" in budget_of(page)
+    wide = replace(budgeted(), gap=replace(budgeted().gap, interval=(-0.27, 1.0)))
+    page = page_of(wide, tmp_path)
+    assert "90 % interval −27 to 100 %: so much is closed on the trials that judge" in page
+    nothing = page_of(unknown(budgeted()), tmp_path)
+    assert "no effect was accepted: both are right" in budget_of(nothing)
+
+
+def test_without_a_budget_there_is_no_section(tmp_path: Path) -> None:
+    page = page_of(two_joints_diagnosed(), tmp_path)
+    assert 'id="budget"' not in page and 'id="trivial"' not in page
+
+
+def test_positions_stand_beside_simple_predictors(tmp_path: Path) -> None:
+    errors = {
+        "shoulder": TrivialErrors(0.0794, 0.0100, 0.0050, 0.0076, model=0.0056),
+        "elbow": TrivialErrors(0.05, 0.02, 0.01, None, model=0.002),
+    }
+    gap = replace(
+        two_joints_diagnosed().gap, per_channel={n: ChannelGap(0.02, 0.0056, 0.001, "rad") for n in errors}
+    )
+    diagnosis = replace(two_joints_diagnosed(), gap=gap, trivial=errors, faults=beaten(errors))
+    page = page_of(diagnosis, tmp_path)
+    section = page[page.index('<section id="trivial">') :]
+    cells = "".join(f'<td class="number">{x}</td>' for x in ("5.60", "79.4", "10.0", "5.00", "7.60"))
+    assert f"<tr><td>shoulder</td><td>mrad</td>{cells}</tr>" in section
+    assert "started anew from the record every 0.5 s" in section
+    assert "At 1 of 2 joints the simulator is no better on trials left out than" in section
+
+
+def test_torques_stand_beside_repeats_alone(tmp_path: Path) -> None:
+    errors = {"shoulder": TrivialErrors(repeat=0.02, model=0.3, unit="N·m")}
+    section = page_of(replace(two_joints_diagnosed(), trivial=errors), tmp_path)
+    section = section[section.index('<section id="trivial">') :]
+    assert '<th class="number">a repeat</th>' in section and "linear filter</th>" not in section
+    alone = {"shoulder": TrivialErrors(model=0.3, unit="N·m")}
+    assert 'id="trivial"' not in page_of(replace(two_joints_diagnosed(), trivial=alone), tmp_path)
