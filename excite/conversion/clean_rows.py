@@ -36,8 +36,14 @@ def whole_rows(table: Table, source: object) -> Table:
         )
         if after is None:
             continue
-        near = np.abs(time[there[after]] - time[there[after - 1]]) <= _LONGEST_S
-        rows = np.flatnonzero(holes)[near]
+        rows = np.flatnonzero(holes)
+        # What comes before the first sample or after the last stands between none.
+        near = (
+            (time[there[after]] - time[there[after - 1]] <= _LONGEST_S)
+            & (rows > there[0])
+            & (rows < there[-1])
+        )
+        rows = rows[near]
         columns[name] = values.copy()
         columns[name][rows] = np.interp(time[rows], time[there], values[there])
         filled += len(rows)

@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.clock import TICKS, clock_column, tick
-from excite.conversion.columns.families import Family, clues_of, families, is_anonymous, is_measured
+from excite.conversion.columns.families import Family, clues_of, families, is_anonymous, is_measured, of_motor
 from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
 from excite.conversion.columns.words import Clue
@@ -171,7 +171,8 @@ def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
             other = chosen[family.target]
             text = f"{family.columns[0]} …"
             alike = len(family.placed.columns) == len(other.placed.columns)
-            if alike and is_measured(family) == is_measured(other) and family.target in ("q", "tau", "i"):
+            side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
+            if alike and side and family.target in ("q", "tau", "i"):
                 found.ask(
                     f"{family.target} may be {other.columns[0]} … or {text}",
                     f'columns: {{{family.target}: "{_pattern(other)}"}}',

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from excite.conversion.columns.joints import Placed, first_number, place
 from excite.conversion.columns.unit_words import UNITS
-from excite.conversion.columns.vocabulary import OF_WORD, SURELY_MEASURED
+from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue
 from excite.conversion.recording import Column, Recording
 
@@ -91,6 +91,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             -len(family.placed.columns),
             not family.stated,
             not is_measured(family),
+            of_motor(family),
             len(family.stem),
         ),
     )
@@ -99,6 +100,11 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
 def is_measured(family: Family) -> bool:
     """Whether its names say that it was measured."""
     return bool(set(family.stem.split("_")) & SURELY_MEASURED)
+
+
+def of_motor(family: Family) -> bool:
+    """Whether its names are those of the motors' side of elastic joints."""
+    return bool(set(family.stem.split("_")) & OF_MOTOR)
 
 
 def is_anonymous(family: Family, joints: Sequence[str]) -> bool:

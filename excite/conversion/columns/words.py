@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
-from excite.conversion.columns.vocabulary import COMMANDED, KNOWN, MEASURED, NOISE, OF_WORD
+from excite.conversion.columns.vocabulary import COMMANDED, KNOWN, MEASURED, NOISE, OF_MESSAGE, OF_WORD
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,11 @@ def _parts(word: str) -> list[str]:
 
 
 def _is_commanded(words: list[str], quantity: str) -> bool:
-    if set(words) & MEASURED - {"sensor", "est"} and not set(words) & (
-        COMMANDED - {"d", "in", "input", "nominal"}
-    ):
+    measured = set(words) & MEASURED - {"sensor", "est"}
+    commanded = set(words) & (COMMANDED - {"d", "in", "input", "nominal"})
+    if measured <= OF_MESSAGE and "d" in words[1:] and words[words.index("d", 1) - 1] not in OF_MESSAGE:
+        commanded.add("d")
+    if measured and not commanded:
         return False
     return bool(set(words) & COMMANDED) and quantity != ""
 

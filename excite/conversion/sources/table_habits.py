@@ -46,7 +46,7 @@ def table_habits(lines: list[str]) -> Habits | None:
         first = _first_row(split, decimal)
         if first is None:
             continue
-        width = len(split[first])
+        width = _width(split, first)
         if width < 2:
             continue
         names, units = _names_and_units(lines, split, first, width, separator)
@@ -72,9 +72,12 @@ def split_line(line: str, separator: str) -> list[str]:
     """Cells of a line without the blanks around them; a comment's mark at its beginning is left out."""
     if separator == " ":
         return line.split()
-    cells = [cell.strip().strip('"') for cell in next(csv.reader([line], delimiter=separator), [])]
-    # Many writers end each line by a separator.
-    return cells[:-1] if cells and cells[-1] == "" and len(cells) > 1 else cells
+    return [cell.strip().strip('"') for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def of_width(cells: list[str], width: int) -> list[str]:
+    """Cells without the empty one that a separator at the line's end leaves."""
+    return cells[:-1] if len(cells) == width + 1 and cells[-1] == "" else cells
 
 
 def _is_row(cells: list[str], decimal: str) -> bool:
@@ -95,6 +98,15 @@ def _first_row(split: list[list[str]], decimal: str) -> int | None:
     return next((k for k in rows if len(split[k]) == width), None)
 
 
+def _width(split: list[list[str]], first: int) -> int:
+    """Columns of a table: many writers end each line by a separator, and a column may be empty to begin with."""
+    width = len(split[first])
+    if any(cells[-1] != "" for cells in split[first:] if len(cells) == width):
+        return width
+    named = any(len(cells) == width and cells[-1] != "" for cells in split[:first])
+    return width if named else width - 1
+
+
 def _names_and_units(
     lines: list[str], split: list[list[str]], first: int, width: int, separator: str
 ) -> tuple[list[str], list[str]]:
@@ -102,7 +114,7 @@ def _names_and_units(
     units: list[str] = []
     for k in range(first - 1, -1, -1):
         text = re.sub(r"^\s*(#+|%+|//+|!+)", "", lines[k]).strip()
-        cells = split_line(text, separator)
+        cells = of_width(split_line(text, separator), width)
         if len(cells) != width and separator == " ":
             cells = split_line(text, "\t") if "\t" in text else split_line(text, ",")
         if len(cells) != width or not any(re.search(r"[A-Za-zµ]", cell) for cell in cells):

@@ -17,7 +17,7 @@ from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.conversion.sources.stamps import seconds
-from excite.conversion.sources.table_habits import COMMENTS, Habits, split_line, table_habits
+from excite.conversion.sources.table_habits import COMMENTS, Habits, of_width, split_line, table_habits
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
 
@@ -142,7 +142,7 @@ def _columns_of_blanks(path: Path, habits: Habits, encoding: str) -> list[Any]:
         for number, line in enumerate(stream):
             if number < habits.skip or line.lstrip().startswith(COMMENTS):
                 continue
-            cells = split_line(line.rstrip("\r\n"), habits.separator)
+            cells = of_width(split_line(line.rstrip("\r\n"), habits.separator), width)
             if len(cells) == width:
                 rows.append(";".join(cells))
     text = "\n".join(rows).encode()
