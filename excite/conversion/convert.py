@@ -24,6 +24,7 @@ from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.scales import scale_notes, torque_scales
+from excite.conversion.shapes.reshape import reshaped
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trials import cut_trials
 from excite.conversion.wraps import signed
@@ -156,7 +157,8 @@ def _recordings(sources: Sequence[str | Path]) -> list[Recording]:
         raise wrong[0]
     if wrong:
         raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
-    return [signed(merged_names(recording)) for recording in joined_parts(found)]
+    shaped = [part for recording in found for part in reshaped(recording)]
+    return [signed(merged_names(recording)) for recording in joined_parts(shaped)]
 
 
 def _read(source: Path) -> list[Recording]:

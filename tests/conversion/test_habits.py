@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import h5py
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+from scipy.io import savemat
 
 import excite
 from excite.conversion.convert import Conversion
@@ -47,13 +51,17 @@ def columns_of(data: dict[str, np.ndarray], **patterns: str) -> dict[str, np.nda
 
 
 def check(
-    conversion: Conversion, data: dict[str, np.ndarray], *channels: str, rows: slice = slice(None)
+    conversion: Conversion,
+    data: dict[str, np.ndarray],
+    *channels: str,
+    rows: slice = slice(None),
+    trial: int = 0,
 ) -> None:
-    """Every channel of the one trial is that of the motion, joint by joint."""
-    (trial,) = conversion.log.trials
+    """Every channel of a trial is that of the motion, joint by joint."""
+    table = pq.read_table(conversion.folder / conversion.log.header.trials[trial].file)
     for channel in channels:
         for k, joint in enumerate(JOINTS):
-            found = trial.columns[f"{channel}.{joint}"]
+            found = table[f"{channel}.{joint}"].to_numpy()
             np.testing.assert_allclose(found, data[channel][rows, k], atol=1e-6, err_msg=f"{channel}.{joint}")
 
 
@@ -100,3 +108,151 @@ def test_plural_names_of_arrays(data, arm, tmp_path):
     file = tmp_path / "arrays.npz"
     np.savez(file, ts=data["time"], qs=data["q"], dqs=data["v"], taus=data["tau"])
     check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "v", "tau")
+
+
+@pytest.mark.parametrize(("brackets", "between"), [("[]", " "), ("()", ", "), ("[]", "\n ")])
+def test_arrays_in_cells(brackets, between, data, arm, tmp_path):
+    def cells(values):
+        inner = between.join(f"{x:.9g}" for x in values)
+        return f'"{brackets[0]}{inner}{brackets[1]}"'
+
+    columns = {"time": data["time"]} | {key: [cells(row) for row in data[key]] for key in ("q", "tau")}
+    file = table(tmp_path / "frame.csv", columns)
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_a_long_table_has_a_row_a_joint(data, arm, tmp_path):
+    columns = {
+        "time": np.repeat(data["time"], 3),
+        "joint": list(JOINTS[::-1]) * 600,
+        "position": data["q"][:, ::-1].ravel(),
+        "effort": data["tau"][:, ::-1].ravel(),
+    }
+    file = table(tmp_path / "long.csv", columns)
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_seconds_and_nanoseconds_are_one_time(data, arm, tmp_path):
+    whole = data["time"] + 1_700_000_000.25
+    columns = {"sec": np.floor(whole).astype(int).astype(str).tolist()}
+    columns["nanosec"] = np.round((whole - np.floor(whole)) * 1e9).astype(int).astype(str).tolist()
+    columns |= columns_of(data, q="q{n}", tau="tau{n}")
+    del columns["time"]
+    conversion = excite.convert([table(tmp_path / "s.csv", columns)], arm, tmp_path / "log", WHOLE)
+    check(conversion, data, "q", "tau")
+    assert conversion.log.header.rate_hz == pytest.approx(100.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("word", [False, True])
+def test_a_column_that_counts_trials(word, arm, tmp_path):
+    trials = [written.motion(seed=k) for k in range(3)]
+    columns = {"trial_id": [f"run{k}" if word else str(k) for k in range(3) for _ in range(600)]}
+    columns["t"] = np.arange(1800) / 100.0
+    for key, pattern in (("q", "q{}"), ("tau", "tau{}")):
+        columns |= {
+            pattern.format(k): np.concatenate([trial[key][:, k] for trial in trials]) for k in range(3)
+        }
+    rules = Map.model_validate({"trials": {"split": "none"}})
+    conversion = excite.convert([table(tmp_path / "t.csv", columns)], arm, tmp_path / "log", rules)
+    assert len(conversion.trials) == 3
+    for k, data in enumerate(trials):
+        check(conversion, data, "q", "tau", trial=k)
+
+
+ORDER = [2, 0, 1]
+
+
+def names_in_npz(file: Path, data: dict[str, np.ndarray], names: list[str]) -> None:
+    np.savez(
+        file, t=data["time"], joint_names=np.array(names), q=data["q"][:, ORDER], tau=data["tau"][:, ORDER]
+    )
+
+
+def names_in_json(file: Path, data: dict[str, np.ndarray], names: list[str]) -> None:
+    lists = {"time": data["time"].tolist(), "joint_names": names}
+    file.write_text(json.dumps(lists | {key: data[key][:, ORDER].tolist() for key in ("q", "tau")}))
+
+
+def names_in_lines(file: Path, data: dict[str, np.ndarray], names: list[str]) -> None:
+    rows = zip(data["time"], data["q"][:, ORDER].tolist(), data["tau"][:, ORDER].tolist(), strict=True)
+    lines = [{"t": t, "msg": {"name": names, "position": q, "effort": tau}} for t, q, tau in rows]
+    file.write_text("\n".join(json.dumps(line) for line in lines))
+
+
+def names_in_mat(file: Path, data: dict[str, np.ndarray], names: list[str]) -> None:
+    cell = np.array(names, dtype=object)
+    savemat(
+        file, {"jointNames": cell, "t": data["time"], "q": data["q"][:, ORDER], "tau": data["tau"][:, ORDER]}
+    )
+
+
+def names_in_hdf5(file: Path, data: dict[str, np.ndarray], names: list[str]) -> None:
+    with h5py.File(file, "w") as target:
+        target["t"], target["q"], target["tau"] = data["time"], data["q"][:, ORDER], data["tau"][:, ORDER]
+        target["q"].attrs["columns"] = names
+
+
+def names_in_columns(file: Path, data: dict[str, np.ndarray], names: list[str]) -> None:
+    columns = {"%time": [str(int(1e18 + t * 1e9)) for t in data["time"]]}
+    columns |= {f"field.name{k}": [name] * 600 for k, name in enumerate(names)}
+    for key, word in (("q", "position"), ("tau", "effort")):
+        columns |= {f"field.{word}{k}": data[key][:, at] for k, at in enumerate(ORDER)}
+    table(file, columns)
+
+
+def names_in_rows(file: Path, data: dict[str, np.ndarray], names: list[str]) -> None:
+    stamps = [(int(t // 1), round(t % 1 * 1e9)) for t in data["time"] + 17.0]
+    lines = [
+        ",".join(
+            [
+                str(s),
+                str(ns),
+                "",
+                *names,
+                *(f"{x:.9g}" for key in ("q", "v", "tau") for x in data[key][k, ORDER]),
+            ]
+        )
+        for k, (s, ns) in enumerate(stamps)
+    ]
+    file.write_text("\n".join(lines))
+
+
+@pytest.mark.parametrize(
+    ("suffix", "write"),
+    [
+        (".npz", names_in_npz),
+        (".json", names_in_json),
+        (".jsonl", names_in_lines),
+        (".mat", names_in_mat),
+        (".h5", names_in_hdf5),
+        (".csv", names_in_columns),
+        (".txt", names_in_rows),
+    ],
+)
+def test_joints_stand_in_the_order_of_the_names_beside_them(suffix, write, data, arm, tmp_path):
+    file = tmp_path / f"ordered{suffix}"
+    write(file, data, [JOINTS[k] for k in ORDER])
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_trials_in_groups_of_a_group(arm, tmp_path):
+    trials = [written.motion(seed=k) for k in range(2)]
+    with h5py.File(tmp_path / "demos.hdf5", "w") as file:
+        for k, trial in enumerate(trials):
+            group = file.create_group(f"data/demo_{k}")
+            group["timestamps"] = trial["time"]
+            group["obs/joint_pos"], group["obs/joint_torques"] = trial["q"], trial["tau"]
+    rules = Map.model_validate({"trials": {"split": "none"}})
+    conversion = excite.convert([tmp_path / "demos.hdf5"], arm, tmp_path / "log", rules)
+    for k, trial in enumerate(trials):
+        check(conversion, trial, "q", "tau", trial=k)
+
+
+def test_a_group_a_signal_with_a_time_of_its_own(data, arm, tmp_path):
+    file = tmp_path / "simulink.mat"
+    signals = {
+        f"{name}_log": {"time": data["time"], "signals": {"values": data[key], "label": name}}
+        for name, key in (("q", "q"), ("tau", "tau"))
+    }
+    savemat(file, signals)
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")

@@ -132,7 +132,7 @@ def _clue(column: Column, joints: Sequence[str]) -> Clue:
     if not channel and rest in joints and (prefix, False) in TARGETS | {(key, False): "" for key in _STATED}:
         channel, label = prefix, rest
     if not channel:
-        return clue(column.name, joints, column.unit)
+        return _with_label(clue(column.name, joints, column.unit), label, joints)
     quantity, commanded = _STATED.get(channel, (channel, False))
     inner = clue(label, joints)
     return Clue(
@@ -144,3 +144,12 @@ def _clue(column: Column, joints: Sequence[str]) -> Clue:
         exact=label if label in joints else "",
         stem=channel,
     )
+
+
+def _with_label(said: Clue, label: str, joints: Sequence[str]) -> Clue:
+    """What a column's name says, of the joint that the recording names beside it."""
+    inner = clue(label, joints) if label else None
+    if inner is None or not (inner.exact or inner.label or inner.number is not None):
+        return said
+    quantity = said.quantity or ("q" if said.exact else "")
+    return replace(said, quantity=quantity, exact=inner.exact, label=inner.label, number=inner.number)

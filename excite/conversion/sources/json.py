@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.array_streams import longest, stream_of_arrays
+from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
@@ -82,6 +83,13 @@ def _collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, obje
 def _numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
     width = len(cells[0]) if cells and isinstance(cells[0], list) else 0
     empty = [float("nan")] * width if width else float("nan")
+    first = cells[0][0] if width else (cells[0] if cells else None)
+    if isinstance(first, str):
+        # Names of joints, or a word in each row.
+        texts = [cell if cell is not None else [""] * width if width else "" for cell in cells]
+        if not width or all(isinstance(text, list) and len(text) == width for text in texts):
+            arrays[name] = np.array(texts, dtype=str)
+        return
     try:
         arrays[name] = np.array([empty if cell is None else cell for cell in cells], dtype=float)
     except (ValueError, TypeError):

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.array_streams import longest, stream_of_arrays
+from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file

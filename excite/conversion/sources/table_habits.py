@@ -17,6 +17,10 @@ _OTHER_UNITS = frozenset(
 _SEPARATORS = (",", ";", "\t", "|", " ")
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf(inity)?)$", re.IGNORECASE)
 
+# Numbers or words within brackets, as data frames write arrays.
+_ARRAY = re.compile(r"\s*(?:[\w.]*(?:array|tensor)\()?[\[(].*[\d'\"][^\w]*$", re.DOTALL)
+_QUOTED_ARRAY = re.compile(r'"\s*[\w.]*\(?[\[(]')
+
 
 @dataclass(frozen=True)
 class Habits:
@@ -29,6 +33,7 @@ class Habits:
         names: of the columns; made up (``column1`` …) where there are none.
         units: by column, as a line of units states them; empty where there is none.
         named: whether the file names its columns.
+        folded: whether values in quotation marks go on in the next line.
     """
 
     separator: str
@@ -37,10 +42,15 @@ class Habits:
     names: tuple[str, ...]
     units: tuple[str, ...]
     named: bool
+    folded: bool = False
 
 
 def table_habits(lines: list[str]) -> Habits | None:
     """Habits of a table by its first lines; None where no line holds numbers alone."""
+    arrays = any(_QUOTED_ARRAY.search(line) for line in lines)
+    folded = len(lines)
+    lines = _whole_lines(lines) if arrays else lines
+    folded -= len(lines)
     for separator, decimal in _candidates(lines):
         split = [split_line(line, separator) for line in lines]
         first = _first_row(split, decimal)
@@ -52,8 +62,21 @@ def table_habits(lines: list[str]) -> Habits | None:
         names, units = _names_and_units(lines, split, first, width, separator)
         named = bool(names)
         names = names or [f"column{k + 1}" for k in range(width)]
-        return Habits(separator, decimal, first, tuple(_unique(names)), tuple(units), named)
+        return Habits(separator, decimal, first, tuple(_unique(names)), tuple(units), named, folded > 0)
     return None
+
+
+def _whole_lines(lines: list[str]) -> list[str]:
+    """Lines of a table, those together that a quotation goes on in: long arrays are printed in several."""
+    found: list[str] = []
+    opened = False
+    for line in lines:
+        if opened:
+            found[-1] += f" {line}"
+        else:
+            found.append(line)
+        opened ^= line.count('"') % 2 == 1
+    return found[:-1] if opened else found
 
 
 def _candidates(lines: list[str]) -> list[tuple[str, str]]:
@@ -84,7 +107,9 @@ def _is_row(cells: list[str], decimal: str) -> bool:
     numbers = [
         cell
         for cell in cells
-        if (_NUMBER.match(cell) and ("," not in cell or decimal == ",")) or is_stamp(cell)
+        if (_NUMBER.match(cell) and ("," not in cell or decimal == ","))
+        or is_stamp(cell)
+        or _ARRAY.match(cell)
     ]
     return len(numbers) >= 2 and len(numbers) >= 0.5 * len([cell for cell in cells if cell])
 
