@@ -27,7 +27,7 @@ from excite.conversion.questions import (
     ask_for_torques,
     column_names,
 )
-from excite.conversion.recording import Recording, Stream
+from excite.conversion.recording import Recording, Stream, stated_rate
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
@@ -151,9 +151,15 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
 def _without_clock(
     found: Guesses, recording: Recording, stream: Stream, mapping: Map, clues: dict[str, Clue]
 ) -> None:
-    rate = mapping.log.get("rate_hz") or recording.said.get("fps")
+    stated = mapping.log.get("rate_hz")
+    rate = stated or stated_rate(recording.said)
     if rate:
-        fact = ("time", f"rows at {float(rate):g} Hz", "no column holds a time")
+        why = (
+            "no column holds a time"
+            if stated
+            else "no column holds a time, and the recording states its rate"
+        )
+        fact = ("time", f"rows at {float(rate):g} Hz", why)
         found.facts += [] if fact in found.facts else [fact]
     else:
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,6 +12,15 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import LogError
+
+# How recordings call their rate and their step, letters only.
+_RATES = frozenset(
+    "fps fs rate ratehz hz frequency freq samplingrate samplerate samplingfrequency samplefrequency frequencyhz "
+    "samplingratehz sampleratehz controlfreq controlfrequency fshz controlrate".split()
+)
+_STEPS = frozenset(
+    "dt ts step timestep sampletime samplingtime deltat period tsample dts sampleperiod dtms tsms".split()
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +85,21 @@ class Recording:
     streams: tuple[Stream, ...]
     said: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+
+def stated_rate(said: Mapping[str, Any]) -> float | None:
+    """Rows a second [Hz] that a recording states as a rate or as the time between rows; None for none."""
+    for name, value in said.items():
+        word = re.sub(r"[^a-z]", "", name.rpartition("/")[2].lower())
+        number = value if isinstance(value, int | float) and not isinstance(value, bool) else 0.0
+        if not np.isfinite(number) or number <= 0.0:
+            continue
+        if word in _RATES and number >= 1.0:
+            return float(number)
+        if word in _STEPS:
+            # Nobody records a row a second or slower: such steps are in milliseconds.
+            return 1.0 / number if number < 1.0 else 1e3 / number
+    return None
 
 
 def merged_names(recording: Recording) -> Recording:

@@ -14,6 +14,7 @@ from scipy.io import savemat
 import excite
 from excite.conversion.convert import Conversion
 from excite.conversion.mapping import Map
+from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS
 
@@ -256,3 +257,61 @@ def test_a_group_a_signal_with_a_time_of_its_own(data, arm, tmp_path):
     }
     savemat(file, signals)
     check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_a_clock_that_starts_anew_parts_trials(arm, tmp_path):
+    trials = [written.motion(seed=k) for k in range(2)]
+    whole = {key: np.concatenate([trial[key] for trial in trials]) for key in trials[0]}
+    file = table(tmp_path / "runs.csv", columns_of(whole, q="q{n}", tau="tau{n}"))
+    rules = Map.model_validate({"trials": {"split": "none"}})
+    conversion = excite.convert([file], arm, tmp_path / "log", rules)
+    assert len(conversion.trials) == 2
+    for k, trial in enumerate(trials):
+        check(conversion, trial, "q", "tau", trial=k)
+
+
+def test_a_counter_of_microseconds_goes_over_its_end(data, arm, tmp_path):
+    columns = columns_of(data, q="q{n}", tau="tau{n}")
+    ticks = (np.round(data["time"] * 1e6).astype(np.int64) + 2**32 - 2_000_000) % 2**32
+    columns = {"micros": [str(tick) for tick in ticks]} | {k: v for k, v in columns.items() if k != "time"}
+    conversion = excite.convert([table(tmp_path / "c.csv", columns)], arm, tmp_path / "log", WHOLE)
+    check(conversion, data, "q", "tau")
+    assert conversion.log.header.rate_hz == pytest.approx(100.0)
+
+
+def test_rows_out_of_order_are_sorted(data, arm, tmp_path):
+    order = np.arange(600)
+    for k in range(0, 590, 6):
+        order[[k, k + 3]] = order[[k + 3, k]]
+    mixed = {key: values[order] for key, values in data.items()}
+    file = table(tmp_path / "mixed.csv", columns_of(mixed, q="q{n}", tau="tau{n}"))
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+@pytest.mark.parametrize("said", [{"Ts": 0.01}, {"fs": 100}, {"dt_ms": 10}])
+def test_a_rate_or_step_that_the_file_states_is_its_clock(said, data, arm, tmp_path):
+    file = tmp_path / "rated.npz"
+    np.savez(file, q=data["q"], tau=data["tau"], **said)
+    conversion = excite.convert([file], arm, tmp_path / "log", WHOLE)
+    check(conversion, data, "q", "tau")
+    assert conversion.log.header.rate_hz == pytest.approx(100.0)
+
+
+def parts_of(data: dict[str, np.ndarray], folder: Path, shift: float) -> list[Path]:
+    """Positions at 100 Hz in one file; torques at 50 Hz, a second later, in another one."""
+    slow = {key: values[100::2] for key, values in data.items()}
+    slow["time"] = slow["time"] + shift
+    return [
+        table(folder / "positions.csv", columns_of(data, q="q{n}")),
+        table(folder / "torques.csv", columns_of(slow, tau="tau{n}")),
+    ]
+
+
+def test_files_of_two_rates_are_joined_by_their_clock(data, arm, tmp_path):
+    conversion = excite.convert(parts_of(data, tmp_path, 0.0), arm, tmp_path / "log", WHOLE)
+    check(conversion, data, "q", "tau", rows=slice(100, None, 2))
+
+
+def test_files_without_a_common_time_are_refused(data, arm, tmp_path):
+    with pytest.raises(LogError, match="not over the same time: positions from 0 to 5.99 s"):
+        excite.convert(parts_of(data, tmp_path, 100.0), arm, tmp_path / "log", WHOLE)
