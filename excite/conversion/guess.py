@@ -198,6 +198,8 @@ def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
 def _pattern(family: Family) -> str:
     """A column's name with its number as a pattern."""
     name = family.columns[0]
+    if (joint := next((j for j, column in family.placed.columns.items() if column == name), "")) in name:
+        return name.replace(joint, "{joint}") if joint else name
     return (
         re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1)
         if len(family.columns) > 1

@@ -13,6 +13,7 @@ from scipy.io import savemat
 
 import excite
 from excite.conversion.convert import Conversion
+from excite.conversion.guesses import UnclearError
 from excite.conversion.mapping import Map
 from excite.errors import LogError
 from tests.conversion import written
@@ -313,5 +314,49 @@ def test_files_of_two_rates_are_joined_by_their_clock(data, arm, tmp_path):
 
 
 def test_files_without_a_common_time_are_refused(data, arm, tmp_path):
-    with pytest.raises(LogError, match="not over the same time: positions from 0 to 5.99 s"):
+    with pytest.raises(LogError, match=r"not over the same time: positions from 0 to 5\.99 s"):
         excite.convert(parts_of(data, tmp_path, 100.0), arm, tmp_path / "log", WHOLE)
+
+
+def test_of_two_arms_with_the_same_joints_one_is_asked_for(data, arm, tmp_path):
+    other = {**data, "q": data["q"][::-1], "tau": data["tau"][::-1]}
+    columns = columns_of(data, q="left_{joint}_pos", tau="left_{joint}_torque")
+    columns |= columns_of(other, q="right_{joint}_pos", tau="right_{joint}_torque")
+    file = table(tmp_path / "arms.csv", columns)
+    with pytest.raises(UnclearError) as refused:
+        excite.convert([file], arm, tmp_path / "log", WHOLE)
+    lines = [question.line for question in refused.value.questions]
+    assert lines == ['columns: {q: "left_{joint}_pos"}', 'columns: {tau: "left_{joint}_torque"}']
+    settled = WHOLE.model_copy(update={"columns": {"q": "left_{joint}_pos", "tau": "left_{joint}_torque"}})
+    check(excite.convert([file], arm, tmp_path / "log", settled), data, "q", "tau")
+
+
+def test_names_that_fit_the_robots_order_only_in_part(data, arm, tmp_path):
+    columns = {"time": data["time"]}
+    for key, word in (("q", "angle"), ("tau", "torque")):
+        columns |= {f"{label} {word}": data[key][:, k] for k, label in enumerate(("Base", "Elbow", "Wrist"))}
+    file = table(tmp_path / "words.csv", columns)
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_zeros_before_a_stream_starts_are_no_positions(data, arm, tmp_path):
+    late = {key: values.copy() for key, values in data.items()}
+    late["q"][:50], late["tau"][:120] = 0.0, 0.0
+    file = table(tmp_path / "zeros.csv", columns_of(late, q="q{n}", tau="tau{n}"))
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau", rows=slice(120, None))
+
+
+def test_a_motion_that_begins_at_zero_is_whole(data, arm, tmp_path):
+    rise = np.minimum(np.maximum(data["time"] - 0.5, 0.0), 1.0)[:, None] ** 2
+    slow = {**data, "q": rise * data["q"], "tau": rise * data["tau"]}
+    file = table(tmp_path / "rises.csv", columns_of(slow, q="q{n}", tau="tau{n}"))
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), slow, "q", "tau")
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"), [("a.pkl", "is a pickle"), ("a.xlsx", "workbook"), ("a.zip", "unpack")]
+)
+def test_files_that_are_not_opened_are_refused_with_what_to_do(name, reason, arm, tmp_path):
+    (tmp_path / name).write_bytes(b"\x80\x04\x00PK")
+    with pytest.raises(LogError, match=reason):
+        excite.convert([tmp_path / name], arm, tmp_path / "log")

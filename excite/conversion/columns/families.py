@@ -21,6 +21,8 @@ TARGETS = {
     ("tau", True): "tau_cmd",
     ("i", False): "i",
 }
+# Stream, quantity, whether commanded, stem.
+_Group = tuple[str, str, bool, str]
 _STATED = {"q_cmd": ("q", True), "tau_cmd": ("tau", True)}
 
 
@@ -60,7 +62,7 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
 
 def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
     """Families among the columns, those of more joints first."""
-    groups: dict[tuple[str, str, bool, str], list[Column]] = {}
+    groups: dict[_Group, list[Column]] = {}
     for stream in recording.streams:
         for column in stream.columns:
             said = clues.get(column.name)
@@ -71,7 +73,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             groups.setdefault((stream.name, said.quantity, said.commanded, stem), []).append(column)
     first = first_number(list(clues.values()))
     found = []
-    for (_, quantity, commanded, stem), columns in groups.items():
+    for (_, quantity, commanded, stem), columns in _one_machine_each(groups, clues):
         names = [column.name for column in columns]
         units = [clues[name].unit for name in names]
         found.append(
@@ -95,6 +97,22 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             len(family.stem),
         ),
     )
+
+
+def _one_machine_each(
+    groups: dict[_Group, list[Column]], clues: dict[str, Clue]
+) -> Iterable[tuple[_Group, list[Column]]]:
+    """The groups, apart by words beside the joints' names where these stand twice: left and right arm."""
+    for key, columns in groups.items():
+        exact = [clues[column.name].exact for column in columns]
+        if len(set(exact)) == len(exact) or not all(exact):
+            yield key, columns
+            continue
+        machines: dict[str, list[Column]] = {}
+        for column in columns:
+            machines.setdefault(clues[column.name].label, []).append(column)
+        for members in machines.values():
+            yield key, members
 
 
 def is_measured(family: Family) -> bool:

@@ -16,6 +16,7 @@ from excite.reading.npz_arrays import read_npz
 
 # The longest array that is a constant of the whole recording: gains of a humanoid with hands.
 MOST_CONSTANTS = 100
+_REMEDY = "write its arrays one by one, numbers only: numpy.savez(file, q=…, tau=…)"
 
 
 class NpzSource(Source):
@@ -33,7 +34,7 @@ class NpzSource(Source):
         if path.suffix.lower() == ".npy":
             arrays = _one_array(path)
         else:
-            arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError)
+            arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError, remedy=_REMEDY)
         streams = longest(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
@@ -47,6 +48,12 @@ def _one_array(path: Path) -> dict[str, np.ndarray]:
         # Mapped, so that a shape beyond the file's end is refused before memory is asked for.
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError, SyntaxError, OverflowError, MemoryError) as error:
+        if "Python objects" in str(error):
+            raise LogError(
+                "holds pickled Python objects, which are not opened",
+                source=path,
+                remedy="write its arrays one by one: numpy.savez(file, q=…, tau=…)",
+            ) from error
         raise damaged(path, error, "a numpy array") from error
     if array.dtype.names:
         return {name: np.asarray(array[name]) for name in array.dtype.names}
