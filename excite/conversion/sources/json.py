@@ -44,7 +44,7 @@ class JsonSource(Source):
             raise damaged(path, error, "JSON") from error
         arrays: dict[str, Any] = {}
         said: dict[str, object] = {}
-        _collect("", content, arrays, said, 0)
+        collect("", content, arrays, said, 0)
         streams = longest(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
@@ -57,19 +57,19 @@ def _parsed(text: str, path: Path) -> Any:
     return json.loads(text)
 
 
-def _collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int) -> None:
+def collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int) -> None:
     """Numbers in lists to ``arrays``, single values to ``said``, by their paths."""
     if depth > _DEEPEST:
         return
     if isinstance(value, dict):
         for key, inner in value.items():
-            _collect(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
+            collect(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
     elif isinstance(value, list) and value and isinstance(value[0], dict):
         for key in value[0]:
             cells = [entry.get(key) if isinstance(entry, dict) else None for entry in value]
             inner = f"{name}/{key}" if name and depth > 1 else str(key)
             if isinstance(value[0][key], dict):
-                _collect(
+                collect(
                     inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
                 )
             else:

@@ -26,6 +26,7 @@ SOURCES: Registry[Source] = Registry(
         "hdf5": "excite.conversion.sources.hdf5:Hdf5Source",
         "parquet": "excite.conversion.sources.parquet:ParquetSource",
         "npz": "excite.conversion.sources.npz:NpzSource",
+        "echo": "excite.conversion.sources.echo:EchoSource",
         "json": "excite.conversion.sources.json:JsonSource",
         "text": "excite.conversion.sources.text:TextSource",
     },
