@@ -18,6 +18,8 @@ Unit = Literal[
     "rad",
     "deg",
     "rev",
+    "counts/4096",
+    "counts/1024",
     "m",
     "mm",
     "rad/s",

@@ -400,3 +400,19 @@ def test_files_that_are_not_opened_are_refused_with_what_to_do(name, reason, arm
     (tmp_path / name).write_bytes(b"\x80\x04\x00PK")
     with pytest.raises(LogError, match=reason):
         excite.convert([tmp_path / name], arm, tmp_path / "log")
+
+
+@pytest.mark.parametrize(
+    ("count", "turn", "rate"), [(4096, 2.0 * np.pi, 0.229), (1024, np.radians(300.0), 0.111)]
+)
+def test_counts_of_servos(count, turn, rate, data, arm, tmp_path):
+    counts = {**data, "q": np.round(data["q"] / turn * count + count / 2)}
+    counts["v"] = np.round(data["v"] / (rate * np.pi / 30.0))
+    columns = columns_of(
+        counts, q="{joint}_present_position", v="{joint}_present_velocity", tau="{joint}_effort"
+    )
+    conversion = excite.convert([table(tmp_path / "s.csv", columns)], arm, tmp_path / "log", WHOLE)
+    found = pq.read_table(conversion.folder / conversion.log.header.trials[0].file)
+    for k, joint in enumerate(JOINTS):
+        np.testing.assert_allclose(found[f"q.{joint}"], data["q"][:, k], atol=turn / count)
+        np.testing.assert_allclose(found[f"v.{joint}"], data["v"][:, k], atol=rate * np.pi / 30.0)
