@@ -46,6 +46,9 @@ def signed(recording: Recording) -> Recording:
         return column
 
     streams = tuple(replace(s, columns=tuple(of(c) for c in s.columns)) for s in recording.streams)
+    if turned:
+        # Another joint's, of the same driver, may be negative all the time.
+        streams = tuple(replace(s, columns=tuple(_negative(c, turned) for c in s.columns)) for s in streams)
     if not turned and not wrapped:
         return recording
     notes = list(recording.notes)
@@ -56,6 +59,19 @@ def signed(recording: Recording) -> Recording:
     if wrapped:
         notes.append(f"{', '.join(wrapped[:4])}: a counter that began at zero again goes on here")
     return replace(recording, streams=streams, notes=tuple(notes))
+
+
+def _negative(column: Column, turned: list[str]) -> Column:
+    """A column that never leaves the upper end of its range as signed, where others of its driver were."""
+    known = column.values[np.isfinite(column.values)]
+    if not len(known) or (known != np.round(known)).any() or is_clock(known):
+        return column
+    for bits in _BITS:
+        whole = 2.0**bits
+        if known.min() > 0.75 * whole and known.max() < whole:
+            turned.append(column.name)
+            return replace(column, values=column.values - whole)
+    return column
 
 
 def _continued(values: Array) -> Array | None:

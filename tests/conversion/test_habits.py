@@ -416,3 +416,36 @@ def test_counts_of_servos(count, turn, rate, data, arm, tmp_path):
     for k, joint in enumerate(JOINTS):
         np.testing.assert_allclose(found[f"q.{joint}"], data["q"][:, k], atol=turn / count)
         np.testing.assert_allclose(found[f"v.{joint}"], data["v"][:, k], atol=rate * np.pi / 30.0)
+
+
+def test_names_below_headings(data, arm, tmp_path):
+    rows = np.column_stack([data["time"], data["q"], data["tau"]])
+    lines = ["time,position,,,effort,,", ",".join(["", *JOINTS, *JOINTS])]
+    lines += [",".join(f"{x:.9g}" for x in row) for row in rows]
+    (tmp_path / "headed.csv").write_text("\n".join(lines))
+    check(excite.convert([tmp_path / "headed.csv"], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_an_object_for_each_motor(data, arm, tmp_path):
+    fields = ("q", "dq", "tau_est")
+    table = np.stack([data["q"], data["v"], data["tau"]], axis=2).tolist()
+    lines = [
+        {"tick": int(t * 1000), "motor_state": [dict(zip(fields, motor, strict=True)) for motor in row]}
+        for t, row in zip(data["time"], table, strict=True)
+    ]
+    (tmp_path / "low.jsonl").write_text("\n".join(json.dumps(line) for line in lines))
+    check(excite.convert([tmp_path / "low.jsonl"], arm, tmp_path / "log", WHOLE), data, "q", "v", "tau")
+
+
+def test_shares_of_a_rated_torque_are_no_torques(data, arm, tmp_path):
+    file = table(tmp_path / "share.csv", columns_of(data, q="q{n}", tau="torque_percent_{n}"))
+    with pytest.raises(UnclearError, match="torque per unit is not known"):
+        excite.convert([file], arm, tmp_path / "log", WHOLE)
+
+
+def test_currents_of_either_sign_that_were_written_without_one(data, arm, tmp_path):
+    one_sided = -np.abs(data["tau"][:, 2]) - 0.01
+    signed = np.round(100.0 * np.column_stack([data["tau"][:, :2] - 5.0, one_sided]))
+    columns = columns_of({**data, "i": signed % 2**16}, q="{joint}_pos", i="{joint}_current")
+    conversion = excite.convert([table(tmp_path / "u.csv", columns)], arm, tmp_path / "log", WHOLE)
+    check(conversion, {**data, "i": signed}, "q", "i")

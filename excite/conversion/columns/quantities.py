@@ -138,8 +138,8 @@ def _positions(
         if not unit:
             found.ask(
                 f"the unit of {items[0].source} … cannot be told: {why}",
-                f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are motors' positions, "
-                f"or scale: {{{channel}: FACTOR}}",
+                f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are "
+                f"motors' positions, or scale: {{{channel}: FACTOR}}",
             )
             unit = "rad"
         result[channel] = (unit, why)

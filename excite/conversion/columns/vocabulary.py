@@ -232,6 +232,8 @@ MEASURED = frozenset(
 )
 # Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
 OF_MESSAGE = frozenset("state obs observation".split())
+# Of a drive's rated torque or current, whose size no recording holds.
+SHARES = frozenset("percent percentage pct permille permil prozent normalized normalised".split())
 # Where joints are elastic, theta is the motor's side of them and q the link's.
 OF_MOTOR = frozenset("theta dtheta thetad thetadot".split())
 # Words that leave no doubt; a ``feedback`` torque may be the controller's part.

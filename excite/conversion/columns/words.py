@@ -7,7 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
-from excite.conversion.columns.vocabulary import COMMANDED, KNOWN, MEASURED, NOISE, OF_MESSAGE, OF_WORD
+from excite.conversion.columns.vocabulary import (
+    COMMANDED,
+    KNOWN,
+    MEASURED,
+    NOISE,
+    OF_MESSAGE,
+    OF_WORD,
+    SHARES,
+)
 
 
 @dataclass(frozen=True)
@@ -155,6 +163,8 @@ def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
         # Pos act A1: the quantity was said before.
         letters = {"a"}
     words = [word for word in words if word not in letters]
+    if set(words) & SHARES and {OF_WORD.get(word) for word in words} & {"tau", "i", "volt"}:
+        return "volt"
     said = [OF_WORD[word] for word in words if word in OF_WORD]
     if of_joint and "t" in words:
         # No joint has a clock of its own: t1, t2 … are torques.

@@ -72,12 +72,24 @@ def collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, objec
                 collect(
                     inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
                 )
+            elif isinstance(value[0][key], list) and value[0][key] and isinstance(value[0][key][0], dict):
+                _of_motors(inner, cells, arrays)
             else:
                 _numbers(inner, cells, arrays)
     elif isinstance(value, list):
         _numbers(name, value, arrays)
     elif isinstance(value, int | float | str):
         said[name] = value
+
+
+def _of_motors(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
+    """Entries that hold an object a motor: each of its numbers as an array with a column a motor."""
+    count = len(cells[0])
+    whole = [cell if isinstance(cell, list) and len(cell) == count else [{}] * count for cell in cells]
+    for key, first in cells[0][0].items():
+        if isinstance(first, int | float | str):
+            missing = "" if isinstance(first, str) else None
+            _numbers(f"{name}/{key}", [[motor.get(key, missing) for motor in cell] for cell in whole], arrays)
 
 
 def _numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:

@@ -147,9 +147,21 @@ def _names_and_units(
         if not names and not units and k > 0 and all(_is_unit(cell) for cell in cells):
             units = [cell.strip("[]()") for cell in cells]
             continue
-        names = cells
+        names = cells if len(set(cells)) == len(cells) else _with_headings(cells, lines[:k], separator)
         break
     return ([], []) if not names and not units else (names or units, units if names else [])
+
+
+def _with_headings(names: list[str], above: list[str], separator: str) -> list[str]:
+    """Names that stand more than once, behind the headings in the line above: each holds until the next one."""
+    headings = of_width(split_line(above[-1], separator), len(names)) if above else []
+    if len(headings) != len(names) or not any(re.search(r"[A-Za-zµ]", cell) for cell in headings):
+        return names
+    found, last = [], ""
+    for heading, name in zip(headings, names, strict=True):
+        last = heading or last
+        found.append(f"{last}/{name}" if last and name else last or name)
+    return found
 
 
 def _is_unit(cell: str) -> bool:
