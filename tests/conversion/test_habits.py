@@ -449,3 +449,19 @@ def test_currents_of_either_sign_that_were_written_without_one(data, arm, tmp_pa
     columns = columns_of({**data, "i": signed % 2**16}, q="{joint}_pos", i="{joint}_current")
     conversion = excite.convert([table(tmp_path / "u.csv", columns)], arm, tmp_path / "log", WHOLE)
     check(conversion, {**data, "i": signed}, "q", "i")
+
+
+def test_the_order_of_four_legs_is_asked_for(data, tmp_path):
+    legs = [f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")]
+    rng = np.random.default_rng(0)
+    moves = {key: 0.3 * np.sin(rng.uniform(1.0, 4.0, 12) * data["time"][:, None]) for key in ("q", "tau")}
+    moves["q"] += np.tile([0.0, 0.9, -1.6], 4)
+    columns = {"t": data["time"]} | {f"{key}_{k}": moves[key][:, k] for key in moves for k in range(12)}
+    file = table(tmp_path / "legs.csv", columns)
+    held = WHOLE.model_copy(update={"log": {"base": "held"}})
+    with pytest.raises(UnclearError, match="legs are counted in several orders"):
+        excite.convert([file], "go2", tmp_path / "log", held)
+    conversion = excite.convert(
+        [file], "go2", tmp_path / "log", held.model_copy(update={"joints": tuple(legs)})
+    )
+    assert conversion.columns["q.FR_hip_joint"][0] == "q_0"
