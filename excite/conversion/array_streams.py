@@ -57,6 +57,28 @@ def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = 
     ]
 
 
+def batched(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Arrays of each trial, where arrays of three axes hold trials, samples and joints; empty where there are none."""
+    stacked = {key: np.asarray(values) for key, values in arrays.items() if np.ndim(values) == 3}
+    stacked = {
+        key: values for key, values in stacked.items() if values.dtype.kind == "f" and 1 not in values.shape
+    }
+    shapes = {values.shape[:2] for values in stacked.values()}
+    if len(shapes) != 1:
+        return {}
+    ((count, rows),) = shapes
+    # Images have their rows and columns behind the samples, of which there are more than of trials.
+    if count > rows or any(len(values) == rows for key, values in arrays.items() if np.ndim(values) == 2):
+        return {}
+    return {
+        f"trial_{k}": {
+            key: np.asarray(values)[k] if np.shape(values)[:2] == (count, rows) else values
+            for key, values in arrays.items()
+        }
+        for k in range(count)
+    }
+
+
 def longest(streams: Iterable[Stream]) -> tuple[Stream, ...]:
     """Streams that may be signals: not those with a hundredth of the longest one's rows, which are constants."""
     kept = list(streams)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.base import add_base
+from excite.conversion.choice import choose
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.clock import TICKS, clock_column, tick
-from excite.conversion.columns.families import Family, clues_of, families, is_anonymous, is_measured, of_motor
+from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
 from excite.conversion.columns.words import Clue
@@ -62,7 +62,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     groups = [family for family in groups if not is_anonymous(family, joints)]
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
-    chosen = _chosen(groups, found)
+    chosen = choose(groups, found)
     ask_for_surplus(found, chosen, joints)
     ask_for_legs(found, chosen, joints, mapping)
     if "q" not in known | set(chosen):
@@ -167,46 +167,6 @@ def _without_clock(
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
         but = f" ({named[0]} does not go forward evenly)" if named else ""
         found.ask(f"{stream.name} has no column of times{but}", "log: {rate_hz: 100}   # rows a second")
-
-
-def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
-    """The family for each channel: of several the one with the most joints."""
-    chosen: dict[str, Family] = {}
-    for family in groups:
-        if not family.target or not family.placed.columns:
-            continue
-        if family.target in chosen:
-            other = chosen[family.target]
-            text = f"{family.columns[0]} …"
-            alike = len(family.placed.columns) == len(other.placed.columns)
-            side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
-            if alike and side and family.target in ("q", "tau", "i"):
-                found.ask(
-                    f"{family.target} may be {other.columns[0]} … or {text}",
-                    f'columns: {{{family.target}: "{_pattern(other)}"}}',
-                )
-            continue
-        chosen[family.target] = family
-    if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
-        # A motion that was planned and has no measured twin.
-        chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
-        found.facts.append(("q", chosen["q"].columns[0], "planned positions: no measured ones are there"))
-    if "tau" not in chosen and "i" not in chosen and "tau_cmd" in chosen:
-        chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
-        found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
-    return chosen
-
-
-def _pattern(family: Family) -> str:
-    """A column's name with its number as a pattern."""
-    name = family.columns[0]
-    if (joint := next((j for j, column in family.placed.columns.items() if column == name), "")) in name:
-        return name.replace(joint, "{joint}") if joint else name
-    return (
-        re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1)
-        if len(family.columns) > 1
-        else name
-    )
 
 
 def _add(found: Guesses, chosen: dict[str, Family]) -> None:

@@ -465,3 +465,22 @@ def test_the_order_of_four_legs_is_asked_for(data, tmp_path):
         [file], "go2", tmp_path / "log", held.model_copy(update={"joints": tuple(legs)})
     )
     assert conversion.columns["q.FR_hip_joint"][0] == "q_0"
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
+def test_trials_stacked_in_arrays(suffix, arm, tmp_path):
+    trials = [written.motion(seed=k) for k in range(2)]
+    stacked = {key: np.stack([trial[key] for trial in trials]) for key in ("time", "q", "tau")}
+    file = tmp_path / f"stacked{suffix}"
+    if suffix == ".npz":
+        np.savez(file, **stacked)
+    elif suffix == ".mat":
+        savemat(file, stacked)
+    else:
+        with h5py.File(file, "w") as target:
+            for key, values in stacked.items():
+                target[key] = values
+    rules = Map.model_validate({"trials": {"split": "none"}})
+    conversion = excite.convert([file], arm, tmp_path / "log", rules)
+    for k, trial in enumerate(trials):
+        check(conversion, trial, "q", "tau", trial=k)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.array_streams import longest, stream_of_arrays
+from excite.conversion.array_streams import batched, longest, stream_of_arrays
 from excite.conversion.columns.words import clue
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.sources.npz import MOST_CONSTANTS, constants
@@ -39,7 +39,7 @@ class Hdf5Source(Source):
 
 def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
     """Recordings among data sets by their paths (``trial1/q``): one a group where groups hold the same names."""
-    groups = _trials(arrays) or {path.stem: arrays}
+    groups = _trials(arrays) or batched(arrays) or {path.stem: arrays}
     found = []
     for group, members in groups.items():
         streams = longest(stream_of_arrays(group or path.stem, members))

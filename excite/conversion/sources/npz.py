@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.array_streams import longest, stream_of_arrays
+from excite.conversion.array_streams import batched, longest, stream_of_arrays
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
@@ -35,10 +35,22 @@ class NpzSource(Source):
             arrays = _one_array(path)
         else:
             arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError, remedy=_REMEDY)
-        streams = longest(stream_of_arrays(path.stem, arrays))
-        if not streams:
-            raise nothing_there(path)
-        return (Recording(str(path), path.stem, streams, constants(arrays)),)
+        return recordings_of(path, arrays)
+
+
+def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
+    """The recording that arrays are, or one a trial where they are stacked; raises LogError for none."""
+    trials = {f"{path.stem}_{name}": members for name, members in batched(arrays).items()} or {
+        path.stem: arrays
+    }
+    found = []
+    for name, members in trials.items():
+        streams = longest(stream_of_arrays(name, members))
+        if streams:
+            found.append(Recording(str(path), name, streams, constants(members)))
+    if not found:
+        raise nothing_there(path)
+    return tuple(found)
 
 
 def _one_array(path: Path) -> dict[str, np.ndarray]:
