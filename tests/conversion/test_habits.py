@@ -14,7 +14,7 @@ from scipy.io import savemat
 import excite
 from excite.conversion.convert import Conversion
 from excite.conversion.guesses import UnclearError
-from excite.conversion.mapping import Map
+from excite.conversion.mapping import Map, read_map
 from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS
@@ -484,3 +484,9 @@ def test_trials_stacked_in_arrays(suffix, arm, tmp_path):
     conversion = excite.convert([file], arm, tmp_path / "log", rules)
     for k, trial in enumerate(trials):
         check(conversion, trial, "q", "tau", trial=k)
+
+
+def test_a_field_of_the_log_in_the_map_is_told_its_place(tmp_path):
+    (tmp_path / "map.yaml").write_text("rate_hz: 100\n")
+    with pytest.raises(LogError, match=r"rate_hz \(belongs under log: \{rate_hz: …\}\)"):
+        read_map(tmp_path / "map.yaml")
