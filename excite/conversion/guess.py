@@ -22,11 +22,11 @@ from excite.conversion.mapping import Map
 from excite.conversion.questions import (
     MOST_NAMED,
     ask_for_base,
-    ask_for_legs,
     ask_for_positions,
     ask_for_surplus,
     ask_for_torques,
     column_names,
+    note_order_of_legs,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
 
@@ -64,7 +64,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
         groups = without_base(found, groups, recording, joints)
     chosen = choose(groups, found)
     ask_for_surplus(found, chosen, joints)
-    ask_for_legs(found, chosen, joints, mapping)
+    note_order_of_legs(found, chosen, joints, mapping)
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}

@@ -39,10 +39,10 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> N
 
 
 def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str]) -> None:
-    """Numbered columns of many more joints than the robot has are another machine's, or more than joints."""
+    """Columns of many more joints than the robot has are another machine's, or more than joints."""
     for target in ("q", "tau", "i"):
         family = chosen.get(target)
-        if family is None or not family.placed.because.startswith("its number"):
+        if family is None or not family.placed.because.startswith(("its number", "its name is most like")):
             continue
         if len(family.placed.left_over) > max(_HAND, len(joints) // 2):
             first = family.columns[0]
@@ -52,7 +52,9 @@ def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequen
             )
 
 
-def ask_for_legs(found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str], mapping: Map) -> None:
+def note_order_of_legs(
+    found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str], mapping: Map
+) -> None:
     """Four legs are counted in several orders, by vendors, models and simulators; their motions do not tell which."""
     family = chosen.get("q", chosen.get("tau"))
     legs = {match[0] for joint in joints if (match := _LEG.search(joint.lower()))}
@@ -63,11 +65,11 @@ def ask_for_legs(found: Guesses, chosen: Mapping[str, Family], joints: Sequence[
         or not family.placed.because.startswith("its number")
     ):
         return
-    found.ask(
-        f"{family.columns[0]} … are numbered, and legs are counted in several orders",
-        f"joints: [{', '.join(joints)}]   # in the order of the columns: this is the model's; Unitree's SDK counts "
-        "FR, FL, RR, RL; some simulators all hips first",
+    why = (
+        "the model's order, as only numbers stand in the names; Unitree's SDK counts FR, FL, RR, RL, some simulators "
+        "all hips first: if yours does, write `joints: [JOINT, …]` in the order of the columns into map.yaml"
     )
+    found.facts.append(("order of legs", f"{joints[0]}, {joints[1]} … {joints[-1]}", why))
 
 
 def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> None:

@@ -451,7 +451,7 @@ def test_currents_of_either_sign_that_were_written_without_one(data, arm, tmp_pa
     check(conversion, {**data, "i": signed}, "q", "i")
 
 
-def test_the_order_of_four_legs_is_asked_for(data, tmp_path):
+def test_the_order_of_four_legs_is_no_silent_guess(data, tmp_path):
     legs = [f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")]
     rng = np.random.default_rng(0)
     moves = {key: 0.3 * np.sin(rng.uniform(1.0, 4.0, 12) * data["time"][:, None]) for key in ("q", "tau")}
@@ -459,12 +459,13 @@ def test_the_order_of_four_legs_is_asked_for(data, tmp_path):
     columns = {"t": data["time"]} | {f"{key}_{k}": moves[key][:, k] for key in moves for k in range(12)}
     file = table(tmp_path / "legs.csv", columns)
     held = WHOLE.model_copy(update={"log": {"base": "held"}})
-    with pytest.raises(UnclearError, match="legs are counted in several orders"):
-        excite.convert([file], "go2", tmp_path / "log", held)
+    guessed = excite.convert([file], "go2", tmp_path / "log", held).guesses
+    assert [why for what, _, why in guessed if what == "order of legs" and "joints: [JOINT, …]" in why]
     conversion = excite.convert(
         [file], "go2", tmp_path / "log", held.model_copy(update={"joints": tuple(legs)})
     )
     assert conversion.columns["q.FR_hip_joint"][0] == "q_0"
+    assert "order of legs" not in [what for what, _, _ in conversion.guesses]
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])

@@ -167,7 +167,9 @@ def _clue(column: Column, joints: Sequence[str]) -> Clue:
 def _with_label(said: Clue, label: str, joints: Sequence[str]) -> Clue:
     """What a column's name says, of the joint that the recording names beside it."""
     inner = clue(label, joints) if label else None
-    if inner is None or not (inner.exact or inner.label or inner.number is not None):
+    if inner is None or not (inner.exact or inner.label or inner.quantity or inner.number is not None):
         return said
-    quantity = said.quantity or ("q" if said.exact else "")
-    return replace(said, quantity=quantity, exact=inner.exact, label=inner.label, number=inner.number)
+    if not said.quantity and any(OF_WORD.get(word) for word in inner.stem.split("_")):
+        # Columns of one array, each with a name that says all: time, q1, tau1 …
+        return inner
+    return replace(said, exact=inner.exact, label=inner.label, number=inner.number)
