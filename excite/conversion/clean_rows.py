@@ -84,6 +84,8 @@ def _silent(columns: dict[str, Array]) -> NDArray[np.bool_]:
         found = [values for name, values in columns.items() if name.startswith(f"{channel}.")]
         if len(found) < 2:
             continue
+        if any(values[0] != 0.0 for values in found) and any(values[-1] != 0.0 for values in found):
+            continue
         table = np.column_stack(found)
         there = np.flatnonzero((table != 0.0).any(axis=1))
         if not len(there):

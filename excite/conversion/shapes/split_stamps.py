@@ -18,6 +18,8 @@ _LEAST, _MOST = 0.2, 0.8
 
 def with_whole_stamps(stream: Stream) -> tuple[Stream, str]:
     """The stream with one clock for every pair of columns that are whole seconds and parts of them, and a note."""
+    if stream.time is not None:
+        return stream, ""
     columns: list[Column] = []
     done = []
     for column in stream.columns:
