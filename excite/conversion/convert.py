@@ -14,7 +14,6 @@ from excite.atomic import write_text
 from excite.conversion.assemble import Table, assemble
 from excite.conversion.capture_sheet import by_sheet, compare, read_capture
 from excite.conversion.clean_rows import whole_rows
-from excite.conversion.clock_runs import in_runs
 from excite.conversion.guess import guess
 from excite.conversion.guesses import Guesses, Question, UnclearError
 from excite.conversion.header import log_header
@@ -25,6 +24,7 @@ from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names, stated_rate
 from excite.conversion.scales import scale_notes, torque_scales
+from excite.conversion.shapes.clock_runs import in_runs
 from excite.conversion.shapes.reshape import reshaped
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trials import cut_trials

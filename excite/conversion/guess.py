@@ -9,8 +9,8 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.base import add_base
-from excite.conversion.choice import choose
 from excite.conversion.columns.anonymous import Understood, understand
+from excite.conversion.columns.choice import choose
 from excite.conversion.columns.clock import TICKS, clock_column, tick
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.array_streams import longest, stream_of_arrays
 from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.array_streams import longest, stream_of_arrays
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.array_streams import batched, longest, stream_of_arrays
 from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.array_streams import batched, longest, stream_of_arrays
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file
