@@ -5,12 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from excite.arrays import Array
 from excite.conversion.assemble import Table
 from excite.errors import LogError
 
 # Longer than this nothing is made up between two samples [s].
 _LONGEST_S = 0.05
+# A first value that is this many steps from zero was not reached by moving, nor by the noise of a sensor, which is
+# less than this share of all that it measures.
+_AT_ONCE, _OF_SPREAD = 10.0, 0.02
 
 
 def whole_rows(table: Table, source: object) -> Table:
@@ -24,6 +29,13 @@ def whole_rows(table: Table, source: object) -> Table:
     columns = {name: values[known] for name, values in table.columns.items()}
     time = columns["time"]
     filled, notes = 0, list(table.notes)
+    silent = _silent(columns)
+    if silent.any():
+        notes.append(
+            f"{int(silent.sum())} rows at the ends hold zeros of all joints, which nothing moved to or from: left out"
+        )
+        columns = {name: values[~silent] for name, values in columns.items()}
+        time = columns["time"]
     for name, values in columns.items():
         holes = ~np.isfinite(values)
         if not holes.any() or holes.all():
@@ -36,8 +48,14 @@ def whole_rows(table: Table, source: object) -> Table:
         )
         if after is None:
             continue
-        near = np.abs(time[there[after]] - time[there[after - 1]]) <= _LONGEST_S
-        rows = np.flatnonzero(holes)[near]
+        rows = np.flatnonzero(holes)
+        # What comes before the first sample or after the last stands between none.
+        near = (
+            (time[there[after]] - time[there[after - 1]] <= _LONGEST_S)
+            & (rows > there[0])
+            & (rows < there[-1])
+        )
+        rows = rows[near]
         columns[name] = values.copy()
         columns[name][rows] = np.interp(time[rows], time[there], values[there])
         filled += len(rows)
@@ -57,3 +75,27 @@ def whole_rows(table: Table, source: object) -> Table:
     return replace(
         table, columns={name: values[whole] for name, values in columns.items()}, notes=tuple(notes)
     )
+
+
+def _silent(columns: dict[str, Array]) -> NDArray[np.bool_]:
+    """Rows before a driver's first message and after its last, in which all joints' values are the zeros of memory."""
+    silent = np.zeros(len(columns["time"]), dtype=bool)
+    for channel in ("q", "tau", "i"):
+        found = [values for name, values in columns.items() if name.startswith(f"{channel}.")]
+        if len(found) < 2:
+            continue
+        if any(values[0] != 0.0 for values in found) and any(values[-1] != 0.0 for values in found):
+            continue
+        table = np.column_stack(found)
+        there = np.flatnonzero((table != 0.0).any(axis=1))
+        if not len(there):
+            continue
+        for rows, first, second in (
+            (slice(0, there[0]), there[0], min(there[0] + 1, len(table) - 1)),
+            (slice(there[-1] + 1, None), there[-1], max(there[-1] - 1, 0)),
+        ):
+            # A motion that begins at zero leaves it in steps; a stream that begins is there at once.
+            jump, step = np.abs(table[first]).max(), np.abs(table[second] - table[first]).max()
+            if jump > _AT_ONCE * step and jump > _OF_SPREAD * np.ptp(table[there[0] :], axis=0).max():
+                silent[rows] = True
+    return silent

@@ -22,8 +22,10 @@ from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_parts
-from excite.conversion.recording import Recording, merged_names
+from excite.conversion.recording import Recording, merged_names, stated_rate
 from excite.conversion.scales import scale_notes, torque_scales
+from excite.conversion.shapes.clock_runs import in_runs
+from excite.conversion.shapes.reshape import reshaped
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trials import cut_trials
 from excite.conversion.wraps import signed
@@ -110,7 +112,7 @@ def convert(
     found = guess(recordings[0], machine, stated)
     if found.questions:
         raise UnclearError(_weighed(found.questions, sources, robot, stated), recordings[0].source)
-    tables = [_table(recording, found, machine, stated) for recording in recordings]
+    tables = [table for recording in recordings for table in _tables(recording, found, machine, stated)]
     said = {
         name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
     }
@@ -156,7 +158,8 @@ def _recordings(sources: Sequence[str | Path]) -> list[Recording]:
         raise wrong[0]
     if wrong:
         raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
-    return [signed(merged_names(recording)) for recording in joined_parts(found)]
+    shaped = [part for recording in found for part in reshaped(recording)]
+    return [signed(merged_names(recording)) for recording in joined_parts(shaped)]
 
 
 def _read(source: Path) -> list[Recording]:
@@ -171,11 +174,12 @@ def _read(source: Path) -> list[Recording]:
     return [recording for file in tables or files for recording in read_source(file)]
 
 
-def _table(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> Table:
-    rate = stated.log.get("rate_hz") or recording.said.get("fps")
-    table = assemble(recording, found, None if rate is None else float(rate))
-    table = joint_sided(table, stated, stated.joints or machine.joints, recording.source)
-    return whole_rows(table, recording.source)
+def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:
+    """The recording's rows, a table for each run of its clock."""
+    rate = stated.log.get("rate_hz") or stated_rate(recording.said)
+    joints = stated.joints or machine.joints
+    runs = in_runs(assemble(recording, found, None if rate is None else float(rate)))
+    return [whole_rows(joint_sided(run, stated, joints, recording.source), recording.source) for run in runs]
 
 
 def _weighed(

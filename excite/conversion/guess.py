@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
+from excite.conversion.columns.choice import choose
 from excite.conversion.columns.clock import TICKS, clock_column, tick
-from excite.conversion.columns.families import Family, clues_of, families, is_anonymous, is_measured
+from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
 from excite.conversion.columns.words import Clue
@@ -26,8 +26,9 @@ from excite.conversion.questions import (
     ask_for_surplus,
     ask_for_torques,
     column_names,
+    note_order_of_legs,
 )
-from excite.conversion.recording import Recording, Stream
+from excite.conversion.recording import Recording, Stream, stated_rate
 
 # Of columns without names, those that hold numbers in this share of the rows, where this many rows are whole.
 _THERE, _FEWEST = 0.5, 20
@@ -61,8 +62,9 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     groups = [family for family in groups if not is_anonymous(family, joints)]
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
-    chosen = _chosen(groups, found)
+    chosen = choose(groups, found)
     ask_for_surplus(found, chosen, joints)
+    note_order_of_legs(found, chosen, joints, mapping)
     if "q" not in known | set(chosen):
         named = {column for family in chosen.values() for column in family.columns}
         named |= {column for column, said in left.items() if said.quantity in ("volt", "time", "skip")}
@@ -151,51 +153,20 @@ def _clocks(found: Guesses, recording: Recording, clues: dict[str, Clue], mappin
 def _without_clock(
     found: Guesses, recording: Recording, stream: Stream, mapping: Map, clues: dict[str, Clue]
 ) -> None:
-    rate = mapping.log.get("rate_hz") or recording.said.get("fps")
+    stated = mapping.log.get("rate_hz")
+    rate = stated or stated_rate(recording.said)
     if rate:
-        fact = ("time", f"rows at {float(rate):g} Hz", "no column holds a time")
+        why = (
+            "no column holds a time"
+            if stated
+            else "no column holds a time, and the recording states its rate"
+        )
+        fact = ("time", f"rows at {float(rate):g} Hz", why)
         found.facts += [] if fact in found.facts else [fact]
     else:
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
         but = f" ({named[0]} does not go forward evenly)" if named else ""
         found.ask(f"{stream.name} has no column of times{but}", "log: {rate_hz: 100}   # rows a second")
-
-
-def _chosen(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
-    """The family for each channel: of several the one with the most joints."""
-    chosen: dict[str, Family] = {}
-    for family in groups:
-        if not family.target or not family.placed.columns:
-            continue
-        if family.target in chosen:
-            other = chosen[family.target]
-            text = f"{family.columns[0]} …"
-            alike = len(family.placed.columns) == len(other.placed.columns)
-            if alike and is_measured(family) == is_measured(other) and family.target in ("q", "tau", "i"):
-                found.ask(
-                    f"{family.target} may be {other.columns[0]} … or {text}",
-                    f'columns: {{{family.target}: "{_pattern(other)}"}}',
-                )
-            continue
-        chosen[family.target] = family
-    if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
-        # A motion that was planned and has no measured twin.
-        chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
-        found.facts.append(("q", chosen["q"].columns[0], "planned positions: no measured ones are there"))
-    if "tau" not in chosen and "i" not in chosen and "tau_cmd" in chosen:
-        chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
-        found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
-    return chosen
-
-
-def _pattern(family: Family) -> str:
-    """A column's name with its number as a pattern."""
-    name = family.columns[0]
-    return (
-        re.sub(r"\d+(?!.*\d)", "{n0}" if re.search(r"0(?!.*\d)", name) else "{n}", name, count=1)
-        if len(family.columns) > 1
-        else name
-    )
 
 
 def _add(found: Guesses, chosen: dict[str, Family]) -> None:

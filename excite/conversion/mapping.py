@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from excite.errors import LogError
+from excite.logs.log import LogHeader
 from excite.reading.yaml_document import read_yaml
 
 SCHEMA = "excite.map/1"
@@ -18,6 +20,8 @@ Unit = Literal[
     "rad",
     "deg",
     "rev",
+    "counts/4096",
+    "counts/1024",
     "m",
     "mm",
     "rad/s",
@@ -112,7 +116,7 @@ def read_map(path: Path) -> Map:
     try:
         found = Map.model_validate(content)
     except ValidationError as error:
-        faults = [f"{'.'.join(str(part) for part in e['loc'])} ({e['msg'].lower()})" for e in error.errors()]
+        faults = [f"{'.'.join(str(part) for part in e['loc'])} ({_advice(e)})" for e in error.errors()]
         raise LogError(
             "has mistakes: " + "; ".join(faults[:20]), source=path, remedy="see `excite schema map`"
         ) from error
@@ -125,3 +129,11 @@ def read_map(path: Path) -> Map:
             remedy="the channels are " + ", ".join(CHANNELS),
         )
     return found
+
+
+def _advice(mistake: ErrorDetails) -> str:
+    """What is wrong with a field; where it belongs if it is one of ``log.yaml``."""
+    name = str(mistake["loc"][0])
+    if mistake["type"] == "extra_forbidden" and len(mistake["loc"]) == 1 and name in LogHeader.model_fields:
+        return f"belongs under log: {{{name}: …}}"
+    return mistake["msg"].lower()

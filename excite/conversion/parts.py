@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from excite.conversion.columns.clock import clock_column, tick
+from excite.conversion.columns.words import Clue, clue
 from excite.conversion.recording import Recording
+from excite.errors import LogError
 
 # Files of one recording have as many rows, but for what their loggers lost at the ends.
 _SAME_ROWS = 0.02
+# Parts of one recording cover most of the time that the shortest of them does.
+_OVERLAP = 0.5
 NAMELESS = "the file names no columns: they are called column1, column2 … here"
 
 
 def joined_parts(recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings as they are or, where each file holds other columns of as many rows, all of them as one.
+    """Recordings as they are or, where each file holds other columns of as many rows, or over one time, all as one.
 
     Columns without names are called after their files then: ``torques[0]`` and so on.
     """
@@ -24,12 +30,14 @@ def joined_parts(recordings: Sequence[Recording]) -> list[Recording]:
     named = [_called_after_file(recording) for recording in recordings]
     signatures = {frozenset(_words(recording)) for recording in named}
     rows = np.array([recording.streams[0].n_rows for recording in named], dtype=float)
-    if len(signatures) < len(named) or np.ptp(rows) > _SAME_ROWS * rows.max():
+    if len(signatures) < len(named):
         return list(recordings)
     columns = [set(_words(recording)) for recording in named]
     shared = set.intersection(*columns)
     # What all have in common may be a clock, and nothing else.
     if len(shared) > 1:
+        return list(recordings)
+    if np.ptp(rows) > _SAME_ROWS * rows.max() and not _of_one_time(named):
         return list(recordings)
     first = named[0]
     streams = tuple(stream for recording in named for stream in recording.streams)
@@ -37,6 +45,46 @@ def joined_parts(recordings: Sequence[Recording]) -> list[Recording]:
         recording.name for recording in named
     )
     return [replace(first, streams=streams, notes=(*first.notes, note))]
+
+
+def _of_one_time(recordings: Sequence[Recording]) -> bool:
+    """Whether files of several rates hold other quantities, all over the same time.
+
+    Raises:
+        LogError: their clocks have nothing in common.
+    """
+    clues = [{c.name: clue(c.name, (), c.unit) for c in r.streams[0].columns} for r in recordings]
+    clocks = [
+        clock_column(recording.streams[0], said) for recording, said in zip(recordings, clues, strict=True)
+    ]
+    quantities = [_quantities(said) for said in clues]
+    disjoint = all(a and b and not a & b for a, b in itertools.combinations(quantities, 2))
+    if not disjoint or any(clock is None for clock in clocks):
+        return False
+    spans = []
+    for recording, clock, said in zip(recordings, clocks, clues, strict=True):
+        name = clock[0] if clock else ""
+        values = next(c.values for c in recording.streams[0].columns if c.name == name)
+        factor, _ = tick(values, said[name].unit)
+        spans.append((np.nanmin(values) * (factor or 1.0), np.nanmax(values) * (factor or 1.0)))
+    common = min(end for _, end in spans) - max(start for start, _ in spans)
+    if common <= _OVERLAP * min(end - start for start, end in spans):
+        told = ", ".join(
+            f"{r.name} from {a:.6g} to {b:.6g} s" for r, (a, b) in zip(recordings, spans, strict=True)
+        )
+        raise LogError(
+            f"the files hold other quantities of one recording, but not over the same time: {told}",
+            source=recordings[0].source,
+            remedy="write both with one clock, or add the difference to the times of one",
+        )
+    return True
+
+
+def _quantities(said: Mapping[str, Clue]) -> set[tuple[str, bool]]:
+    """What is recorded in a file beside its time."""
+    return {(c.quantity, c.commanded) for c in said.values()} - {
+        (quantity, commanded) for quantity in ("", "time", "skip") for commanded in (False, True)
+    }
 
 
 def _words(recording: Recording) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 from excite.conversion.columns.families import Family
@@ -14,6 +15,8 @@ from excite.conversion.recording import Recording
 MOST_NAMED = 12
 # Columns that a gripper adds behind an arm's joints.
 _HAND = 2
+# Front or hind and left or right, in either order, as quadrupeds' joints are called.
+_LEG, _LEGS = re.compile(r"(?<![a-z])([frh][lr]|[lr][frh])(?![a-z])"), 4
 
 
 def column_names(recording: Recording) -> list[str]:
@@ -36,10 +39,10 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> N
 
 
 def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str]) -> None:
-    """Numbered columns of many more joints than the robot has are another machine's, or more than joints."""
+    """Columns of many more joints than the robot has are another machine's, or more than joints."""
     for target in ("q", "tau", "i"):
         family = chosen.get(target)
-        if family is None or not family.placed.because.startswith("its number"):
+        if family is None or not family.placed.because.startswith(("its number", "its name is most like")):
             continue
         if len(family.placed.left_over) > max(_HAND, len(joints) // 2):
             first = family.columns[0]
@@ -47,6 +50,26 @@ def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequen
                 f"{first} … are {len(family.columns)} columns for {len(joints)} joints",
                 f'columns: {{{target}.{joints[0]}: "{first}", …}}, or joints: [those that the columns begin with]',
             )
+
+
+def note_order_of_legs(
+    found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str], mapping: Map
+) -> None:
+    """Four legs are counted in several orders, by vendors, models and simulators; their motions do not tell which."""
+    family = chosen.get("q", chosen.get("tau"))
+    legs = {match[0] for joint in joints if (match := _LEG.search(joint.lower()))}
+    if (
+        family is None
+        or mapping.joints
+        or len(legs) < _LEGS
+        or not family.placed.because.startswith("its number")
+    ):
+        return
+    why = (
+        "the model's order, as only numbers stand in the names; Unitree's SDK counts FR, FL, RR, RL, some simulators "
+        "all hips first: if yours does, write `joints: [JOINT, …]` in the order of the columns into map.yaml"
+    )
+    found.facts.append(("order of legs", f"{joints[0]}, {joints[1]} … {joints[-1]}", why))
 
 
 def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping: Map) -> None:

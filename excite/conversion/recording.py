@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import LogError
+
+# How recordings call their rate and their step, letters only.
+_RATES = frozenset(
+    "fps fs rate ratehz hz frequency freq samplingrate samplerate samplingfrequency samplefrequency frequencyhz "
+    "samplingratehz sampleratehz controlfreq controlfrequency fshz controlrate".split()
+)
+_STEPS = frozenset(
+    "dt ts step timestep sampletime samplingtime deltat period tsample dts sampleperiod dtms tsms".split()
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +31,7 @@ class Column:
         name: as the file calls it.
         values: ``(n,)``, not a number where a row has none.
         channel: what it holds (``q``, ``tau`` …) where the format itself says so; empty where it has to be guessed.
-        label: the joint or sensor that the format names beside it; empty for none.
+        label: the joint or sensor that the format, or a list of names in the file, names beside it; empty for none.
         unit: as the format states it; empty for none.
     """
 
@@ -40,12 +51,16 @@ class Stream:
         columns: in the file's order.
         time: ``(n,)`` [s] where the format says when rows were recorded; None where a column may say it.
         late_by_name: whether ``time`` is when rows were written rather than measured.
+        words: ``(n,)`` texts of columns that hold no numbers, by their names; those that a table has.
+        nameless: whether the file names no columns.
     """
 
     name: str
     columns: tuple[Column, ...]
     time: Array | None = None
     late_by_name: bool = False
+    words: Mapping[str, NDArray[np.object_]] = field(default_factory=dict)
+    nameless: bool = False
 
     @property
     def n_rows(self) -> int:
@@ -72,38 +87,19 @@ class Recording:
     notes: tuple[str, ...] = ()
 
 
-def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = None) -> list[Stream]:
-    """Arrays as streams: those of one length together, ``(n, k)`` taken apart into ``NAME[0] … NAME[k-1]``.
-
-    What holds no numbers is left out; so are arrays of three axes or more, but for those of one row a sample.
-    """
-    lengths: dict[int, list[Column]] = {}
-    for key, values in arrays.items():
-        array = np.squeeze(np.asarray(values))
-        if array.dtype.kind == "b":
-            array = array.astype(float)
-        if array.dtype.kind not in "fiu" or array.ndim not in (1, 2) or not array.size:
+def stated_rate(said: Mapping[str, Any]) -> float | None:
+    """Rows a second [Hz] that a recording states as a rate or as the time between rows; None for none."""
+    for name, value in said.items():
+        word = re.sub(r"[^a-z]", "", name.rpartition("/")[2].lower())
+        number = value if isinstance(value, int | float) and not isinstance(value, bool) else 0.0
+        if not np.isfinite(number) or number <= 0.0:
             continue
-        if array.ndim == 2 and array.shape[0] < array.shape[1]:
-            array = array.T
-        columns = (
-            [(key, array)]
-            if array.ndim == 1
-            else [(f"{key}[{k}]", array[:, k]) for k in range(array.shape[1])]
-        )
-        found = lengths.setdefault(len(array), [])
-        found += [Column(label, np.asarray(column, dtype=float)) for label, column in columns]
-    return [
-        Stream(name, tuple(columns), time if time is not None and len(time) == n else None)
-        for n, columns in lengths.items()
-    ]
-
-
-def longest(streams: Iterable[Stream]) -> tuple[Stream, ...]:
-    """Streams that may be signals: not those with a hundredth of the longest one's rows, which are constants."""
-    kept = list(streams)
-    most = max((stream.n_rows for stream in kept), default=0)
-    return tuple(stream for stream in kept if stream.n_rows >= max(3, most // 100))
+        if word in _RATES and number >= 1.0:
+            return float(number)
+        if word in _STEPS:
+            # Nobody records a row a second or slower: such steps are in milliseconds.
+            return 1.0 / number if number < 1.0 else 1e3 / number
+    return None
 
 
 def merged_names(recording: Recording) -> Recording:

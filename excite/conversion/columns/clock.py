@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.conversion.columns.vocabulary import OF_WORD
@@ -14,6 +17,10 @@ TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SLOWEST_HZ, _FASTEST_HZ = 4.0, 20_000.0
 # Share of intervals that have to be positive: loggers repeat stamps, and write some rows out of order.
 _FORWARD = 0.9
+# A step back by more rows than this is a clock that was set anew; buffers that mix rows hold fewer.
+_RESET_ROWS = 50.0
+# A run has more rows than this; of more late rows the order is not known.
+_FEWEST_ROWS, _LATE = 20, 0.4
 
 
 def is_clock(values: Array) -> bool:
@@ -30,6 +37,24 @@ def is_clock(values: Array) -> bool:
     return bool(np.percentile(forward, 25) > 0.3 * middle and np.percentile(forward, 75) < 3.0 * middle)
 
 
+def restarts(values: Array) -> NDArray[np.int64]:
+    """Rows in which a clock begins anew; rows out of order step back by less."""
+    steps = np.diff(values)
+    forward = steps[steps > 0.0]
+    if not len(forward):
+        return np.zeros(0, dtype=np.int64)
+    return np.asarray(np.flatnonzero(steps < -_RESET_ROWS * np.median(forward)) + 1, dtype=np.int64)
+
+
+def _is_clock_of_runs(values: Array) -> bool:
+    """Whether numbers are times of several runs, or of rows that do not stand in their order."""
+    values = values[np.isfinite(values)]
+    edges = [0, *restarts(values).tolist(), len(values)]
+    if len(values) < _FEWEST_ROWS * (len(edges) - 1) or (np.diff(values) < 0.0).mean() > _LATE:
+        return False
+    return all(is_clock(np.sort(values[a:b])) for a, b in itertools.pairwise(edges))
+
+
 def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | None:
     """The column that holds a stream's times, and why; None where there is none."""
     named = [c for c in stream.columns if clues[c.name].quantity == "time" and is_clock(c.values)]
@@ -37,6 +62,9 @@ def clock_column(stream: Stream, clues: dict[str, Clue]) -> tuple[str, str] | No
         # Of several clocks the one of the machine itself, which comes first, unless another one is finer.
         best = max(named, key=lambda c: len(np.unique(c.values)))
         return best.name, "its name, and it goes forward evenly"
+    for column in stream.columns:
+        if clues[column.name].quantity == "time" and _is_clock_of_runs(column.values):
+            return column.name, "its name, and it goes forward evenly within its runs"
     for column in stream.columns:
         said = clues[column.name]
         # state[0] is a position by its number alone.

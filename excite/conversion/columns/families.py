@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from excite.conversion.columns.joints import Placed, first_number, place
 from excite.conversion.columns.unit_words import UNITS
-from excite.conversion.columns.vocabulary import OF_WORD, SURELY_MEASURED
+from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
 from excite.conversion.columns.words import Clue, clue
 from excite.conversion.recording import Column, Recording
 
@@ -21,6 +21,8 @@ TARGETS = {
     ("tau", True): "tau_cmd",
     ("i", False): "i",
 }
+# Stream, quantity, whether commanded, stem.
+_Group = tuple[str, str, bool, str]
 _STATED = {"q_cmd": ("q", True), "tau_cmd": ("tau", True)}
 
 
@@ -60,7 +62,7 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
 
 def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
     """Families among the columns, those of more joints first."""
-    groups: dict[tuple[str, str, bool, str], list[Column]] = {}
+    groups: dict[_Group, list[Column]] = {}
     for stream in recording.streams:
         for column in stream.columns:
             said = clues.get(column.name)
@@ -71,7 +73,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             groups.setdefault((stream.name, said.quantity, said.commanded, stem), []).append(column)
     first = first_number(list(clues.values()))
     found = []
-    for (_, quantity, commanded, stem), columns in groups.items():
+    for (_, quantity, commanded, stem), columns in _one_machine_each(groups, clues):
         names = [column.name for column in columns]
         units = [clues[name].unit for name in names]
         found.append(
@@ -91,14 +93,36 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             -len(family.placed.columns),
             not family.stated,
             not is_measured(family),
+            of_motor(family),
             len(family.stem),
         ),
     )
 
 
+def _one_machine_each(
+    groups: dict[_Group, list[Column]], clues: dict[str, Clue]
+) -> Iterable[tuple[_Group, list[Column]]]:
+    """The groups, apart by words beside the joints' names where these stand twice: left and right arm."""
+    for key, columns in groups.items():
+        exact = [clues[column.name].exact for column in columns]
+        if len(set(exact)) == len(exact) or not all(exact):
+            yield key, columns
+            continue
+        machines: dict[str, list[Column]] = {}
+        for column in columns:
+            machines.setdefault(clues[column.name].label, []).append(column)
+        for members in machines.values():
+            yield key, members
+
+
 def is_measured(family: Family) -> bool:
     """Whether its names say that it was measured."""
     return bool(set(family.stem.split("_")) & SURELY_MEASURED)
+
+
+def of_motor(family: Family) -> bool:
+    """Whether its names are those of the motors' side of elastic joints."""
+    return bool(set(family.stem.split("_")) & OF_MOTOR)
 
 
 def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
@@ -126,7 +150,7 @@ def _clue(column: Column, joints: Sequence[str]) -> Clue:
     if not channel and rest in joints and (prefix, False) in TARGETS | {(key, False): "" for key in _STATED}:
         channel, label = prefix, rest
     if not channel:
-        return clue(column.name, joints, column.unit)
+        return _with_label(clue(column.name, joints, column.unit), label, joints)
     quantity, commanded = _STATED.get(channel, (channel, False))
     inner = clue(label, joints)
     return Clue(
@@ -138,3 +162,14 @@ def _clue(column: Column, joints: Sequence[str]) -> Clue:
         exact=label if label in joints else "",
         stem=channel,
     )
+
+
+def _with_label(said: Clue, label: str, joints: Sequence[str]) -> Clue:
+    """What a column's name says, of the joint that the recording names beside it."""
+    inner = clue(label, joints) if label else None
+    if inner is None or not (inner.exact or inner.label or inner.quantity or inner.number is not None):
+        return said
+    if not said.quantity and any(OF_WORD.get(word) for word in inner.stem.split("_")):
+        # Columns of one array, each with a name that says all: time, q1, tau1 …
+        return inner
+    return replace(said, exact=inner.exact, label=inner.label, number=inner.number)

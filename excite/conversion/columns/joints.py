@@ -42,9 +42,20 @@ def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str],
         joints: the robot's joints, or those that a map states, in order.
         first: the number of the first joint in this recording's names, 0 or 1.
     """
-    exact = {clues[c].exact: c for c in columns if clues[c].exact}
+    exact: dict[str, str] = {}
+    for column in columns:
+        if clues[column].exact:
+            exact.setdefault(clues[column].exact, column)
     if exact and len(exact) >= len(columns) / 2:
-        return Placed(exact, "the joint's name", tuple(c for c in columns if not clues[c].exact))
+        rest = [c for c in columns if c not in set(exact.values())]
+        missing = [joint for joint in joints if joint not in exact]
+        if (
+            len(columns) == len(joints)
+            and len(rest) == 1
+            and columns.index(rest[0]) == joints.index(missing[0])
+        ):
+            exact[missing[0]] = rest.pop()
+        return Placed(exact, "the joint's name", tuple(rest))
     labels = {c: clues[c].label for c in columns}
     numbers = {c: n for c in columns if (n := clues[c].number) is not None}
     distinct = len(set(labels.values())) == len(columns) and all(labels.values()) and len(columns) > 1
@@ -95,6 +106,12 @@ def by_likeness(columns: list[str], labels: dict[str, str], joints: Sequence[str
     if len(columns) == len(joints) == 1:
         return Placed({joints[0]: columns[0]}, "the robot has one joint")
     likeness = np.array([[_likeness(labels[c], joint) for joint in joints] for c in columns])
+    if len(columns) == len(joints):
+        # Names that fit as well in the robot's order as in any other one are in that order: base, shoulder, elbow …
+        known = np.where(likeness >= _ALIKE, likeness, 0.0)
+        best = known[linear_sum_assignment(-known)]
+        if (best == 0.0).any() and np.trace(known) >= best.sum() - _CLEARLY * len(joints):
+            return Placed(dict(zip(joints, columns, strict=True)), "its name and the order of the columns")
     rows, places = linear_sum_assignment(-likeness)
     placed, rest = {}, [c for k, c in enumerate(columns) if k not in set(rows.tolist())]
     for row, at in zip(rows, places, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.unit_words import UNITS
-from excite.conversion.columns.units import TO_SI, position_unit, ratio_unit
+from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, position_unit, ratio_unit
 from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
@@ -55,8 +55,9 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
                 named or {"i": "A"}.get(channel, "SI"),
                 "unit as named" if named else "no unit stated",
             )
-        factor = _VELOCITIES.get(unit, TO_SI.get(unit, 1.0))
-        done += [_scaled(item, mapping, factor, f"{item.because}; {because}") for item in items]
+        factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
+        zero = COUNTS[unit][0] if unit in COUNTS else 0.0
+        done += [_scaled(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
     return done
 
 
@@ -85,9 +86,9 @@ def _map_unit(mapping: Map, channel: str) -> str:
     return str(mapping.units.get(channel, ""))
 
 
-def _scaled(item: Mapped, mapping: Map, factor: float, because: str) -> Mapped:
+def _scaled(item: Mapped, mapping: Map, factor: float, zero: float, because: str) -> Mapped:
     scale = mapping.scale.get(item.channel, 1.0) * mapping.scale.get(item.target, 1.0)
-    offset = mapping.offset.get(item.target, mapping.offset.get(item.channel, 0.0))
+    offset = mapping.offset.get(item.target, mapping.offset.get(item.channel, zero))
     return replace(item, factor=factor * scale, because=because, offset=offset)
 
 
@@ -137,8 +138,8 @@ def _positions(
         if not unit:
             found.ask(
                 f"the unit of {items[0].source} … cannot be told: {why}",
-                f"units: {{{channel}: deg}}, or motors: [[RATIO, 0 …], …] where they are motors' positions, "
-                f"or scale: {{{channel}: FACTOR}}",
+                f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are "
+                f"motors' positions, or scale: {{{channel}: FACTOR}}",
             )
             unit = "rad"
         result[channel] = (unit, why)
@@ -161,7 +162,9 @@ def _rates(
             if named
             else ({"deg": "deg/s2"}.get(angle, "rad/s2"), "as the positions")
         )
-    expected = named or {"deg": "deg/s", "m": "m/s", "mm": "mm/s"}.get(angle, "rad/s")
+    expected = named or {**dict.fromkeys(COUNTS, "rad/s"), "deg": "deg/s", "m": "m/s", "mm": "mm/s"}.get(
+        angle, "rad/s"
+    )
     ratio = _ratio(found, items, columns, recording, angle)
     if ratio is None:
         return (
@@ -176,7 +179,7 @@ def _rates(
             expected,
             f"they differ from the positions' derivative by a factor of {value / TO_SI.get(expected, 1.0):.3g}",
         )
-    if named and abs(np.log(_VELOCITIES[unit] / TO_SI.get(named, 1.0))) < 0.1:
+    if named and abs(np.log((_VELOCITIES | COUNT_RATES)[unit] / TO_SI.get(named, 1.0))) < 0.1:
         return named, f"as named; they are the positions' derivative (correlation {agreement:.2f})"
     said = f", though its name says {named}" if named else ""
     return unit, f"{unit}: so they are the positions' derivative (correlation {agreement:.2f}){said}"
@@ -205,7 +208,8 @@ def _ratio(
     whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     if whole.sum() < 20:
         return None
-    return ratio_unit(q[whole], v[whole], dt, _VELOCITIES)
+    counted = angle in COUNTS and bool((v[whole] == np.round(v[whole])).all())
+    return ratio_unit(q[whole], v[whole], dt, COUNT_RATES if counted else _VELOCITIES)
 
 
 def _torques(

@@ -15,7 +15,19 @@ TO_SI = {
     "N·m": 1.0, "N·mm": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3,
     "lb": 4.4482216, "kip": 4448.2216, "in": 0.0254, "in/s": 0.0254,
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+    "counts/4096": 2.0 * math.pi / 4096.0, "counts/1024": math.radians(300.0) / 1024.0,
 }  # fmt: skip
+# Servos count from the end of their range, with zero in its middle: Dynamixel's X and MX, Feetech's STS over a turn;
+# Dynamixel's AX, Feetech's SCS over 300 degrees (their control tables). Zeros of counts [rad], and how many there are.
+COUNTS = {"counts/1024": (-math.radians(150.0), 1024), "counts/4096": (-math.pi, 4096)}
+# Velocities that their control tables have one unit of.
+COUNT_RATES = {
+    "0.229 rpm": 0.229 * math.pi / 30.0,
+    "0.111 rpm": 0.111 * math.pi / 30.0,
+    "0.114 rpm": 0.114 * math.pi / 30.0,
+    "0.732 rpm": 0.732 * math.pi / 30.0,
+    "counts/4096/s": 2.0 * math.pi / 4096.0,
+}
 # A joint's stated range may be a little off, and people drive beyond it by calibration's errors [rad or m].
 _BEYOND = 0.2
 # A recording whose widest joint moves by less than a degree is none; zeros of joints are off by more [rad or m].
@@ -60,6 +72,9 @@ def position_unit(
         return stated, f"{stated} by its name", True
     if outside > _BEYOND and outside_large <= _BEYOND and span * factor >= _NO_MOTION:
         return large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
+    counted = _counts(values[:, turning], lower[turning], upper[turning]) if small == "rad" else ""
+    if counted and min(outside, outside_large) > _BEYOND:
+        return counted, f"{counted} of a turn: whole numbers, with which the joints keep their ranges", True
     if min(outside, outside_large) > 4.0 * math.pi and np.isfinite(lower[turning]).any():
         return (
             "",
@@ -75,6 +90,18 @@ def position_unit(
 
 def _outside(low: Array, high: Array, lower: Array, upper: Array) -> float:
     return float(max(np.max(lower - low), np.max(high - upper), 0.0))
+
+
+def _counts(values: Array, lower: Array, upper: Array) -> str:
+    """The servo's counts that whole numbers are, with which joints keep their ranges; empty for none."""
+    known = values[np.isfinite(values).all(axis=1)]
+    if not len(known) or (known != np.round(known)).any() or known.min() < 0.0:
+        return ""
+    for unit, (zero, count) in COUNTS.items():
+        low, high = (end * TO_SI[unit] + zero for end in (known.min(axis=0), known.max(axis=0)))
+        if known.max() < count and _outside(low, high, lower, upper) <= _BEYOND:
+            return unit
+    return ""
 
 
 def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> tuple[str | None, float, float]:

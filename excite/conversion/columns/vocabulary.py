@@ -54,6 +54,8 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "ki",
             "stiffness",
             "damping",
+            # The rate of a torque: a log has no channel for it.
+            "dtau",
         ),
     ),
     "time": (
@@ -90,6 +92,9 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "qacc",
             "ddtheta",
             "dd",
+            "ddqs",
+            "qdds",
+            "qaccs",
         ),
         *("thetaddot", "ddot", "alpha", "ddpos", "accs"),
     ),
@@ -124,6 +129,10 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "geschwindigkeit",
             "thetad",
             "dof_vel",
+            "dqs",
+            "qds",
+            "qdots",
+            "qvels",
             "w",
             "rpm",
             "qv",
@@ -206,6 +215,9 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
             "lage",
             "posicion",
             "posizione",
+            "thetas",
+            "jointpositions",
+            "qposs",
         ),
     ),
 }
@@ -218,6 +230,12 @@ MEASURED = frozenset(
     "act actual ist istwert mesure mesuree reel reelle meas measured state obs observation feedback fb fbk real "
     "present raw sensor est mes".split()
 )
+# Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
+OF_MESSAGE = frozenset("state obs observation".split())
+# Of a drive's rated torque or current, whose size no recording holds.
+SHARES = frozenset("percent percentage pct permille permil prozent normalized normalised".split())
+# Where joints are elastic, theta is the motor's side of them and q the link's.
+OF_MOTOR = frozenset("theta dtheta thetad thetadot".split())
 # Words that leave no doubt; a ``feedback`` torque may be the controller's part.
 SURELY_MEASURED = frozenset(
     "actual act measured meas real ist istwert mes mesure mesuree reel reelle".split()

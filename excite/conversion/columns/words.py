@@ -7,7 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from excite.conversion.columns.unit_words import QUANTITY_OF_UNIT, UNITS
-from excite.conversion.columns.vocabulary import COMMANDED, KNOWN, MEASURED, NOISE, OF_WORD
+from excite.conversion.columns.vocabulary import (
+    COMMANDED,
+    KNOWN,
+    MEASURED,
+    NOISE,
+    OF_MESSAGE,
+    OF_WORD,
+    SHARES,
+)
 
 
 @dataclass(frozen=True)
@@ -135,9 +143,11 @@ def _parts(word: str) -> list[str]:
 
 
 def _is_commanded(words: list[str], quantity: str) -> bool:
-    if set(words) & MEASURED - {"sensor", "est"} and not set(words) & (
-        COMMANDED - {"d", "in", "input", "nominal"}
-    ):
+    measured = set(words) & MEASURED - {"sensor", "est"}
+    commanded = set(words) & (COMMANDED - {"d", "in", "input", "nominal"})
+    if measured <= OF_MESSAGE and "d" in words[1:] and words[words.index("d", 1) - 1] not in OF_MESSAGE:
+        commanded.add("d")
+    if measured and not commanded:
         return False
     return bool(set(words) & COMMANDED) and quantity != ""
 
@@ -153,6 +163,8 @@ def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
         # Pos act A1: the quantity was said before.
         letters = {"a"}
     words = [word for word in words if word not in letters]
+    if set(words) & SHARES and {OF_WORD.get(word) for word in words} & {"tau", "i", "volt"}:
+        return "volt"
     said = [OF_WORD[word] for word in words if word in OF_WORD]
     if of_joint and "t" in words:
         # No joint has a clock of its own: t1, t2 … are torques.

@@ -7,12 +7,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
-from excite.conversion.sources.npz import constants
+from excite.conversion.columns.words import clue
+from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.array_streams import batched, longest, stream_of_arrays
+from excite.conversion.sources.npz import MOST_CONSTANTS, constants
 from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
 
+# Trials in an array of structs.
+_MOST_REFERENCES = 1000
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
@@ -35,13 +39,7 @@ class Hdf5Source(Source):
 
 def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
     """Recordings among data sets by their paths (``trial1/q``): one a group where groups hold the same names."""
-    groups: dict[str, dict[str, Any]] = {}
-    for name, values in arrays.items():
-        group, _, rest = name.partition("/")
-        groups.setdefault(group if rest else "", {})[rest or name] = values
-    inner = [frozenset(found) for group, found in groups.items() if group]
-    if len(inner) < 2 or len(set(inner)) > 1 or "" in groups:
-        groups = {path.stem: arrays}
+    groups = _trials(arrays) or batched(arrays) or {path.stem: arrays}
     found = []
     for group, members in groups.items():
         streams = longest(stream_of_arrays(group or path.stem, members))
@@ -52,8 +50,30 @@ def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
     return tuple(found)
 
 
+def _trials(arrays: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Data sets of each trial by its group, however deep the groups lie; empty where there are no such groups."""
+    groups: dict[str, dict[str, Any]] = {}
+    for name, values in arrays.items():
+        group, _, rest = name.partition("/")
+        groups.setdefault(group if rest else "", {})[rest or name] = values
+    shared = groups.pop("", {})
+    if any(np.size(values) > MOST_CONSTANTS for values in shared.values()):
+        return {}
+    if len(groups) == 1:
+        ((group, members),) = groups.items()
+        return {name: shared | inner for name, inner in _trials(members).items()}
+    inner = [frozenset(found) for found in groups.values()]
+    if not inner or 2 * len(frozenset.intersection(*inner)) < len(frozenset.union(*inner)):
+        return {}
+    # Logs of a simulation have a group a signal, each with the same fields in it.
+    said = [clue(group, ()).quantity for group in groups]
+    if len(set(said)) > 1 and all(said):
+        return {}
+    return {group: shared | members for group, members in groups.items()}
+
+
 def hdf5_arrays(path: Path) -> dict[str, Any]:
-    """Data sets of numbers by their paths; raises LogError."""
+    """Data sets of numbers and texts by their paths, and what attributes say by path and name; raises LogError."""
     try:
         import h5py
     except ImportError as error:
@@ -61,25 +81,66 @@ def hdf5_arrays(path: Path) -> dict[str, Any]:
             "is HDF5, which needs h5py", source=path, remedy="pip install 'excite[hdf5]'"
         ) from error
     found: dict[str, Any] = {}
-    total = 0
     try:
         with h5py.File(path, "r") as file:
-            names: list[str] = []
+            names = [""]
             file.visit(names.append)
             for name in names:
-                item = file[name]
-                if (
-                    not isinstance(item, h5py.Dataset)
-                    or item.dtype.kind not in "fiub"
-                    or name.startswith("#refs#")
-                ):
+                if name.startswith("#refs#"):
                     continue
-                total += item.size
-                if total > MAX_NUMBERS:
+                item = file[name or "/"]
+                found |= _attributes(name, item.attrs)
+                if isinstance(item, h5py.Dataset):
+                    found |= _data_set(name, item, file)
+                if sum(np.size(values) for values in found.values()) > MAX_NUMBERS:
                     raise LogError(
                         "holds more numbers than can be read", source=path, remedy="split the recording"
                     )
-                found[name] = np.asarray(item[()])
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as error:
         raise damaged(path, error, "HDF5") from error
     return found
+
+
+def _attributes(name: str, attributes: Any) -> dict[str, Any]:
+    """Numbers and texts that attributes hold; MATLAB's own describe its classes."""
+    found = {}
+    for key, value in attributes.items():
+        texts = _texts(value)
+        if texts is not None:
+            found[f"{name}/{key}" if name else str(key)] = texts
+        elif np.asarray(value).dtype.kind in "fiu" and np.size(value) <= MOST_CONSTANTS:
+            found[f"{name}/{key}" if name else str(key)] = np.asarray(value)
+    return {key: value for key, value in found.items() if "MATLAB" not in key and "H5PATH" not in key}
+
+
+def _data_set(name: str, item: Any, file: Any) -> dict[str, Any]:
+    """A data set of numbers or texts; what references in it point at, numbered, as MATLAB writes arrays of structs."""
+    import h5py
+
+    if item.size is not None and item.size > MAX_NUMBERS:
+        raise ValueError("it holds more numbers than can be read")
+    if h5py.check_dtype(ref=item.dtype) is not None:
+        if item.size > _MOST_REFERENCES:
+            return {}
+        targets = [file[reference] for reference in np.ravel(item[()]) if reference]
+        if targets and all(target.attrs.get("MATLAB_class") == b"char" for target in targets):
+            return {name: np.array(["".join(map(chr, np.ravel(target[()]))) for target in targets])}
+        group, _, field = name.rpartition("/")
+        return {
+            f"{group}{k + 1}/{field}" if group else f"{field}{k + 1}": np.asarray(target[()])
+            for k, target in enumerate(targets)
+            if isinstance(target, h5py.Dataset) and target.dtype.kind in "fiub"
+        }
+    if item.dtype.kind in "fiub":
+        return {name: np.asarray(item[()])}
+    texts = _texts(item[()]) if item.dtype.kind in "SO" else None
+    return {} if texts is None else {name: texts}
+
+
+def _texts(value: object) -> Any:
+    """Texts as an array; None where it holds others."""
+    array = np.asarray(value)
+    cells = [cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell for cell in array.ravel()]
+    if not cells or not all(isinstance(cell, str) for cell in cells):
+        return None
+    return np.array(cells, dtype=str).reshape(array.shape)

@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.array_streams import longest, stream_of_arrays
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
@@ -43,7 +44,7 @@ class JsonSource(Source):
             raise damaged(path, error, "JSON") from error
         arrays: dict[str, Any] = {}
         said: dict[str, object] = {}
-        _collect("", content, arrays, said, 0)
+        collect("", content, arrays, said, 0)
         streams = longest(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
@@ -56,21 +57,23 @@ def _parsed(text: str, path: Path) -> Any:
     return json.loads(text)
 
 
-def _collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int) -> None:
+def collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, object], depth: int) -> None:
     """Numbers in lists to ``arrays``, single values to ``said``, by their paths."""
     if depth > _DEEPEST:
         return
     if isinstance(value, dict):
         for key, inner in value.items():
-            _collect(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
+            collect(f"{name}/{key}" if name else str(key), inner, arrays, said, depth + 1)
     elif isinstance(value, list) and value and isinstance(value[0], dict):
         for key in value[0]:
             cells = [entry.get(key) if isinstance(entry, dict) else None for entry in value]
             inner = f"{name}/{key}" if name and depth > 1 else str(key)
             if isinstance(value[0][key], dict):
-                _collect(
+                collect(
                     inner, [cell if isinstance(cell, dict) else {} for cell in cells], arrays, said, depth + 1
                 )
+            elif isinstance(value[0][key], list) and value[0][key] and isinstance(value[0][key][0], dict):
+                _of_motors(inner, cells, arrays)
             else:
                 _numbers(inner, cells, arrays)
     elif isinstance(value, list):
@@ -79,9 +82,26 @@ def _collect(name: str, value: Any, arrays: dict[str, Any], said: dict[str, obje
         said[name] = value
 
 
+def _of_motors(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
+    """Entries that hold an object a motor: each of its numbers as an array with a column a motor."""
+    count = len(cells[0])
+    whole = [cell if isinstance(cell, list) and len(cell) == count else [{}] * count for cell in cells]
+    for key, first in cells[0][0].items():
+        if isinstance(first, int | float | str):
+            missing = "" if isinstance(first, str) else None
+            _numbers(f"{name}/{key}", [[motor.get(key, missing) for motor in cell] for cell in whole], arrays)
+
+
 def _numbers(name: str, cells: list[Any], arrays: dict[str, Any]) -> None:
     width = len(cells[0]) if cells and isinstance(cells[0], list) else 0
     empty = [float("nan")] * width if width else float("nan")
+    first = cells[0][0] if width else (cells[0] if cells else None)
+    if isinstance(first, str):
+        # Names of joints, or a word in each row.
+        texts = [cell if cell is not None else [""] * width if width else "" for cell in cells]
+        if not width or all(isinstance(text, list) and len(text) == width for text in texts):
+            arrays[name] = np.array(texts, dtype=str)
+        return
     try:
         arrays[name] = np.array([empty if cell is None else cell for cell in cells], dtype=float)
     except (ValueError, TypeError):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar
 
-from excite.conversion.recording import Recording, stream_of_arrays
+from excite.conversion.recording import Recording
+from excite.conversion.shapes.array_streams import stream_of_arrays
 from excite.conversion.sources.source import Source
 from excite.logs.header import read_header
 from excite.logs.readers.registry import read_trials

@@ -63,13 +63,24 @@ def _collect(name: str, value: object, found: dict[str, Any], depth: int) -> Non
     if isinstance(value, dict):
         for key, inner in value.items():
             _collect(f"{name}/{key}", inner, found, depth + 1)
-    elif isinstance(value, list):
-        for k, inner in enumerate(value):
-            _collect(f"{name}{k + 1}", inner, found, depth + 1)
+    elif _is_texts(value):
+        found[name] = np.array([str(word).strip() for word in np.ravel(np.asarray(value, dtype=object))])
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
         found[name] = value
-    elif isinstance(value, np.ndarray) and value.dtype == object:
-        for k, inner in enumerate(value.ravel()):
+    elif isinstance(value, list | np.ndarray):
+        for k, inner in enumerate(np.ravel(value) if isinstance(value, np.ndarray) else value):
             _collect(f"{name}{k + 1}", inner, found, depth + 1)
     elif isinstance(value, int | float):
         found[name] = np.asarray(value)
+
+
+def _is_texts(value: object) -> bool:
+    """Whether it is a cell array of texts, or a table of characters with one in each row."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "U":
+        return True
+    return (
+        isinstance(value, list | np.ndarray)
+        and len(np.shape(value)) > 0
+        and len(value) > 0
+        and all(isinstance(word, str) for word in np.ravel(np.asarray(value, dtype=object)))
+    )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.array_streams import batched, longest, stream_of_arrays
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file
@@ -15,6 +16,7 @@ from excite.reading.npz_arrays import read_npz
 
 # The longest array that is a constant of the whole recording: gains of a humanoid with hands.
 MOST_CONSTANTS = 100
+_REMEDY = "write its arrays one by one, numbers only: numpy.savez(file, q=…, tau=…)"
 
 
 class NpzSource(Source):
@@ -32,11 +34,23 @@ class NpzSource(Source):
         if path.suffix.lower() == ".npy":
             arrays = _one_array(path)
         else:
-            arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError)
-        streams = longest(stream_of_arrays(path.stem, arrays))
-        if not streams:
-            raise nothing_there(path)
-        return (Recording(str(path), path.stem, streams, constants(arrays)),)
+            arrays = read_npz(path, limit=2_000_000_000, longest_text=100_000, error=LogError, remedy=_REMEDY)
+        return recordings_of(path, arrays)
+
+
+def recordings_of(path: Path, arrays: dict[str, Any]) -> tuple[Recording, ...]:
+    """The recording that arrays are, or one a trial where they are stacked; raises LogError for none."""
+    trials = {f"{path.stem}_{name}": members for name, members in batched(arrays).items()} or {
+        path.stem: arrays
+    }
+    found = []
+    for name, members in trials.items():
+        streams = longest(stream_of_arrays(name, members))
+        if streams:
+            found.append(Recording(str(path), name, streams, constants(members)))
+    if not found:
+        raise nothing_there(path)
+    return tuple(found)
 
 
 def _one_array(path: Path) -> dict[str, np.ndarray]:
@@ -46,6 +60,12 @@ def _one_array(path: Path) -> dict[str, np.ndarray]:
         # Mapped, so that a shape beyond the file's end is refused before memory is asked for.
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError, SyntaxError, OverflowError, MemoryError) as error:
+        if "Python objects" in str(error):
+            raise LogError(
+                "holds pickled Python objects, which are not opened",
+                source=path,
+                remedy="write its arrays one by one: numpy.savez(file, q=…, tau=…)",
+            ) from error
         raise damaged(path, error, "a numpy array") from error
     if array.dtype.names:
         return {name: np.asarray(array[name]) for name in array.dtype.names}

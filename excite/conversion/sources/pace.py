@@ -14,7 +14,8 @@ from typing import IO, Any, ClassVar
 
 import numpy as np
 
-from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.array_streams import longest, stream_of_arrays
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged
 from excite.errors import LogError

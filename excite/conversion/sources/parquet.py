@@ -9,7 +9,8 @@ import numpy as np
 import pyarrow as pa
 
 from excite.arrow_columns import read_parquet
-from excite.conversion.recording import Recording, longest, nothing_there, stream_of_arrays
+from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.array_streams import longest, stream_of_arrays
 from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
@@ -59,6 +60,8 @@ def table_arrays(table: pa.Table) -> dict[str, Any]:
             found[name] = (
                 column.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy(zero_copy_only=False) * 1e-9
             )
+        elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
+            found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=object)
         elif _is_number(kind) or pa.types.is_boolean(kind):
             found[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
     return found

@@ -26,6 +26,7 @@ SOURCES: Registry[Source] = Registry(
         "hdf5": "excite.conversion.sources.hdf5:Hdf5Source",
         "parquet": "excite.conversion.sources.parquet:ParquetSource",
         "npz": "excite.conversion.sources.npz:NpzSource",
+        "echo": "excite.conversion.sources.echo:EchoSource",
         "json": "excite.conversion.sources.json:JsonSource",
         "text": "excite.conversion.sources.text:TextSource",
     },
@@ -35,6 +36,21 @@ SOURCES: Registry[Source] = Registry(
 RECORDED = frozenset(
     ".csv .tsv .txt .dat .log .parquet .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt".split()
 )
+# What people bring that is not opened, and what to do instead.
+_PICKLED = (
+    "is a pickle, which may run any program when it is opened, and is not opened here",
+    "write its arrays with numpy.savez, or its table with to_csv or to_parquet",
+)
+_REFUSED = {
+    **dict.fromkeys((".pkl", ".pickle", ".p", ".joblib"), _PICKLED),
+    **dict.fromkeys(
+        (".xlsx", ".xls", ".ods"), ("is a workbook of a spreadsheet", "save its sheet as CSV and give that")
+    ),
+    **dict.fromkeys((".zip", ".gz", ".7z", ".tar", ".tgz", ".xz", ".bz2"), ("is packed", "unpack it first")),
+    ".mdf": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
+    ".mf4": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
+    ".tdms": ("is a measurement file of LabVIEW", "export its channels as CSV or .mat"),
+}
 # As long as reading may take: starting, then a tenth of what disks do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 30.0, 2e6
 
@@ -53,6 +69,8 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     name = recognised(path)
     if name is not None:
         return _in_own_process(name, path) if SOURCES[name].own_process else _read(name, path)
+    if (why := _REFUSED.get(path.suffix.lower())) is not None:
+        raise LogError(why[0], source=path, remedy=why[1])
     known = "; ".join(SOURCES[name].summary for name in SOURCES)
     raise LogError("is of no format that is known", source=path, remedy=f"give one of: {known}")
 

@@ -17,6 +17,10 @@ _OTHER_UNITS = frozenset(
 _SEPARATORS = (",", ";", "\t", "|", " ")
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf(inity)?)$", re.IGNORECASE)
 
+# Numbers or words within brackets, as data frames write arrays.
+_ARRAY = re.compile(r"\s*(?:[\w.]*(?:array|tensor)\()?[\[(].*[\d'\"][^\w]*$", re.DOTALL)
+_QUOTED_ARRAY = re.compile(r'"\s*[\w.]*\(?[\[(]')
+
 
 @dataclass(frozen=True)
 class Habits:
@@ -29,6 +33,7 @@ class Habits:
         names: of the columns; made up (``column1`` …) where there are none.
         units: by column, as a line of units states them; empty where there is none.
         named: whether the file names its columns.
+        folded: whether values in quotation marks go on in the next line.
     """
 
     separator: str
@@ -37,23 +42,41 @@ class Habits:
     names: tuple[str, ...]
     units: tuple[str, ...]
     named: bool
+    folded: bool = False
 
 
 def table_habits(lines: list[str]) -> Habits | None:
     """Habits of a table by its first lines; None where no line holds numbers alone."""
+    arrays = any(_QUOTED_ARRAY.search(line) for line in lines)
+    folded = len(lines)
+    lines = _whole_lines(lines) if arrays else lines
+    folded -= len(lines)
     for separator, decimal in _candidates(lines):
         split = [split_line(line, separator) for line in lines]
         first = _first_row(split, decimal)
         if first is None:
             continue
-        width = len(split[first])
+        width = _width(split, first)
         if width < 2:
             continue
         names, units = _names_and_units(lines, split, first, width, separator)
         named = bool(names)
         names = names or [f"column{k + 1}" for k in range(width)]
-        return Habits(separator, decimal, first, tuple(_unique(names)), tuple(units), named)
+        return Habits(separator, decimal, first, tuple(_unique(names)), tuple(units), named, folded > 0)
     return None
+
+
+def _whole_lines(lines: list[str]) -> list[str]:
+    """Lines of a table, those together that a quotation goes on in: long arrays are printed in several."""
+    found: list[str] = []
+    opened = False
+    for line in lines:
+        if opened:
+            found[-1] += f" {line}"
+        else:
+            found.append(line)
+        opened ^= line.count('"') % 2 == 1
+    return found[:-1] if opened else found
 
 
 def _candidates(lines: list[str]) -> list[tuple[str, str]]:
@@ -72,16 +95,21 @@ def split_line(line: str, separator: str) -> list[str]:
     """Cells of a line without the blanks around them; a comment's mark at its beginning is left out."""
     if separator == " ":
         return line.split()
-    cells = [cell.strip().strip('"') for cell in next(csv.reader([line], delimiter=separator), [])]
-    # Many writers end each line by a separator.
-    return cells[:-1] if cells and cells[-1] == "" and len(cells) > 1 else cells
+    return [cell.strip().strip('"') for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def of_width(cells: list[str], width: int) -> list[str]:
+    """Cells without the empty one that a separator at the line's end leaves."""
+    return cells[:-1] if len(cells) == width + 1 and cells[-1] == "" else cells
 
 
 def _is_row(cells: list[str], decimal: str) -> bool:
     numbers = [
         cell
         for cell in cells
-        if (_NUMBER.match(cell) and ("," not in cell or decimal == ",")) or is_stamp(cell)
+        if (_NUMBER.match(cell) and ("," not in cell or decimal == ","))
+        or is_stamp(cell)
+        or _ARRAY.match(cell)
     ]
     return len(numbers) >= 2 and len(numbers) >= 0.5 * len([cell for cell in cells if cell])
 
@@ -95,6 +123,15 @@ def _first_row(split: list[list[str]], decimal: str) -> int | None:
     return next((k for k in rows if len(split[k]) == width), None)
 
 
+def _width(split: list[list[str]], first: int) -> int:
+    """Columns of a table: many writers end each line by a separator, and a column may be empty to begin with."""
+    width = len(split[first])
+    if any(cells[-1] != "" for cells in split[first:] if len(cells) == width):
+        return width
+    named = any(len(cells) == width and cells[-1] != "" for cells in split[:first])
+    return width if named else width - 1
+
+
 def _names_and_units(
     lines: list[str], split: list[list[str]], first: int, width: int, separator: str
 ) -> tuple[list[str], list[str]]:
@@ -102,7 +139,7 @@ def _names_and_units(
     units: list[str] = []
     for k in range(first - 1, -1, -1):
         text = re.sub(r"^\s*(#+|%+|//+|!+)", "", lines[k]).strip()
-        cells = split_line(text, separator)
+        cells = of_width(split_line(text, separator), width)
         if len(cells) != width and separator == " ":
             cells = split_line(text, "\t") if "\t" in text else split_line(text, ",")
         if len(cells) != width or not any(re.search(r"[A-Za-zµ]", cell) for cell in cells):
@@ -110,9 +147,21 @@ def _names_and_units(
         if not names and not units and k > 0 and all(_is_unit(cell) for cell in cells):
             units = [cell.strip("[]()") for cell in cells]
             continue
-        names = cells
+        names = cells if len(set(cells)) == len(cells) else _with_headings(cells, lines[:k], separator)
         break
     return ([], []) if not names and not units else (names or units, units if names else [])
+
+
+def _with_headings(names: list[str], above: list[str], separator: str) -> list[str]:
+    """Names that stand more than once, behind the headings in the line above: each holds until the next one."""
+    headings = of_width(split_line(above[-1], separator), len(names)) if above else []
+    if len(headings) != len(names) or not any(re.search(r"[A-Za-zµ]", cell) for cell in headings):
+        return names
+    found, last = [], ""
+    for heading, name in zip(headings, names, strict=True):
+        last = heading or last
+        found.append(f"{last}/{name}" if last and name else last or name)
+    return found
 
 
 def _is_unit(cell: str) -> bool:

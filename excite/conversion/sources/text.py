@@ -17,7 +17,7 @@ from excite.conversion.parts import NAMELESS
 from excite.conversion.recording import Column, Recording, Stream, nothing_there
 from excite.conversion.sources.source import MAX_SOURCE_BYTES, Source, damaged
 from excite.conversion.sources.stamps import seconds
-from excite.conversion.sources.table_habits import COMMENTS, Habits, split_line, table_habits
+from excite.conversion.sources.table_habits import COMMENTS, Habits, of_width, split_line, table_habits
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
 
@@ -61,16 +61,22 @@ class TextSource(Source):
         numbers = [
             Column(name, values, unit=unit)
             for name, unit, values in zip(habits.names, units, columns, strict=True)
-            if values is not None
+            if values.dtype.kind == "f"
         ]
+        words = {
+            name: values
+            for name, values in zip(habits.names, columns, strict=True)
+            if values.dtype.kind == "O" and any(values)
+        }
         if not habits.named:
             numbers = _upright(numbers)
-        if not numbers:
+        if not numbers and not words:
             raise nothing_there(path)
+        table = Stream(path.stem, tuple(numbers), words=words, nameless=not habits.named)
         notes = [] if habits.named else [NAMELESS]
         if habits.decimal == ",":
             notes.append("decimal commas")
-        return (Recording(str(path), path.stem, (Stream(path.stem, tuple(numbers)),), notes=tuple(notes)),)
+        return (Recording(str(path), path.stem, (table,), notes=tuple(notes)),)
 
 
 def _upright(columns: list[Column]) -> list[Column]:
@@ -98,7 +104,7 @@ def _encoding(path: Path) -> str:
 
 
 def _columns(path: Path, habits: Habits, encoding: str) -> list[Any]:
-    """Numbers of each column, None where a column holds none."""
+    """Numbers of each column, words where a column holds none."""
     if habits.separator == " " or encoding == "utf-16":
         return _columns_of_blanks(path, habits, encoding)
     width = len(habits.names)
@@ -126,6 +132,7 @@ def _columns(path: Path, habits: Habits, encoding: str) -> list[Any]:
                 pa.csv.ParseOptions(
                     delimiter=habits.separator,
                     invalid_row_handler=lambda row: "skip",
+                    newlines_in_values=habits.folded,
                     ignore_empty_lines=True,
                 ),
                 options,
@@ -142,7 +149,7 @@ def _columns_of_blanks(path: Path, habits: Habits, encoding: str) -> list[Any]:
         for number, line in enumerate(stream):
             if number < habits.skip or line.lstrip().startswith(COMMENTS):
                 continue
-            cells = split_line(line.rstrip("\r\n"), habits.separator)
+            cells = of_width(split_line(line.rstrip("\r\n"), habits.separator), width)
             if len(cells) == width:
                 rows.append(";".join(cells))
     text = "\n".join(rows).encode()
@@ -162,7 +169,7 @@ def _columns_of_blanks(path: Path, habits: Habits, encoding: str) -> list[Any]:
 
 
 def _numbers(values: Any) -> Any:
-    """A column as floats; dates as seconds; words of comments within the table are no numbers; None where none is."""
+    """A column as floats; dates as seconds; words of comments within the table are no numbers; words where most are."""
     if values.dtype.kind in "fiu":
         return values.astype(float)
     if values.dtype.kind == "M":
@@ -173,7 +180,7 @@ def _numbers(values: Any) -> Any:
     if stamps is not None:
         return stamps
     parsed = np.array([_float(value) for value in values])
-    return parsed if np.isfinite(parsed).mean() > 0.5 else None
+    return parsed if np.isfinite(parsed).mean() > 0.5 else np.asarray(values, dtype=object)
 
 
 def _float(value: object) -> float:

@@ -1,0 +1,86 @@
+"""Arrays by name as streams: those of one length together, with the names of joints that lists beside them hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.conversion.recording import Column, Stream
+from excite.conversion.shapes.labels import with_labels, word_lists
+
+# Texts of a row each are as many as a recording has rows, which are more than a robot has joints.
+_MOST_LABELS = 100
+
+
+def stream_of_arrays(name: str, arrays: Mapping[str, Any], time: Array | None = None) -> list[Stream]:
+    """Arrays as streams: those of one length together, ``(n, k)`` taken apart into ``NAME[0] … NAME[k-1]``.
+
+    Lists of ``k`` words name the columns of arrays that are ``k`` wide, a word for every row is a text of that row.
+    Arrays of three axes or more are left out, but for those of one row a sample.
+    """
+    lengths: dict[int, list[Column]] = {}
+    words: dict[int, dict[str, NDArray[np.object_]]] = {}
+    for key, values in arrays.items():
+        array = np.squeeze(np.asarray(values))
+        if array.dtype.kind in "SUO" and array.ndim == 1 and len(array) > _MOST_LABELS:
+            texts = np.char.decode(array, "utf-8", "replace") if array.dtype.kind == "S" else array
+            words.setdefault(len(array), {})[key] = texts.astype(object)
+        if array.dtype.kind == "b":
+            array = array.astype(float)
+        if array.dtype.kind not in "fiu" or array.ndim not in (1, 2) or not array.size:
+            continue
+        if array.ndim == 2 and array.shape[0] < array.shape[1]:
+            array = array.T
+        columns = (
+            [(key, array)]
+            if array.ndim == 1
+            else [(f"{key}[{k}]", array[:, k]) for k in range(array.shape[1])]
+        )
+        found = lengths.setdefault(len(array), [])
+        found += [Column(label, np.asarray(column, dtype=float)) for label, column in columns]
+    names = word_lists(arrays)
+    return [
+        with_labels(
+            Stream(
+                name,
+                tuple(columns),
+                time if time is not None and len(time) == n else None,
+                words=words.get(n, {}),
+            ),
+            names,
+        )
+        for n, columns in lengths.items()
+    ]
+
+
+def batched(arrays: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Arrays of each trial, where arrays of three axes hold trials, samples and joints; empty where there are none."""
+    stacked = {key: np.asarray(values) for key, values in arrays.items() if np.ndim(values) == 3}
+    stacked = {
+        key: values for key, values in stacked.items() if values.dtype.kind == "f" and 1 not in values.shape
+    }
+    shapes = {values.shape[:2] for values in stacked.values()}
+    if len(shapes) != 1:
+        return {}
+    ((count, rows),) = shapes
+    # Images have their rows and columns behind the samples, of which there are more than of trials.
+    if count > rows or any(len(values) == rows for key, values in arrays.items() if np.ndim(values) == 2):
+        return {}
+    return {
+        f"trial_{k}": {
+            key: np.asarray(values)[k] if np.shape(values)[:2] == (count, rows) else values
+            for key, values in arrays.items()
+        }
+        for k in range(count)
+    }
+
+
+def longest(streams: Iterable[Stream]) -> tuple[Stream, ...]:
+    """Streams that may be signals: not those with a hundredth of the longest one's rows, which are constants."""
+    kept = list(streams)
+    most = max((stream.n_rows for stream in kept), default=0)
+    return tuple(stream for stream in kept if stream.n_rows >= max(3, most // 100))

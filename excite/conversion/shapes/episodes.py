@@ -1,0 +1,72 @@
+"""Several trials in one table, told apart by a column."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.conversion.recording import Column, Recording, Stream
+
+_WORDS = frozenset(
+    "episode episodes ep trial trials run runs demo rollout traj trajectory experiment exp test recording "
+    "take session sequence motion segment repetition rep versuch essai".split()
+)
+_BESIDE = frozenset("index idx id nr no num number name label".split())
+# A trial has more rows than this, or the column counts something else.
+_FEWEST = 20
+
+
+def by_episode(recording: Recording) -> list[Recording]:
+    """A recording for each stretch of rows with one value of a column such as ``episode`` or ``trial_id``."""
+    if len(recording.streams) != 1:
+        return [recording]
+    (stream,) = recording.streams
+    for name, cells in _keys(stream).items():
+        starts = np.flatnonzero(cells[1:] != cells[:-1]) + 1
+        ends = [*starts.tolist(), len(cells)]
+        lengths = np.diff([0, *ends])
+        if not len(starts) or np.median(lengths) < _FEWEST:
+            continue
+        note = f"{name} tells {len(ends)} trials apart"
+        found = []
+        for start, end in zip([0, *starts.tolist()], ends, strict=True):
+            if end - start < _FEWEST:
+                continue
+            part = _rows(stream, slice(start, end), name)
+            label = f"{recording.name}_{_label(name, cells[start])}"
+            found.append(replace(recording, name=label, streams=(part,), notes=(*recording.notes, note)))
+        return found
+    return [recording]
+
+
+def _keys(stream: Stream) -> dict[str, NDArray[np.object_]]:
+    numbers = {c.name: np.asarray(c.values, object) for c in stream.columns if _is_key(c.name) and _counts(c)}
+    return numbers | {name: cells for name, cells in stream.words.items() if _is_key(name)}
+
+
+def _is_key(name: str) -> bool:
+    words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+    return bool(set(words) & _WORDS) and set(words) <= _WORDS | _BESIDE
+
+
+def _counts(column: Column) -> bool:
+    return bool(np.isfinite(column.values).all() and (column.values == np.round(column.values)).all())
+
+
+def _label(name: str, value: object) -> str:
+    if isinstance(value, str):
+        return re.sub(r"[^A-Za-z0-9_.+-]+", "_", value)
+    words: Sequence[str] = [w for w in re.findall(r"[a-z]+", name.lower()) if w not in _BESIDE]
+    return f"{'_'.join(words)}{float(str(value)):g}"
+
+
+def _rows(stream: Stream, rows: slice, without: str) -> Stream:
+    columns = tuple(replace(c, values=c.values[rows]) for c in stream.columns if c.name != without)
+    words = {name: cells[rows] for name, cells in stream.words.items() if name != without}
+    return replace(
+        stream, columns=columns, words=words, time=None if stream.time is None else stream.time[rows]
+    )

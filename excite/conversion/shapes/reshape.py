@@ -1,0 +1,30 @@
+"""All shapes of tables brought to one: a row a sample, a column a channel, a recording a trial."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from excite.conversion.recording import Recording, nothing_there
+from excite.conversion.shapes.cells import unpacked
+from excite.conversion.shapes.episodes import by_episode
+from excite.conversion.shapes.labels import labelled
+from excite.conversion.shapes.long import widened
+from excite.conversion.shapes.split_stamps import with_whole_stamps
+
+
+def reshaped(recording: Recording) -> list[Recording]:
+    """The recording with arrays in cells unpacked, one column a joint, its stamps whole; one for each trial in it.
+
+    Raises:
+        LogError: it holds words only.
+    """
+    notes = list(recording.notes)
+    streams = []
+    for stream in recording.streams:
+        for step in (unpacked, widened, labelled, with_whole_stamps):
+            stream, note = step(stream)
+            notes += [note] if note else []
+        streams.append(stream)
+    if not any(stream.columns for stream in streams):
+        raise nothing_there(recording.source)
+    return by_episode(replace(recording, streams=tuple(streams), notes=tuple(dict.fromkeys(notes))))
