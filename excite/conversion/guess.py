@@ -26,6 +26,7 @@ from excite.conversion.questions import (
     ask_for_surplus,
     ask_for_torques,
     column_names,
+    note_joints_without_position,
     note_order_of_legs,
 )
 from excite.conversion.recording import Recording, Stream, stated_rate
@@ -77,6 +78,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     ask_for_base(found, recording, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)
+    note_joints_without_position(found, joints)
     used = {item.source for item in found.mapped} | set(clocks)
     found.unused = [name for name in column_names(recording) if name not in used]
     return found

@@ -92,3 +92,12 @@ def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) ->
         f"no columns of joint positions were found for {machine.n} joints of {machine.name} among {there}",
         'columns: {q: "NAME{n}"}',
     )
+
+
+def note_joints_without_position(found: Guesses, joints: Sequence[str]) -> None:
+    """Say which joints of the robot the recording knows no position of, where it knows others'."""
+    known = {item.target.partition(".")[2] for item in found.of("q")}
+    absent = [joint for joint in joints if joint not in known]
+    if known and absent:
+        why = "no column holds their positions: they are taken to stand still at zero"
+        found.facts.append(("joints held still", ", ".join(absent), why))

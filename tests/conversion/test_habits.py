@@ -491,3 +491,13 @@ def test_a_field_of_the_log_in_the_map_is_told_its_place(tmp_path):
     (tmp_path / "map.yaml").write_text("rate_hz: 100\n")
     with pytest.raises(LogError, match=r"rate_hz \(belongs under log: \{rate_hz: …\}\)"):
         read_map(tmp_path / "map.yaml")
+
+
+def test_a_joint_without_a_column_is_said_to_stand_still(data, arm, tmp_path):
+    columns = {
+        k: v for k, v in columns_of(data, q="q_{joint}", tau="tau_{joint}").items() if JOINTS[-1] not in k
+    }
+    file = table(tmp_path / "log.csv", columns)
+    conversion = excite.convert([file], robot=arm, out=tmp_path / "log", mapping=WHOLE)
+    said = {row.what: row for row in conversion.log.header.guessed}
+    assert JOINTS[-1] in str(said["joints held still"])

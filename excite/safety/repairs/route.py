@@ -49,7 +49,7 @@ def route(robot: Robot, start: Array, end: Array, rng: np.random.Generator) -> l
     return None if found is None else _shortened(robot, probe, found, rng)
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Tree:
     """Postures that can be reached from the first one, and whence each."""
 
