@@ -80,6 +80,7 @@ def measure(kills: int, seed: int) -> _Tally:
         expected = _digests(root / "whole")
         for number in range(kills):
             _one(root, f"kill_{number:03d}", float(rng.uniform(0.0, seconds)), expected, tally)
+            print(f"{number + 1} killed of {kills}: {tally}", file=sys.stderr, flush=True)
     return tally
 
 
