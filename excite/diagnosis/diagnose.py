@@ -81,7 +81,7 @@ def _diagnosed(
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":
         if loaded.header.torque == "none":
-            return diagnose_commands(robot, loaded, rng, folder)
+            return diagnose_commands(robot, loaded, rng, folder, budget=budget)
         verb = diagnose_currents if loaded.header.torque == "current" else diagnose_arm
         return verb(robot, loaded, rng, folder, budget=budget)
     if loaded.header.sensors:

@@ -81,7 +81,7 @@ def judged_record(record: TorqueRecord) -> Judged:
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
     found = _one_by_one(record, _Ready(samples, baseline, spectral, noise))
-    return _with_budget(record, found, least) if record.budget and measured else found
+    return _with_budget(record, found, least) if record.budget else found
 
 
 def _with_budget(record: TorqueRecord, found: Judged, least: Array) -> Judged:
