@@ -6,19 +6,24 @@ export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 JOBS ?= 2
 
-.PHONY: demo test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean
+.PHONY: demo manual test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean
 
 # The environment is rebuilt whenever the pins or the project file change.
 $(VENV)/.ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c "import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))" \
 	  || (echo "excite needs Python 3.11, 3.12 or 3.13; say which with make PYTHON=python3.12 …" >&2; exit 1)
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[test,lint]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[test,lint,docs]"
 	@touch $@
 
 demo: $(VENV)/.ready
 	@rm -rf out/demo
 	$(BIN)/excite demo --out out/demo --jobs $(JOBS)
+
+# Any warning is an error: a link that leads nowhere, a page that no other page names.
+manual: $(VENV)/.ready
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d out/manual/.doctrees docs out/manual
+	@echo "out/manual/index.html"
 
 test: $(VENV)/.ready
 	$(BIN)/python -m pytest -n $(JOBS)

@@ -46,6 +46,9 @@ def capture(robot: Robot, plan: str | Path, out: str | Path | None = None) -> Sh
         plan: folder of a plan, with ``plan.json`` and ``motions/``.
         out: the file; ``capture.md`` in the plan's folder if None.
 
+    Returns:
+        The sheet, and what is in it for programs.
+
     Raises:
         InputError: the plan is of another robot, or a motion of it is missing.
     """

@@ -61,6 +61,9 @@ def check(
         jobs: number of processes, or an executor; the verdicts do not depend on it.
         progress: told after each motion.
 
+    Returns:
+        A verdict for each motion, with margins and first violations.
+
     Raises:
         InputError: no motions.
     """

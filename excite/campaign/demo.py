@@ -61,6 +61,9 @@ def demo(folder: Path, *, seed: int = 0, jobs: Jobs = 1, progress: Progress = si
         jobs: number of processes, or an executor; the result does not depend on it.
         progress: told as work proceeds.
 
+    Returns:
+        The campaign, the verdicts on its motions, and the page.
+
     Raises:
         InputError: the folder holds a campaign already.
     """

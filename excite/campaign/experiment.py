@@ -162,6 +162,9 @@ def simulate(
         jobs: number of processes, or an executor; the log does not depend on it.
         progress: told after each motion.
 
+    Returns:
+        The log of the virtual robot, and what is true of it.
+
     Raises:
         InputError: no motions, an effect is malformed; UnknownNameError: an effect or its place is unknown.
         MotionError: a motion is not for this robot.

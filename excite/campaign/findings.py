@@ -52,6 +52,9 @@ def save_findings(
         log: the log.
         folder: folder to write to.
         settings: of the problem; defaults if None.
+
+    Returns:
+        The file.
     """
     data = ReportData(
         forces=force_comparison(robot, identification, log, settings),
@@ -79,11 +82,13 @@ def force_comparison(
     fine = replace(settings, rate_hz=log.header.rate_hz)
     problem = build_problem(robot, alone, fine, role="validation")
     time = np.unique(problem.time)
+    # A joint that stands throughout the trial, or whose torque was not believed, has no rows in it.
+    there = [channel for channel in range(len(problem.channel_names)) if (problem.channel == channel).any()]
 
     def curves(values: Array) -> Array:
-        """One column a channel; a channel's rows can leave out instants that others have."""
+        """One column a channel that has rows; these can leave out instants that others have."""
         columns = []
-        for channel in range(len(problem.channel_names)):
+        for channel in there:
             rows = problem.channel == channel
             order = np.argsort(problem.time[rows], kind="stable")
             columns.append(np.interp(time, problem.time[rows][order], values[rows][order]))
@@ -91,8 +96,8 @@ def force_comparison(
 
     return ForceComparison(
         trial=problem.trial_names[0],
-        channels=problem.channel_names,
-        units=problem.channel_units,
+        channels=tuple(problem.channel_names[channel] for channel in there),
+        units=tuple(problem.channel_units[channel] for channel in there),
         time=time,
         measured=curves(problem.y),
         nominal=curves(problem.Y @ problem.prior),

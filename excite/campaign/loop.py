@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.campaign.expected.forecast import Forecast
 from excite.campaign.experiment import simulate
 from excite.campaign.findings import (
     conditioning_comparison,
@@ -32,6 +33,7 @@ from excite.json_document import write_json
 from excite.logs.header_blocks import Role
 from excite.logs.joined import join_logs
 from excite.logs.log import Log
+from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.data import ReportData, save_report_data
@@ -113,23 +115,29 @@ class _State:
 
     def __post_init__(self) -> None:
         self.factors: list[MotionFactor] = []
+        self.motions: list[Motion] = []
         self.logs: list[Log] = []
         self.documents: list[dict[str, Any]] = []
         self.iterations: list[Iteration] = []
         self.identification: Identification | None = None
         self.conditioning: Conditioning | None = None
+        self.expected: Forecast | None = None
 
     def plan(self, number: int, targets: Sequence[str]) -> PlannedMotions:
         """The motions of an iteration, planned now or before."""
-        before = self.journal.planned(number, self.robot)
-        if before is not None:
-            return before
+        planned = self.journal.planned(number, self.robot) or self._plan_anew(number, targets)
+        self.expected = Forecast.from_json(planned.document.get("forecast"))
+        return planned
+
+    def _plan_anew(self, number: int, targets: Sequence[str]) -> PlannedMotions:
         count = self.settings.n_candidates if number == 1 else max(1, self.settings.n_candidates // 4)
         made = plan(
             self.robot,
             n_candidates=count,
             targets=targets,
             seed=np.random.SeedSequence(self.settings.seed, spawn_key=(_PLAN_STREAM, number)),
+            target_rsd=self.settings.target_rsd,
+            before=self.motions,
             prefix=prefix(number),
             jobs=self.jobs,
             progress=self.progress,
@@ -162,6 +170,7 @@ class _State:
     def identify(self, planned: PlannedMotions, log: Log) -> tuple[Miss, ...]:
         """Identify from all logs so far; returns what misses the target."""
         self.factors += [motion_factor(self.robot, motion) for motion in planned.chosen]
+        self.motions += planned.chosen
         self.logs.append(log)
         self.documents.append(planned.document)
         self.conditioning = conditioning(self.robot, self.factors)
@@ -176,6 +185,7 @@ class _State:
                 seconds=float(sum(trial.time[-1] - trial.time[0] for trial in trials)),
                 rsd_percent={item.name: item.rsd_percent for item in essential},
                 missed=missed,
+                forecast=self.expected,
             )
         )
         self.progress("identify", len(self.iterations), self.settings.max_iterations)
@@ -190,6 +200,7 @@ class _State:
             identification=self.identification,
             conditioning=self.conditioning,
             awaits=awaits,
+            expected=self.expected,
         )
         folder = self.journal.folder
         if self.identification is not None and self.conditioning is not None:

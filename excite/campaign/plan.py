@@ -13,11 +13,13 @@ from excite.campaign.candidates.search import Asked
 from excite.campaign.candidates.series import SeriesSettings
 from excite.campaign.candidates.source import candidates_of, check_generator
 from excite.campaign.choice import Rule, choose
+from excite.campaign.expected.forecast import TARGET_RSD, check_target
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool, ranked_segments
 from excite.errors import InputError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
+from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
@@ -44,6 +46,8 @@ def plan(
     series: SeriesSettings | None = None,
     selection: str = BEST_THREE,
     budget_s: float | None = None,
+    target_rsd: float = TARGET_RSD,
+    before: Sequence[Motion] = (),
     seed: int | np.random.SeedSequence = 0,
     prefix: str = "",
     jobs: Jobs = 1,
@@ -67,6 +71,8 @@ def plan(
             all ``segments`` together low condition numbers.
         budget_s: duration that the chosen motions stay within together [s], except for ``best_three``; as long as
             the best three take, if None.
+        target_rsd: relative standard deviation that the plan says how much motion it would take to reach [percent].
+        before: motions that were run already; what is to be expected counts them too.
         seed: of all random numbers.
         prefix: put before the name of every motion.
         jobs: number of processes, or an executor; the plan does not depend on it.
@@ -82,6 +88,7 @@ def plan(
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
     check_count(n_candidates, "n_candidates", 1, MAX_CANDIDATES)
+    check_target(target_rsd)
     _check_settings(generator, series, selection, budget_s)
     root = check_seed(seed)
     started = time.perf_counter()
@@ -124,6 +131,8 @@ def plan(
             "choose": finished - ranked,
         },
         load=choice.load,
+        target_rsd=target_rsd,
+        before=tuple(before),
     )
 
 

@@ -10,9 +10,10 @@ from typing import Any
 
 from excite.atomic import all_or_nothing
 from excite.campaign.candidates.refusal import Refusals
+from excite.campaign.expected.forecast import TARGET_RSD, Forecast
+from excite.campaign.expected.outlook import Outlook, outlook, predictable
 from excite.campaign.findings import conditioning_comparison, robot_file
 from excite.campaign.on_disk import OnDisk
-from excite.campaign.outlook import Outlook, outlook, predictable
 from excite.campaign.pool import Pool
 from excite.campaign.rehearsal import UNKNOWN_LOAD
 from excite.excitation.conditioning import Conditioning, MotionFactor
@@ -42,6 +43,8 @@ class Plan:
         unchosen: conditioning of as many seconds of accepted motions taken as they come, for comparison.
         stages: seconds by stage.
         load: that the robot carried on its back in the rehearsal, of its mass; None of a robot that cannot fall.
+        target_rsd: that is asked for of the essential parameters [percent].
+        before: motions that were run already, which what is to be expected counts too.
     """
 
     robot: Robot
@@ -55,6 +58,8 @@ class Plan:
     unchosen: Conditioning
     stages: Mapping[str, float]
     load: float | None = None
+    target_rsd: float = TARGET_RSD
+    before: tuple[Motion, ...] = ()
 
     @property
     def accepted(self) -> OnDisk[Motion]:
@@ -78,8 +83,16 @@ class Plan:
 
     @cached_property
     def outlook(self) -> Outlook | None:
-        """What the chosen motions promise for each base parameter; None where the sensors' noise is not stated."""
-        return outlook(self.robot, self.motions) if predictable(self.robot) else None
+        """What all motions promise for each base parameter; None where the sensors' noise is not stated."""
+        return outlook(self.robot, (*self.before, *self.motions)) if predictable(self.robot) else None
+
+    @property
+    def forecast(self) -> Forecast | None:
+        """What that makes of the target; None without an outlook."""
+        if self.outlook is None:
+            return None
+        seconds = self.duration_s + sum(motion.duration for motion in self.before)
+        return Forecast.of(self.outlook.essential_rsd, self.target_rsd, seconds)
 
     @property
     def duration_s(self) -> float:
@@ -111,6 +124,7 @@ class Plan:
             "base_parameters": []
             if self.outlook is None
             else [parameter.to_json() for parameter in self.outlook.parameters],
+            "forecast": None if self.forecast is None else self.forecast.to_json(),
             "assumed": [one.model_dump() for one in self.robot.description.assumed],
             "stages": [{"stage": stage, "seconds": seconds} for stage, seconds in self.stages.items()],
         }
@@ -136,6 +150,8 @@ class Plan:
             lines.append(self.refusals.summary())
         if self.outlook is not None:
             lines.append(self.outlook.summary())
+        if self.forecast is not None and self.forecast.needed_s:
+            lines.append(self.forecast.summary())
         if self.selection.unserved:
             lines.append("excited by no single motion: " + ", ".join(self.selection.unserved))
         lines += [f"assumed: {one}" for one in self.robot.description.assumed]

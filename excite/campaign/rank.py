@@ -75,6 +75,9 @@ def rank(robot: Robot, motions: Sequence[Motion], *, progress: Progress = silent
         motions: what to rank.
         progress: told after each motion.
 
+    Returns:
+        The motions from the best to the worst, and all of them together.
+
     Raises:
         InputError: no motions.
         MotionError: a motion is not for this robot.

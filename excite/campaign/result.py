@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from excite.campaign.expected.forecast import Forecast
 from excite.campaign.targets import Miss
 from excite.excitation.conditioning import Conditioning
 from excite.identification.result import Identification
@@ -22,12 +23,14 @@ class Iteration:
         seconds: motion that identification had after it, all iterations together [s].
         rsd_percent: by essential base parameter.
         missed: parameters that missed the target after it.
+        forecast: what its plan said of the target beforehand; None where the sensors' noise is not stated.
     """
 
     n_motions: int
     seconds: float
     rsd_percent: dict[str, float]
     missed: tuple[Miss, ...]
+    forecast: Forecast | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The iteration's entry in ``excite.campaign/1``."""
@@ -36,6 +39,7 @@ class Iteration:
             "seconds": self.seconds,
             "rsd_percent": self.rsd_percent,
             "not_met": [miss.parameter for miss in self.missed],
+            "forecast": None if self.forecast is None else self.forecast.to_json(),
             "reasons": {miss.parameter: miss.reason.value for miss in self.missed},
         }
 
@@ -51,6 +55,7 @@ class Campaign:
         identification: from all logs so far; None before the first log.
         conditioning: of all chosen motions together.
         awaits: folder that a log has to be put into before ``--resume``; None when finished.
+        expected: what the last plan said of the target; None where the sensors' noise is not stated.
     """
 
     robot: str
@@ -59,6 +64,7 @@ class Campaign:
     identification: Identification | None
     conditioning: Conditioning | None
     awaits: Path | None = None
+    expected: Forecast | None = None
 
     @property
     def missed(self) -> tuple[Miss, ...]:
@@ -86,6 +92,8 @@ class Campaign:
         """A few lines for a person."""
         lines = []
         for number, item in enumerate(self.iterations, start=1):
+            if item.forecast is not None:
+                lines.append(f"plan {number}, {item.forecast.summary()}")
             below = sum(rsd <= self.target_rsd for rsd in item.rsd_percent.values())
             lines.append(
                 f"iteration {number}: {item.n_motions} motions, {item.seconds:.0f} s in all, "
@@ -94,6 +102,8 @@ class Campaign:
         if self.identification is not None:
             lines += ["", self.identification.summary(), ""]
         if self.awaits is not None:
+            if self.expected is not None:
+                lines.append(f"plan {len(self.iterations) + 1}, {self.expected.summary()}")
             lines.append(f"record the motions and put the log into {self.awaits}, then go on with --resume")
         elif self.targets_met:
             lines.append("all targets met")

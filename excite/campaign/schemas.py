@@ -32,6 +32,12 @@ def schema_names() -> list[str]:
 def file_schema(name: str) -> dict[str, Any]:
     """The JSON schema of a file; ``results`` is that of any result.
 
+    Args:
+        name: ``log``, ``robot``, ``bounds``, ``map``, ``motion``, ``results``, or one result's name.
+
+    Returns:
+        The schema, ready for JSON.
+
     Raises:
         UnknownNameError: no such file.
     """

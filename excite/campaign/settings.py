@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from excite.campaign.expected.forecast import TARGET_RSD, check_target
 from excite.campaign.plan import MAX_CANDIDATES
 from excite.identification.estimators.registry import DEFAULT_METHOD, find_estimator
-from excite.reading.number import check_count, check_number, check_seed
+from excite.reading.number import check_count, check_seed
 
 # Each iteration is a day of recording.
 _MOST_ITERATIONS = 1000
-# Below a millionth of a per cent rounding decides; a thousandfold deviation is no target [percent].
-_TARGET_RSD = (1e-6, 1e5)
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class CampaignSettings:
     """
 
     n_candidates: int = 140
-    target_rsd: float = 15.0
+    target_rsd: float = TARGET_RSD
     max_iterations: int = 3
     method: str = DEFAULT_METHOD
     seed: int = 0
@@ -41,7 +40,7 @@ class CampaignSettings:
         check_count(self.max_iterations, "max_iterations", 1, _MOST_ITERATIONS)
         check_seed(self.seed)
         find_estimator(self.method)
-        check_number(self.target_rsd, "target_rsd", *_TARGET_RSD, "percent")
+        check_target(self.target_rsd)
 
     def to_json(self) -> dict[str, Any]:
         """All settings by name."""

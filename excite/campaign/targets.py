@@ -11,7 +11,7 @@ from excite.identification.parameter_statistics import BaseParameter
 from excite.robot.robot import Robot
 
 # A parameter that would need more than this many times the motion run so far is left to the noise.
-_PATIENCE = 10.0
+PATIENCE = 10.0
 
 
 class Reason(Enum):
@@ -67,7 +67,7 @@ def misses(
         if estimate.rsd_percent <= target_rsd:
             continue
         needed = (estimate.rsd_percent / target_rsd) ** 2
-        reason = Reason.NOISE if needed > _PATIENCE else Reason.MORE_MOTION
+        reason = Reason.NOISE if needed > PATIENCE else Reason.MORE_MOTION
         found.append(Miss(estimate.name, estimate.rsd_percent, reason, _joints(robot, estimate.name)))
     found += [Miss(item.label, None, Reason.NOT_EXCITED, _joints(robot, item.label)) for item in unexcited]
     return tuple(found)

@@ -13,8 +13,9 @@ from typing import Annotated, Any, Literal
 import typer
 
 from excite.claim import claimed
+from excite.cli.session.command_help import HelpfulCommand
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emit, progress_bars
+from excite.cli.session.output import command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.errors import ExciteError, InputError
 from excite.json_document import write_json
@@ -31,7 +32,7 @@ app = typer.Typer(
 )
 
 
-@app.command("make")
+@app.command("make", cls=HelpfulCommand)
 def make(
     out: OutOption = None,
     as_json: JsonOption = False,
@@ -73,10 +74,11 @@ def make(
         )
     document = {"schema": "excite.blind/1", "cases": cases, "folder": str(folder), "answers": str(answers)}
     count = f"{cases} case{'s' if cases > 1 else ''}"
-    emit(f"{count} in {folder}, answers in {answers}", document, as_json=as_json)
+    then = command_line("blind", "score", folder)
+    emit(f"{count} in {folder}, answers in {answers}", document, as_json=as_json, then=then)
 
 
-@app.command("score")
+@app.command("score", cls=HelpfulCommand)
 def score(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of cases that `make` wrote.")],
     out: OutOption = None,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import excite
 from excite.claim import claimed
-from excite.cli.session.methods_help import METHOD_HELP
+from excite.cli.session.command_help import METHOD_HELP
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -18,9 +18,12 @@ from excite.cli.session.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.session.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.identification.estimators.registry import DEFAULT_METHOD
+
+if TYPE_CHECKING:
+    from excite.campaign.result import Campaign
 
 NAME = "campaign"
 
@@ -73,6 +76,20 @@ def command(
             progress=progress,
         )
         excite.report(folder)
-    emit(f"{result.summary()}\nwritten to {folder}", result.to_json(), as_json=as_json)
+    emit(
+        f"{result.summary()}\nwritten to {folder}",
+        result.to_json(),
+        as_json=as_json,
+        then=_then(robot, folder, result, on_robot=on_robot),
+    )
     if not result.targets_met:
         raise typer.Exit(EXIT_NEGATIVE)
+
+
+def _then(robot: str, folder: Path, result: Campaign, *, on_robot: bool) -> str:
+    """What to go on with: the recording that is awaited, or what the last log says of the robot beside its model."""
+    if result.awaits is not None:
+        mode = ["--on-robot"] if on_robot else []
+        return command_line("campaign", robot, *mode, "--resume", "--out", folder)
+    last = folder / f"iteration_{len(result.iterations)}" / "log"
+    return command_line("diagnose", last, "--out", "diagnosis")

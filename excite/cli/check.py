@@ -8,7 +8,7 @@ import typer
 
 import excite
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.json_document import write_json
 
@@ -43,6 +43,7 @@ def command(
         result = excite.check(loaded, excite.load_motions(motions, loaded), jobs=crew, progress=progress)
     if out is not None:
         write_json(result.to_json(), out / "check.json")
-    emit(result.summary(), result.to_json(), as_json=as_json)
+    then = command_line("rank", robot, *motions) if result.safe else ""
+    emit(result.summary(), result.to_json(), as_json=as_json, then=then)
     if not result.safe:
         raise typer.Exit(EXIT_NEGATIVE)

@@ -7,7 +7,7 @@ from pathlib import Path
 import excite
 from excite.claim import claimed
 from excite.cli.session.options import ClusterOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emit, progress_bars
+from excite.cli.session.output import command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 
 NAME = "demo"
@@ -23,4 +23,9 @@ def command(
     """Plan, check, run and identify on a virtual Unitree G1 with 5 kg added; ends in a report."""
     with claimed(out or Path("demo")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
         result = excite.demo(folder, seed=seed, jobs=crew, progress=progress)
-    emit(result.summary(), result.to_json(), as_json=as_json)
+    emit(
+        result.summary(),
+        result.to_json(),
+        as_json=as_json,
+        then=command_line("plan", "ROBOT", "--out", "mine"),
+    )

@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import command_line, emit
 from excite.diagnosis.answer.result import Diagnosis
 from excite.json_document import write_json
 
@@ -54,7 +54,16 @@ def command(
         document |= {"applied": applied.to_json(out or Path.cwd())}
     if out is not None:
         summary += f"\nreport: {_save(result, document, out)}"
-    emit(summary, document, as_json=as_json)
+    emit(summary, document, as_json=as_json, then=_then(log, apply, document))
+
+
+def _then(log: Path, apply: Path | None, document: dict[str, Any]) -> str:
+    """What to go on with: the effects written into the robot, the gap that is left with them, or nothing."""
+    if apply is not None:
+        return command_line("diagnose", log, "--robot", apply / "robot.yaml", "--out", "second")
+    if document["verdict"] in {"effect", "ambiguous"}:
+        return command_line("diagnose", log, "--apply", "better", "--out", "first")
+    return ""
 
 
 def _checked(nominal: Robot | None, log: Path) -> Robot:

@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import command_line, emit
 from excite.json_document import write_json
 
 NAME = "doctor"
@@ -39,5 +39,7 @@ def command(
     if out is not None:
         write_json(document, out / "doctor.json")
     if chart.usable:
-        emit(chart.summary(repaired=repair), document, as_json=as_json)
+        bundled = chart.robot if chart.robot in excite.bundled_robots() else "ROBOT"
+        then = command_line("identify", robot or bundled, repair or log, "--out", "result")
+        emit(chart.summary(repaired=repair), document, as_json=as_json, then=then)
     chart.check_usable()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emitted
+from excite.cli.session.output import command_line, emitted
 
 NAME = "effects"
 
@@ -40,3 +40,4 @@ def command(
                 ):
                     if text:
                         console.print(Padding(Text(text), (0, 0, 0, 4), expand=False))
+    print(f"then: {command_line('diagnose', 'LOG', '--out', 'diagnosis')}")

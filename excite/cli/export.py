@@ -10,7 +10,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import command_line, emit
 from excite.export.registry import EXPORTERS
 from excite.json_document import write_json
 
@@ -35,7 +35,10 @@ def command(
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="Robot, where the motion file's metadata do not name a bundled one."),
+        typer.Option(
+            "--robot",
+            help="Robot (bundled, a robot.yaml or a model), where the motions do not name a bundled one.",
+        ),
     ] = None,
     unsafe_anyway: Annotated[
         str | None,
@@ -94,7 +97,15 @@ def command(
     }
     if out is not None:
         write_json(document, out / "export.json")
-    emit("\n".join(f"wrote {item.path}" for item in written), document, as_json=as_json)
+    emit(
+        "\n".join(f"wrote {item.path}" for item in written),
+        document,
+        as_json=as_json,
+        then="run them, record, and "
+        + command_line(
+            "convert", "RECORDING", "--robot", robot or written[0].cleared.motion.robot, "--out", "log"
+        ),
+    )
 
 
 def _settings(texts: list[str]) -> dict[str, str]:

@@ -11,7 +11,7 @@ import excite
 from excite.atomic import atomic_folder
 from excite.cli.human_figures import human_figures
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
-from excite.cli.session.output import emit, progress_bars
+from excite.cli.session.output import command_line, emit, progress_bars
 from excite.cli.session.segment_options import (
     AsymmetricOption,
     MassRangeOption,
@@ -117,7 +117,13 @@ def command(
         excite.write_person(person, folder)
         document, summary = _evaluated(person, folder, loaded, identify, estimator)
         write_json(document, folder / "human.json")
-    emit(f"{person.summary()}\nwrote {out}{summary}", document, as_json=as_json)
+    then = command_line("identify", out / "robot.yaml", out, "--out", "segments") if identify is None else ""
+    emit(
+        f"{person.summary()}\nwrote {out}{summary}",
+        document,
+        as_json=as_json,
+        then=then or command_line("report", out),
+    )
 
 
 def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Path) -> None:

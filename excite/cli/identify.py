@@ -10,10 +10,10 @@ import typer
 
 import excite
 from excite.atomic import all_or_nothing
+from excite.cli.session.command_help import METHOD_HELP
 from excite.cli.session.failure import of_error
-from excite.cli.session.methods_help import METHOD_HELP
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import command_line, emit
 from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
 from excite.identification.estimators.registry import DEFAULT_METHOD
@@ -97,7 +97,8 @@ def command(
     loaded = excite.robot_for_log(robot, logs[0])
     if bounds_template is not None:
         path = excite.write_bounds_template(loaded, bounds_template)
-        emit(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json)
+        then = command_line("identify", robot, *logs, "--method", "physical", "--bounds", path)
+        emit(f"wrote {path}", {"bounds_template": str(path)}, as_json=as_json, then=then)
         return
     _check_template(template, out)
     stated = None if bounds is None else excite.load_bounds(bounds, loaded)
@@ -134,8 +135,14 @@ def command(
             models = excite.write_models(loaded, result, out, drives=drives, force=force, template=template)
             document["models"] = models.to_json()
             summary = f"{summary}\n\n{models.summary()}"
+            document |= excite.stated_origin(robot, logs[0], out)
             write_json(document, out / "identification.json")
-    emit(summary, document, as_json=as_json)
+    then = (
+        command_line("diagnose", logs[0], "--out", "diagnosis")
+        if out is None
+        else command_line("report", out)
+    )
+    emit(summary, document, as_json=as_json, then=then)
 
 
 def _pooled(robot: excite.Robot, logs: list[excite.Log], settings: excite.ProblemSettings) -> Sessions:

@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import command_line, emit
 from excite.robot.scaffold.source import Source
 
 NAME = "init-robot"
@@ -69,5 +69,4 @@ def command(
         lines.append(f"wrote {written.urdf}")
     lines += [f"  note: {note}" for note in written.notes]
     lines += [f"  assumed: {one}" for one in written.assumed]
-    lines.append(f"then: excite plan {written.description}")
-    emit("\n".join(lines), document, as_json=as_json)
+    emit("\n".join(lines), document, as_json=as_json, then=command_line("plan", written.description))

@@ -28,6 +28,7 @@ from excite.cli import (  # noqa: E402
     identify,
     identify_load,
     init_robot,
+    model,
     plan,
     rank,
     report,
@@ -36,6 +37,7 @@ from excite.cli import (  # noqa: E402
     simulate,
 )
 from excite.cli.records import capture, convert, init_log  # noqa: E402
+from excite.cli.session.command_help import HelpfulCommand, MethodsCommand  # noqa: E402
 from excite.cli.session.failure import (  # noqa: E402
     EXIT_BAD_INPUT,
     EXIT_USAGE,
@@ -45,7 +47,6 @@ from excite.cli.session.failure import (  # noqa: E402
     of_usage,
 )
 from excite.cli.session.interruption import Interrupted, handle_signals, say_interrupted  # noqa: E402
-from excite.cli.session.methods_help import MethodsCommand  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
 
 # What typer raises for a command line that means nothing; it is click's, which typer may or may not bring along.
@@ -62,7 +63,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-# Commands whose help has more to say than their options.
+# Commands whose help names the methods too.
 _CLASSES = dict.fromkeys((identify, campaign, human), MethodsCommand)
 
 for _module in (
@@ -78,6 +79,7 @@ for _module in (
     convert,
     identify,
     identify_load,
+    model,
     doctor,
     diagnose,
     effects,
@@ -87,7 +89,7 @@ for _module in (
     schema,
     demo,
 ):
-    app.command(name=_module.NAME, cls=_CLASSES.get(_module))(_module.command)
+    app.command(name=_module.NAME, cls=_CLASSES.get(_module, HelpfulCommand))(_module.command)
 
 
 app.add_typer(blind.app, name=blind.NAME)

@@ -18,7 +18,7 @@ from excite.cli.session.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.session.output import emit, progress_bars
+from excite.cli.session.output import command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.motion.generators.registry import GENERATORS
 
@@ -48,8 +48,8 @@ def command(
         str,
         typer.Option(
             "--select",
-            help="Choose best_three per DoF or, within --budget, by log_det, by predicted rsd, or by the condition "
-            "numbers of all segments.",
+            help="How motions are chosen: best_three of every DoF or, within --budget, by log_det, by predicted rsd, "
+            "or segments, the condition numbers of all of them.",
         ),
     ] = "best_three",
     budget: Annotated[
@@ -58,6 +58,14 @@ def command(
             "--budget", help="Seconds that the choice stays within; as many as best_three takes, if left out."
         ),
     ] = None,
+    target_rsd: Annotated[
+        float,
+        typer.Option(
+            "--target-rsd",
+            min=0.0,
+            help="Relative standard deviation [percent] that the plan says how much motion it takes to reach.",
+        ),
+    ] = 15.0,
     criterion: Annotated[
         str | None,
         typer.Option(
@@ -83,13 +91,19 @@ def command(
             series=_series(criterion, period),
             selection=select,
             budget_s=budget,
+            target_rsd=target_rsd,
             seed=seed,
             jobs=crew,
             progress=progress,
         )
         plan.save(folder)
         excite.report(folder)
-    emit(f"{plan.summary()}\nwritten to {folder}", plan.to_json(), as_json=as_json)
+    emit(
+        f"{plan.summary()}\nwritten to {folder}",
+        plan.to_json(),
+        as_json=as_json,
+        then=command_line("capture", robot, folder),
+    )
 
 
 def _series(criterion: str | None, period: float | None) -> SeriesSettings | None:

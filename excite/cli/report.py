@@ -24,4 +24,4 @@ def command(
     """Write report.html from what a folder holds."""
     path = excite.report(folder, out=out)
     document = {"schema": "excite.report/1", "file": str(path.relative_to(out) if out else path)}
-    emit(f"wrote {path}", document, as_json=as_json)
+    emit(f"wrote {path}", document, as_json=as_json, then="open it in a browser")

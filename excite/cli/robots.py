@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, SeedOption
-from excite.cli.session.output import emitted
+from excite.cli.session.output import command_line, emitted
 
 NAME = "robots"
 
@@ -34,3 +34,4 @@ def command(
             ", ".join(summary.sensors),
         )
     Console(soft_wrap=True).print(table)
+    print(f"then: {command_line('plan', 'ROBOT', '--out', 'plan')}")

@@ -17,7 +17,9 @@ def command(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME", help="log, robot, bounds, map, motion, results, or one result's name."
+            metavar="NAME",
+            help="log, robot, bounds, map, motion; results, all of them, or one: blind, campaign, check, diagnosis, "
+            "doctor, export, human, identification, journal, plan, rank, signals, simulation, truth.",
         ),
     ],
     as_json: JsonOption = False,

@@ -18,8 +18,9 @@ from excite.cli.session.options import (
     RobotArgument,
     SeedOption,
 )
-from excite.cli.session.output import EXIT_NEGATIVE, emit, progress_bars
+from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
 from excite.cli.session.workers import workers
+from excite.logs.vocabulary import EFFECTS
 from excite.motion.roles import planned_roles
 
 NAME = "simulate"
@@ -31,7 +32,9 @@ def command(
     inject: Annotated[
         list[str] | None,
         typer.Option(
-            "--inject", metavar="EFFECT[:LOCATION[:VALUE]]", help="An effect that the nominal model lacks."
+            "--inject",
+            metavar="EFFECT[:LOCATION[:VALUE]]",
+            help=f"An effect that the nominal model lacks (may be repeated): {', '.join(EFFECTS)}.",
         ),
     ] = None,
     nominal: Annotated[
@@ -57,6 +60,13 @@ def command(
             progress=progress,
         )
         experiment.save(folder)
-    emit(f"{experiment.summary()}\nwritten to {folder}", experiment.to_json(), as_json=as_json)
+    identify = command_line("identify", robot, folder, "--out", "result")
+    then = command_line("diagnose", folder, "--out", "diagnosis") if inject else identify
+    emit(
+        f"{experiment.summary()}\nwritten to {folder}",
+        experiment.to_json(),
+        as_json=as_json,
+        then=then,
+    )
     if experiment.fell:
         raise typer.Exit(EXIT_NEGATIVE)

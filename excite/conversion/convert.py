@@ -100,6 +100,9 @@ def convert(
         capture: sheet of ``excite capture`` that the recordings were made by: roles and repeats are its, and what
             differs from it is noted.
 
+    Returns:
+        The log folder, and what was guessed to make it.
+
     Raises:
         UnclearError: something cannot be told; it carries all questions with the lines that would settle them.
         LogError: a source is of no known format, damaged, or does not fit the robot.

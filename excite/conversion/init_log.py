@@ -38,6 +38,9 @@ def write_header(folder: str | Path, *, overwrite: bool = False) -> WrittenHeade
         folder: holds trial files with columns such as ``time``, ``q.JOINT``, ``tau.JOINT``.
         overwrite: replace a ``log.yaml`` that is there.
 
+    Returns:
+        The file, and what a person has to fill in.
+
     Raises:
         LogError: no such folder, no trial files in it, none with such columns, or there is a ``log.yaml`` already.
     """

@@ -20,6 +20,7 @@ from excite.documents.document import (
     Texts,
 )
 from excite.documents.identification import Identification
+from excite.documents.plan import Forecast
 
 # A figure has a column for each; three are usual.
 _MOST_ITERATIONS = 100
@@ -34,6 +35,10 @@ class Iteration(Block):
         description="relative standard deviation by base parameter [percent]; null where it is infinite"
     )
     not_met: Texts = Field(description="parameters that missed the target")
+    forecast: Forecast | None = Field(
+        default=None,
+        description="what its plan said of the target; null where the sensors' noise is not stated",
+    )
     reasons: Annotated[dict[Text, Text], Field(max_length=MOST_ENTRIES)] = Field(
         default={}, description="why, by parameter"
     )

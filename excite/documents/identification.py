@@ -100,6 +100,10 @@ class ChangedSegment(Block):
     std_kg: MaybePositive = Field(description="its standard deviation [kg]")
     evidence: Maybe = Field(description="natural logarithm of how much likelier the change makes the data")
     tied_with: Names = Field(description="links that would explain the data as well")
+    centre_m: Vector3 | None = Field(
+        default=None, description="centre of mass of what came or went, in the joint's frame [m]"
+    )
+    centre_std_m: Vector3 | None = Field(default=None, description="its standard deviations [m]")
 
 
 class TotalMass(Block):
@@ -116,6 +120,13 @@ Fits = Annotated[dict[Name, ChannelFit], Field(max_length=MOST_CHANNELS)]
 BaseParameters = Annotated[list[BaseParameter], Field(max_length=MOST_ENTRIES)]
 
 
+class TorqueDelay(Block):
+    """How late torques were logged."""
+
+    value_s: Maybe = Field(description="delay against the positions [s]")
+    std_s: MaybePositive = Field(default=None, description="its standard deviation [s]")
+
+
 class Identification(Document):
     """Identified parameters, their quality, how well they predict."""
 
@@ -124,7 +135,11 @@ class Identification(Document):
     )
     robot: Name = Field(description="name of the robot")
     robot_file: FilePath | None = Field(
-        default=None, description="robot.yaml of a robot of one's own, relative to this document's folder"
+        default=None,
+        description="robot.yaml or model of a robot of one's own, relative to this document's folder",
+    )
+    log_file: FilePath | None = Field(
+        default=None, description="the log, or the first of several, relative to this document's folder"
     )
     method: Name = Field(description="estimator")
     status: Text | None = Field(default=None, description="advice on how the solve ended")
@@ -150,6 +165,7 @@ class Identification(Document):
         default=[], description="segments that are not what the model says"
     )
     total_mass: TotalMass | None = Field(default=None, description="the total mass from all sides")
+    torque_delay: TorqueDelay | None = Field(default=None, description="null where it was not looked for")
     unmeasured: Names = Field(default=[], description="links that the sensors do not see")
     warnings: Texts = Field(description="what a careful reader should know, one sentence each")
     findings: Annotated[list[Finding], Field(max_length=MOST_ENTRIES)] = Field(

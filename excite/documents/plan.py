@@ -19,6 +19,7 @@ from excite.documents.document import (
     MaybePositive,
     Name,
     Names,
+    Positive,
     Seconds,
     Text,
 )
@@ -113,6 +114,18 @@ class PlannedParameter(Block):
     essential: bool = Field(description="whether identification is expected to keep it")
 
 
+class Forecast(Block):
+    """How much motion a target takes, as far as the sensors' noise tells before anything is measured."""
+
+    target_rsd_percent: Positive = Field(description="relative standard deviation to reach [percent]")
+    seconds: Seconds = Field(description="motion at hand [s]")
+    within: Count = Field(description="number of essential parameters that are expected to reach it")
+    essential: Count = Field(description="number of parameters expected to be essential")
+    needed_s: Annotated[dict[Text, Positive], Field(max_length=MOST_ENTRIES)] = Field(
+        description="motion of this kind with which each of them reaches the target [s]"
+    )
+
+
 class Plan(Document):
     """Motions that were found safe and chosen because they excite the parameters."""
 
@@ -138,6 +151,9 @@ class Plan(Document):
     conditioning: Conditioning = Field(description="of the chosen motions together")
     base_parameters: Annotated[list[PlannedParameter], Field(max_length=MOST_ENTRIES)] = Field(
         default=[], description="what the motions promise; empty where the sensors' noise is not stated"
+    )
+    forecast: Forecast | None = Field(
+        default=None, description="what that makes of the target; null where the sensors' noise is not stated"
     )
     assumed: Assumptions = Field(default=[], description="what no file said of the robot")
     rehearsed_load: Maybe = Field(

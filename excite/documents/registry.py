@@ -12,6 +12,7 @@ from excite.documents.export import Export
 from excite.documents.human import Human
 from excite.documents.identification import Identification
 from excite.documents.journal import Journal
+from excite.documents.model import Model
 from excite.documents.plan import Plan
 from excite.documents.rank import Rank
 from excite.documents.signals import Signals
@@ -29,6 +30,7 @@ _KINDS: tuple[type[Document], ...] = (
     Diagnosis,
     Doctor,
     Human,
+    Model,
     Signals,
     Journal,
     Truth,

@@ -16,7 +16,7 @@ from excite.json_document import write_json
 from excite.motion.collection import motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
-from excite.robot.loading import load_robot
+from excite.robot.bringing import load_robot
 from excite.robot.robot import Robot
 from excite.safety.verdict import Margins, Verdict, Violation
 
@@ -99,7 +99,21 @@ def export_motions(
     approach: bool = False,
     settings: Mapping[str, object] | None = None,
 ) -> list[Path]:
-    """The paths that :func:`export_with_verdicts` writes; arguments and errors as there."""
+    """Write motions in the format of a controller, if the independent check finds all of them safe.
+
+    Args:
+        paths: motion files, or folders of them.
+        format: name in the registry of formats, such as ``csv`` or ``ur-script``.
+        out: folder that the files are written to.
+        rate_hz: samples per second [Hz]; the controller's, or the motion's own, where left out.
+        robot: the robot, where the motions do not name a bundled one.
+        unsafe_anyway: why motions that fail the check are written all the same; None to refuse them.
+        approach: lead from the rest posture to each motion and back.
+        settings: settings of the format by name.
+
+    Returns:
+        The files, in the order of the motions.
+    """
     written = export_with_verdicts(
         paths,
         format,

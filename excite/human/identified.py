@@ -72,6 +72,9 @@ def identify_person(
         settings: of the estimator, for example ``asymmetric`` and ``segment_mass_range``.
         loaded: how many trials, the last ones, were done wearing a weight and say nothing of the body.
 
+    Returns:
+        The parameters, and measured beside reconstructed ground reactions.
+
     Raises:
         UnknownNameError: no such method.
         NoSolutionError: the estimator found no parameters that pass its checks.
@@ -101,6 +104,9 @@ def added_mass(folder: Path, loaded: int) -> AddedMass:
     Args:
         folder: log folder of a person.
         loaded: how many of its trials, the last ones, were recorded with the weight.
+
+    Returns:
+        Mass and place of the weight, with intervals.
 
     Raises:
         InputError: no trial is left without it.

@@ -155,6 +155,9 @@ def measure_person(
         settings: table, marker set, axes, filter.
         progress: told of each trial.
 
+    Returns:
+        The person's model, the log, and what was found on the way.
+
     Raises:
         LogError: a file is malformed, or markers and forces cannot be true; names the file and the remedy.
         InputError: markers are too few, or settings absurd.
@@ -183,15 +186,11 @@ def measure_recordings(
     still, upright_trials = prepared[: len(standing)], prepared[len(standing) :]
     wanted = tuple(label for label in markers.sites if any(label in r.markers for r in prepared))
     cutoff = settings.cutoff_hz or None
-    calibration = calibrate(
-        subject, markers.sites, [recording.markers for recording in (*still, *upright_trials)]
-    )
+    calibration = calibrate(subject, markers.sites, [item.markers for item in (*still, *upright_trials)])
     body = body_of(subject, calibration.dimensions, settings.table).with_masses(settings.segment_mass)
     measured: list[MeasuredTrial] = []
     reports: dict[str, dict[str, Any]] = {}
-    findings: list[Finding] = []
-    for recording in still:
-        findings += recording.findings
+    findings: list[Finding] = [found for recording in still for found in recording.findings]
     for number, recording in enumerate(upright_trials):
         progress("trials", number, len(upright_trials))
         findings += [*recording.findings, *absent_markers(recording, wanted)]
@@ -235,6 +234,10 @@ def _measured(
 
 def write_person(person: MeasuredPerson, folder: Path) -> None:
     """Write a log folder with the person's model: ``log.yaml``, trials, ``human.urdf``, ``robot.yaml``.
+
+    Args:
+        person: as measured.
+        folder: the log folder to write; made if it is not there.
 
     Raises:
         LogError: the folder holds something that is no log.

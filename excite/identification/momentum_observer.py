@@ -88,6 +88,9 @@ def momentum_residual(
         gain: of the observer, for every joint [1/s].
         settings: filters of the positions and width of Coulomb friction; defaults if None.
 
+    Returns:
+        The residual of each joint over the trial.
+
     Raises:
         LogError: the log is of a floating base, or has no torques.
         InputError: wrong shapes, a gain that is not positive, or an unknown drive parameter.

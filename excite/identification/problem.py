@@ -57,6 +57,8 @@ class IdentificationProblem:
         sampling_hz: rate at which these filters ran, before decimation [Hz]; None where nothing is known.
         drive_spread: ``(n_params - n_inertial,)`` standard deviation expected of each drive parameter about
             its prior, NaN where anything goes; None for NaN everywhere.
+        freedom: ``(n_rows,)`` how much of an independent number each row holds: less than one where contact forces were
+            taken out, which ties the rows of an instant; None for one everywhere.
     """
 
     robot: Robot
@@ -77,6 +79,12 @@ class IdentificationProblem:
     filters: Filters | None = None
     drive_spread: Array | None = None
     sampling_hz: float | None = None
+    freedom: Array | None = None
+
+    def numbers(self, rows: NDArray[np.int64] | slice = slice(None)) -> Array:
+        """Independent numbers that some rows hold in each channel, ``(n_channels,)``."""
+        weights = None if self.freedom is None else self.freedom[rows]
+        return np.bincount(self.channel[rows], weights, minlength=len(self.channel_names)).astype(float)
 
     @property
     def n_rows(self) -> int:
@@ -184,6 +192,7 @@ def build_problem(
         filters=filters,
         drive_spread=builder.drive_spread,
         sampling_hz=rate,
+        freedom=_freedom(parts),
     )
 
 
@@ -196,10 +205,19 @@ class _FlatRows:
     channel: NDArray[np.int64]
     time: Array
     trial: NDArray[np.int64]
+    freedom: Array | None
+
+
+def _freedom(parts: list[_FlatRows]) -> Array | None:
+    shares = [part.freedom for part in parts if part.freedom is not None]
+    return np.concatenate(shares) if len(shares) == len(parts) else None
 
 
 def _flatten(builder: BaseRows | JointRows, trial: Trial, index: int) -> _FlatRows:
     rows = builder.rows(trial)
     sample, channel = np.nonzero(rows.use)
     values = rows.values[sample, channel]
-    return _FlatRows(values[:, :-1], values[:, -1], channel, rows.time[sample], np.full(len(sample), index))
+    own = None if rows.freedom is None else rows.freedom[sample, channel]
+    return _FlatRows(
+        values[:, :-1], values[:, -1], channel, rows.time[sample], np.full(len(sample), index), own
+    )

@@ -57,11 +57,10 @@ class Regression:
         return replace(self, std=np.asarray(std, dtype=float), noise=noise)
 
     def residual_variances(self, parameters: Array) -> Array:
-        """Mean square residual of each channel, ``(n_channels,)``, from the channel factors."""
+        """Square residual of each channel per independent number, ``(n_channels,)``, from the channel factors."""
         tail = np.append(parameters, -1.0)
         squares = np.einsum("cij,j->ci", self.channel_factors, tail)
-        counts = np.bincount(self.problem.channel, minlength=len(self.channel_factors))
-        return np.asarray((squares**2).sum(axis=1) / np.maximum(counts, 1))
+        return np.asarray((squares**2).sum(axis=1) / np.maximum(self.problem.numbers(), 1.0))
 
 
 @one_blas_thread

@@ -10,7 +10,11 @@ def mass_change(item: ChangedSegment) -> str:
     """The change of mass, or that the rows say nothing of it: an arm's masses show only in combinations."""
     if item.std_kg > max(abs(item.mass_change_kg), 1.0):
         return "first moments or inertia; its mass alone is not determined"
-    return f"{item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
+    mass = f"{item.mass_change_kg:+.3f} ± {item.std_kg:.2g} kg"
+    if item.centre_m is None or item.centre_std_m is None:
+        return mass
+    x, y, z = item.centre_m
+    return f"{mass} at ({x:.3f}, {y:.3f}, {z:.3f}) ± {max(item.centre_std_m):.2g} m from its joint"
 
 
 def fit_table(title: str, fits: dict[str, ChannelFit]) -> list[str]:

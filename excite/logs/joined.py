@@ -17,6 +17,12 @@ def join_logs(logs: Sequence[Log]) -> Log:
 
     A trial whose name occurred before is renamed ``NAME_2`` and so on, and what repeats it follows.
 
+    Args:
+        logs: of one robot, with the same joints and sensors.
+
+    Returns:
+        One log that holds the trials of all.
+
     Raises:
         InputError: no log.
         LogError: the logs are of different robots or channels; names the field.

@@ -55,6 +55,9 @@ def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
         name_or_path: bundled name or path; of a URDF only the joints that the log has stay movable.
         log: a log folder or its ``log.yaml``; asked only where a URDF is given.
 
+    Returns:
+        The robot, checked.
+
     Raises:
         RobotError: the model is malformed; LogError: the log's header is, or does not fit the URDF.
         UnknownNameError: no such robot.

@@ -61,6 +61,9 @@ def load_motions(paths: str | Path | Iterable[str | Path], robot: Robot | None =
         paths: files and folders; or, without a robot, the name of a set of the library, which is its robot's.
         robot: the robot that the motions are checked against.
 
+    Returns:
+        The motions, those of a folder by name.
+
     Raises:
         UnknownNameError: the library has no set of that name.
         MotionError: a file cannot be read, or is no motion of this robot.

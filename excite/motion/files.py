@@ -66,6 +66,9 @@ def save_motion(motion: Motion, path: Path, *, single: bool = False) -> Path:
         single: in Parquet, positions in single precision, velocities and accelerations to 16 binary digits: a
             third of the size.
 
+    Returns:
+        The file.
+
     Raises:
         MotionError: unknown suffix.
         InputError: the file cannot be written.

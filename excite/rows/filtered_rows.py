@@ -26,11 +26,14 @@ class TrialRows:
         values: ``(m, n_channels, n_params + 1)``: regressor, then measurement.
         time: ``(m,)`` [s].
         use: ``(m, n_channels)`` rows worth keeping.
+        freedom: ``(m, n_channels)`` share of each row's noise that is its own, below one where what was taken out
+            of the rows ties them; None where nothing was.
     """
 
     values: Array
     time: Array
     use: NDArray[np.bool_]
+    freedom: Array | None = None
 
 
 RowSource = Callable[[slice], Array]

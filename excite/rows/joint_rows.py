@@ -132,7 +132,15 @@ class JointRows:
             return np.concatenate([out @ body, out[:, :, joints] @ own], axis=2)
 
         rows = filtered_rows(source, k, self.filters, self._usable(k, joints))
+        if closed is not None and self.robot.feet:
+            rows = replace(rows, freedom=self._freedom(rows, k, closed))
         return self._weighed(_away_from_changes(rows, k, closed), k)
+
+    def _freedom(self, rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_]) -> Array:
+        """Share of each row that contacts leave it: the diagonal of what projects their forces out."""
+        at = np.searchsorted(k.time, rows.time)
+        out = self._elimination(k.q[at], closed[at])[:, :, self._joints()]
+        return np.asarray(np.einsum("ncc->nc", out))
 
     def measurement(self, trial: Trial, k: TrialKinematics) -> TrialRows:
         """Only the measured side of :meth:`rows`, ``values`` ``(m, n_joints, 1)``, for kinematics ``k``."""

@@ -22,7 +22,7 @@ from tests.benchmarks.table import Row, markdown
 ROOT = Path(__file__).resolve().parents[2]
 README, KEPT, PAGE = ROOT / "README.md", ROOT / "docs" / "measured.json", ROOT / "docs" / "measured.md"
 # Modules of this package that measure nothing themselves.
-AIDS = {"table", "tree_memory", "constraint_cost", "__main__"}
+AIDS = {"table", "tree_memory", "constraint_cost", "foreign_robots", "__main__"}
 BEGIN, END = "<!-- bench -->", "<!-- /bench -->"
 # What the README shows, in its order; some twenty minutes on two cores.
 SHOWN = (

@@ -12,6 +12,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from excite.logs.files import load_log
+from tests.benchmarks.table import Row
 from tests.benchmarks.tree_memory import TreeMemory
 from tests.conversion import written
 
@@ -73,21 +74,18 @@ def converted(bag: Path, robot: Path, out: Path) -> tuple[int, float]:
     return sum(trial.n_samples for trial in load_log(out).trials), memory.peak_gb
 
 
-def main() -> int:
-    """Print size, time and memory; exit code 1 above the bar."""
-    size = float(sys.argv[1]) if len(sys.argv) > 1 else GIGABYTES
-    share = float(sys.argv[2]) if len(sys.argv) > 2 else SHARE
+def rows() -> list[Row]:
+    """Memory of the conversion of a bag with a camera in it."""
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "day.mcap"
-        count = write_bag(bag, size, share)
+        count = write_bag(bag, GIGABYTES)
         robot = written.arm_urdf(Path(folder) / "arm.urdf")
         start = time.perf_counter()
-        rows, most = converted(bag, robot, Path(folder) / "log")
+        kept, most = converted(bag, robot, Path(folder) / "log")
         seconds = time.perf_counter() - start
-    print(f"{size:g} GB, {count} joint states to {rows} rows in {seconds:.0f} s")
-    print(f"memory: {most:.2f} GB (bar {MOST_GB})")
-    return int(most > MOST_GB)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    what = f"conversion of a bag of {GIGABYTES:g} GB, {count} joint states"
+    return [
+        Row.at_most(f"{what}: memory", most, MOST_GB, "GB"),
+        Row(f"{what}: rows of the log", "", f"{kept}, means of {count / kept:.2g}", None),
+        Row(f"{what}: time", "", f"{seconds:.0f} s", None),
+    ]

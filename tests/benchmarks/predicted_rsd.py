@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import excite
-from excite.campaign.prediction import predict
+from excite.campaign.expected.prediction import predict
 from tests.benchmarks.table import Row
 
 _FACTOR = 1.5

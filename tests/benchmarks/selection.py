@@ -6,7 +6,7 @@ import numpy as np
 
 import excite
 from excite.campaign.choice import candidates
-from excite.campaign.prediction import predict
+from excite.campaign.expected.prediction import predict
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import SELECTIONS, Candidates, select
 from tests.benchmarks.table import Row

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from excite.campaign.experiment import simulate
+from excite.campaign.findings import force_comparison
 from excite.campaign.result import Campaign
+from excite.identification.identify import identify
+from excite.motion.collection import load_motions
 from excite.report.data import load_report_data
+from excite.robot.bringing import load_robot
 
 
 def test_forces_are_shown_at_the_rate_of_the_log(small_campaign: tuple[Campaign, Path]) -> None:
@@ -20,3 +26,18 @@ def test_forces_are_shown_at_the_rate_of_the_log(small_campaign: tuple[Campaign,
         shown = [np.sqrt(np.mean((measured - model) ** 2)) for model in (nominal, identified)]
         assert shown[1] < shown[0], channel
         assert shown[1] < 3.0 * result.identification.validation[channel].rmse
+
+
+def test_a_joint_that_stands_in_the_trial_shown_is_left_out() -> None:
+    robot = load_robot("ur10")
+    moving, still = load_motions("ur10")[:2]
+    q, v, a = still.q.copy(), still.v.copy(), still.a.copy()
+    q[:, 5], v[:, 5], a[:, 5] = 0.0, 0.0, 0.0
+    still = replace(still, q=q, v=v, a=a)
+    log = simulate(robot, [moving, still], roles={still.name: "validation"}, seed=1).log
+    held = log.trials[1]
+    stopped = replace(held, q=np.column_stack([held.q[:, :5], np.zeros(len(held.q))]))
+    log = replace(log, trials=(log.trials[0], stopped))
+    forces = force_comparison(robot, identify(robot, log, "wls"), log)
+    assert forces is not None and forces.channels == robot.joint_names[:5]
+    assert forces.measured.shape == (len(forces.time), 5) and len(forces.units) == 5

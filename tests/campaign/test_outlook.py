@@ -9,9 +9,10 @@ import pinocchio as pin
 import pytest
 
 import excite
-from excite.campaign.outlook import predictable
+from excite.campaign.expected.forecast import Forecast
+from excite.campaign.expected.outlook import predictable
+from excite.campaign.expected.prediction import predict
 from excite.campaign.planned import Plan
-from excite.campaign.prediction import predict
 from excite.identification.noise.equation_noise import equation_noise
 from excite.identification.noise.trial_grid import trial_grids
 from excite.identification.problem import build_problem
@@ -80,8 +81,33 @@ def test_plan_says_what_to_expect_of_each_base_parameter(ur10: Robot, small_plan
     assert all(0.0 < entry["predicted_rsd_percent"] < 100.0 for entry in essential)
 
 
+def test_plan_says_how_much_motion_its_target_takes(ur10: Robot, small_plan: Plan) -> None:
+    forecast = replace(small_plan, target_rsd=0.5).forecast
+    rsd = small_plan.outlook.essential_rsd
+    assert forecast.seconds == pytest.approx(small_plan.duration_s)
+    assert 0 < forecast.within == sum(value <= 0.5 for value in rsd.values()) < len(rsd)
+    # Twice the motion brings a parameter down by the square root of two: what needs it is there then.
+    again = tuple(motion.renamed(f"{motion.name}_again") for motion in small_plan.motions)
+    twice = replace(small_plan, target_rsd=0.5, before=again).forecast
+    assert twice.seconds == pytest.approx(2.0 * forecast.seconds)
+    for name in twice.needed_s.keys() & forecast.needed_s.keys():
+        assert twice.needed_s[name] == pytest.approx(forecast.needed_s[name], rel=1e-5), name
+    assert twice.within > forecast.within
+
+
+def test_a_forecast_tells_more_motion_from_too_much_motion() -> None:
+    forecast = Forecast.of({"a": 5.0, "b": 10.0, "c": 20.0, "d": 31.0, "e": 80.0}, 10.0, 60.0)
+    assert forecast.summary() == (
+        "to be expected of 60 s: 2 of 5 essential parameters within 10 %; 2 more would take motion like this for "
+        "240 s to 577 s in all; 1 would take more than 10 times as much"
+    )
+    assert Forecast.of({"a": 5.0}, 10.0, 60.0).summary().endswith("1 of 1 essential parameters within 10 %")
+    assert Forecast.from_json(forecast.to_json()) == forecast and Forecast.from_json(None) is None
+
+
 def test_a_robot_that_does_not_state_its_noise_gets_no_prediction(ur10: Robot, small_plan: Plan) -> None:
     sensors = ur10.description.sensors.model_copy(update={"noise_torque": None})
     silent = replace(ur10, description=ur10.description.model_copy(update={"sensors": sensors}))
     assert not predictable(silent)
-    assert replace(small_plan, robot=silent).to_json()["base_parameters"] == []
+    without = replace(small_plan, robot=silent)
+    assert without.to_json()["base_parameters"] == [] and without.to_json()["forecast"] is None

@@ -11,8 +11,9 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from excite.diagnosis.answer.budget import Budget
+from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
 from excite.diagnosis.budget.made import budget_of
+from excite.diagnosis.budget.reading import explained, namable
 from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
 from excite.diagnosis.budget.same_machine import other_machine
 from excite.diagnosis.budget.unison import independent_joints, unison
@@ -207,6 +208,27 @@ def test_trials_of_another_machine_are_said_to_be(tmp_path: Path, judged: float,
     trials = tuple(replace(t, tau=t.tau + np.array([0.0, sizes[t.role]])) for t in log.trials)
     found = searched(load_log(save_log(two_joint_log(trials), tmp_path / "log")), FRICTION)
     assert [item.kind for item in other_machine(found.search.model)] == said
+
+
+@pytest.mark.parametrize(
+    ("shares", "unnamed", "said"),
+    [
+        ((0.6,), 0.0, True),  # most of it
+        ((0.46,), 0.1, True),  # the largest share, and most of what follows anything
+        ((0.4,), 0.1, False),  # what follows nothing is larger
+        ((0.25, 0.2), 0.1, False),
+        ((0.3,), 0.42, False),  # what has no name is larger
+    ],
+)
+def test_effects_are_the_gap_where_the_largest_share_is_theirs(shares, unnamed, said) -> None:
+    named = tuple(Named("stribeck", f"joint_{k}", share, 1.0, {}, 50.0) for k, share in enumerate(shares))
+    at = tuple(EffectShare(item.effect, item.location, item.share, (0.15, 0.7)) for item in named)
+    strange = (UnnamedShare("position", unnamed),)
+    budget = Budget(
+        {"joint_0": ChannelBudget(0.01, 1.0, at, strange, 1.0 - sum(shares) - unnamed, 1.0)}, named
+    )
+    assert namable(budget) == named
+    assert explained(budget, named) is said
 
 
 def test_joints_that_move_on_one_path_are_counted_as_one() -> None:

@@ -225,6 +225,15 @@ def test_a_lump_is_split_into_bodies_that_exist() -> None:
     assert list(frame.shares) == ["hand"]
 
 
+def test_inertia_without_mass_of_a_fixed_link_goes_to_the_link_that_carries_it() -> None:
+    total = np.asarray(pin.Inertia(2.0, np.array([0.0, 0.1, 0.0]), 0.1 * np.eye(3)).toDynamicParameters())
+    empty = Member("flange", pin.SE3.Identity(), np.array([0.0, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]))
+    split = split_segment(total, [Member("arm", pin.SE3.Identity(), total), empty])
+    np.testing.assert_allclose(split.shares["arm"], total, atol=1e-12)
+    assert not split.shares["flange"].any()
+    assert "flange" in split.note
+
+
 TEXT = b"""<?xml version='1.0'?>
 <!-- <link name="no"/> -->
 <robot  name = "r">\r

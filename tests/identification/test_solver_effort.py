@@ -118,6 +118,16 @@ def test_no_room_where_free_rows_exclude_each_other():
     assert semi_project(shut, np.zeros(1), ActiveSetProjector()) is None
 
 
+def test_a_projector_that_finds_nothing_is_not_asked_again_and_again():
+    asked = []
+    level = Level("1", LinearConstraints(np.eye(2, 3), np.ones(2), ("row:x", "row:y")))
+    answer = solve_hierarchy(
+        (level,), np.zeros((0, 3)), np.zeros(0), lambda target, rows: asked.append(target), np.zeros(3)
+    )
+    assert answer.status is SolveStatus.INFEASIBLE
+    assert len(asked) <= 4, "to meet the rows, and to miss them by the least"
+
+
 # --- How coarse an answer may be
 
 

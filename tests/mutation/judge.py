@@ -49,18 +49,19 @@ class Reach:
         """Tests that a mutant is given: those that enter the function that it changes, the fastest first.
 
         Where no test is seen to enter it (compiled code, a line outside functions), those that enter its file, and
-        where there are none (a file of constants) all. The other tests of the same files follow, those with the same
+        where there are none (a file of constants) all; and for a line outside functions those that enter none, which
+        look at what is defined. The other tests of the same files follow, those with the same
         parameters before the rest: they may look at what an earlier one has made and kept.
         """
-        function = (
-            mutant.path,
-            _function_around((root / mutant.path).read_text(encoding="utf-8"), mutant.line),
-        )
+        first = _function_around((root / mutant.path).read_text(encoding="utf-8"), mutant.line)
+        function = (mutant.path, first)
         direct = {test for test, entered in self.functions.items() if function in entered}
         if not direct:
             entered_by = self.functions.items()
             direct = {test for test, entered in entered_by if any(path == mutant.path for path, _ in entered)}
         direct = direct or set(self.functions)
+        if first == 0:
+            direct |= {test for test, entered in self.functions.items() if not entered}
         files = {_file(test) for test in direct}
         parameters = {_parameters(test) for test in direct}
 

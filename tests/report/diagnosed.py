@@ -75,8 +75,9 @@ def budgeted() -> Diagnosis:
         (UnnamedShare("position", 0.2, (0.0, 1.0), (0.0, 0.3)), UnnamedShare("does not repeat", 0.02)),
         0.1,
         0.985,
+        "N·m",
     )
-    elbow = ChannelBudget(0.1, 0.12, (), (), 1.0, 0.015)
+    elbow = ChannelBudget(0.1, 0.12, (), (), 1.0, 0.015, "N·m")
     return replace(
         two_joints_diagnosed(),
         budget=Budget({"elbow": elbow, "shoulder": shoulder}, ()),

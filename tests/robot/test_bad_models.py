@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import excite.robot.shapes.mesh_files
 from excite.errors import ExciteError, RobotError
-from excite.export.models.mjcf import _read
 from excite.export.models.mjcf_bodies import compiled
+from excite.export.models.mjcf_template import read_mjcf
 from excite.robot.catalogue import example_robot_data
 from excite.robot.mjcf.conversion import convert_mjcf
 from excite.robot.mjcf.scan import scan_mjcf
@@ -213,12 +213,12 @@ def test_a_bad_template_is_refused_before_mujoco_reads_it(
     path = tmp_path / "arm.xml"
     path.write_text(replaced(MJCF, old, new), encoding="utf-8")
     with pytest.raises(RobotError, match=line):
-        _read(path)
+        read_mjcf(path)
 
 
 def test_a_template_is_compiled_as_it_stands(tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(MJCF, encoding="utf-8")
-    model = compiled(_read(path), path)
+    model = compiled(read_mjcf(path), path)
     np.testing.assert_allclose(model.body_mass, [0.0, 2.0, 1.0])
     np.testing.assert_allclose(model.body_ipos[2], [0.0, 0.0, 0.15])

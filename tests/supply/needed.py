@@ -10,7 +10,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-EXTRAS = ("test", "lint")
+EXTRAS = ("test", "lint", "docs")
 
 
 def stated(project_file: Path, extras: Iterable[str] = EXTRAS) -> list[str]:

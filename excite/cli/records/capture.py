@@ -9,7 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, RobotArgument, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import command_line, emit
 
 NAME = "capture"
 
@@ -30,8 +30,8 @@ def command(
     document = {"file": str(sheet.path), **sheet.capture.model_dump(mode="json", by_alias=True)}
     minutes = sum(run.duration_s for run in sheet.capture.runs) / 60.0
     emit(
-        f"wrote {sheet.path}: {len(sheet.capture.logged)} recordings, {minutes:.0f} minutes with warm-up\n"
-        f"then: excite convert RECORDING… --robot {robot} --out log --capture {sheet.path}",
+        f"wrote {sheet.path}: {len(sheet.capture.logged)} recordings, {minutes:.0f} minutes with warm-up",
         document,
         as_json=as_json,
+        then=command_line("convert", "RECORDING", "--robot", robot, "--out", "log", "--capture", sheet.path),
     )

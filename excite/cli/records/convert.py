@@ -10,7 +10,7 @@ import typer
 
 import excite
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
-from excite.cli.session.output import emit
+from excite.cli.session.output import command_line, emit
 
 if TYPE_CHECKING:
     from excite.conversion.convert import Conversion
@@ -47,7 +47,8 @@ def command(
     found = excite.convert(sources, robot, out, mapping, capture)
     if not as_json:
         _show_guesses(found)
-    emit(_summary(found), found.to_json(), as_json=as_json)
+    then = command_line("identify", robot, found.folder, "--out", "result")
+    emit(_summary(found), found.to_json(), as_json=as_json, then=then)
 
 
 def _show_guesses(found: Conversion) -> None:

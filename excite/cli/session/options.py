@@ -77,6 +77,10 @@ ApplyOption = Annotated[
         callback=_usable,
     ),
 ]
+ModelOutOption = Annotated[
+    Path,
+    typer.Option("--out", "-o", metavar="DIR", help="Folder that the model is written to.", callback=_usable),
+]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder that results are written to.", callback=_usable),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,12 +22,19 @@ def print_document(document: dict[str, Any]) -> None:
     print(to_json(document))
 
 
-def emit(summary: str, document: dict[str, Any], *, as_json: bool) -> None:
-    """Print the summary, or the JSON document where ``--json`` was given."""
+def emit(summary: str, document: dict[str, Any], *, as_json: bool, then: str = "") -> None:
+    """Print the summary and the command to go on with, or the JSON document where ``--json`` was given."""
     if as_json:
         print_document(document)
-    else:
-        print(summary)
+        return
+    print(summary)
+    if then:
+        print(f"then: {then}")
+
+
+def command_line(*words: object) -> str:
+    """A command as it can be typed, names with spaces quoted."""
+    return " ".join(["excite", *(shlex.quote(str(word)) for word in words)])
 
 
 def emitted(document: dict[str, Any], name: str, *, as_json: bool, out: Path | None) -> bool:

@@ -76,6 +76,7 @@ class ChannelBudget:
         unnamed: what follows something.
         rest: what is left.
         weight: of the channel's gap among all, 0…1.
+        unit: of noise floor and gap; of commands alone that of the torque that the servo must have asked for.
     """
 
     noise_floor: float
@@ -84,12 +85,14 @@ class ChannelBudget:
     unnamed: tuple[UnnamedShare, ...]
     rest: float
     weight: float = 0.0
+    unit: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """As it stands in the document."""
         return {
             "noise_floor": self.noise_floor,
             "gap": self.gap,
+            "unit": self.unit,
             "weight": self.weight,
             "effects": [item.to_json() for item in self.effects],
             "unnamed": [item.to_json() for item in self.unnamed],
@@ -163,6 +166,20 @@ class Budget:
             "detectable": [item.to_json() for item in self.detectable],
         }
 
+    @property
+    def rest(self) -> float:
+        """Share of the whole gap above the noise that follows nothing."""
+        return sum(channel.weight * channel.rest for channel in self.channels.values())
+
+    @property
+    def follows(self) -> dict[str, float]:
+        """Shares of the whole gap above the noise without a name, by what they follow."""
+        made: dict[str, float] = {}
+        for channel in self.channels.values():
+            for item in channel.unnamed:
+                made[item.follows] = made.get(item.follows, 0.0) + channel.weight * item.share
+        return made
+
     def sentence(self) -> str:
         """The budget over all channels in one sentence."""
         parts = [
@@ -170,15 +187,9 @@ class Budget:
             for item in self.named
             if item.share >= _WORTH
         ]
-        follows: dict[str, float] = {}
-        rest = 0.0
-        for channel in self.channels.values():
-            rest += channel.weight * channel.rest
-            for item in channel.unnamed:
-                follows[item.follows] = follows.get(item.follows, 0.0) + channel.weight * item.share
-        for name, share in sorted(follows.items(), key=lambda x: -x[1]):
+        for name, share in sorted(self.follows.items(), key=lambda x: -x[1]):
             if share >= _WORTH:
                 what = "what does not repeat" if name == NOT_REPEATED else f"unnamed, following {name},"
                 parts.append(f"{what} {100 * share:.0f} %")
-        parts.append(f"the rest {100 * rest:.0f} %")
+        parts.append(f"the rest {100 * self.rest:.0f} %")
         return "Of the gap above the noise: " + "; ".join(parts) + "."

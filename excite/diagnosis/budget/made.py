@@ -20,6 +20,7 @@ from excite.diagnosis.budget.shares import Shares, deviation, shares_of
 from excite.diagnosis.budget.unnamed import unnamed_of
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
+from excite.diagnosis.equations.units import force_unit
 
 # Share of a channel from which an effect of another place is listed there.
 _LISTED = 0.01
@@ -58,8 +59,9 @@ def _channel(
 ) -> ChannelBudget:
     model, room = found.search.model, float(shares.open[j])
     level, gap = float(np.sqrt(shares.level[j])), float(np.sqrt(shares.before[j]))
+    unit = force_unit(found.baseline.samples.robot, context.joints[j])
     if room <= 0.0:
-        return ChannelBudget(min(level, gap), gap, (), (), 1.0, 0.0)
+        return ChannelBudget(min(level, gap), gap, (), (), 1.0, 0.0, unit)
     effects, strange = [], []
     for i, term in enumerate(model.terms):
         share, half = float(shares.value[i, j]), float(shares.half[i, j])
@@ -79,7 +81,7 @@ def _channel(
         share = min(differs, max(left, 0.0))
         unnamed += [UnnamedShare(NOT_REPEATED, share)] if share > 0.0 else []
     rest = 1.0 - sum(item.share for item in effects) - sum(item.share for item in unnamed)
-    return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight)
+    return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
 def _named(found: Found, i: int, share: float) -> Named:

@@ -14,11 +14,17 @@ def namable(budget: Budget) -> tuple[Named, ...]:
 
 
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
-    """Whether effects are what the gap is: most of it together, or one surely most of what its own place has.
+    """Whether effects are what the gap is.
 
-    One that stands clear at a quiet joint is no answer to the gap of another.
+    They are if they take most of it together; or most of what has structure, where the largest of all shares is one
+    of theirs; or if one surely takes most of what its own place has. One that stands clear at a quiet joint is no
+    answer to the gap of another.
     """
-    if sum(item.share for item in effects) >= THRESHOLDS.most:
+    taken = sum(item.share for item in effects)
+    if taken >= THRESHOLDS.most:
+        return True
+    rest, largest = budget.rest, max((item.share for item in effects), default=0.0)
+    if taken >= THRESHOLDS.most * (1.0 - rest) and largest >= max(rest, *budget.follows.values(), 0.0):
         return True
     return any(
         item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects

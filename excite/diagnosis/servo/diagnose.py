@@ -131,9 +131,7 @@ def _wound(
     return {k: replace(s, integral=s.integral + has * levels[k][order]) for k, s in grown.items()}
 
 
-def _asked(
-    robot: Robot, log: Log, rng: np.random.Generator, out: Path | None, *, budget: bool
-) -> Diagnosis:
+def _asked(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None, *, budget: bool) -> Diagnosis:
     """The diagnosis from commanded torques."""
     header = log.header.model_copy(update={"torque": "motor_side"})
     trials = tuple(replace(trial, tau=trial.tau_cmd, tau_cmd=None) for trial in log.trials)

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import InputError
+from excite.export.models.parameters import Found
 from excite.identification.inertia import central_inertia_matrices, pseudo_inertia_matrices
-from excite.identification.result import Identification
 from excite.robot.robot import Robot
 
 # Share of a pseudo-inertia's largest eigenvalue that rounding may leave below zero.
@@ -70,7 +70,8 @@ def split_segment(total: Array, members: Sequence[Member]) -> Split:
 
     Only their sum shows in any motion. Links fixed to the moving one keep what the file says of them, and the
     moving link gets the remainder; where the file says nothing of the moving link, the heaviest one does. If
-    no body has that remainder, the fixed links keep as large a share of their own as leaves it physical.
+    no body has that remainder, the fixed links keep as large a share of their own as leaves it physical. A fixed link
+    that states inertia and no mass is no body, and readers differ in what they make of it: the remainder holds it.
 
     Args:
         total: ``(10,)`` the segment's parameters about its joint's frame.
@@ -84,20 +85,26 @@ def split_segment(total: Array, members: Sequence[Member]) -> Split:
     if main.parameters is None and stated:
         main = max(stated, key=lambda item: float(item[1][0]))[0]
     others = [(member, own) for member, own in stated if member is not main and own.any()]
+    massless = [member.name for member, own in others if own[0] <= 0.0]
+    others = [(member, own) for member, own in others if own[0] > 0.0]
     pseudo = _pseudo(total)
     fixed = [moved_pseudo(_pseudo(own), member.placement) for member, own in others]
     carried = np.sum([np.zeros((4, 4)), *fixed], axis=0)
     share = _physical_share(pseudo, carried)
     rest = moved_pseudo(pseudo - share * carried, main.placement.inverse())
-    shares = {main.name: parameters_of(rest)}
-    note = ""
+    shares = {main.name: parameters_of(rest)} | dict.fromkeys(massless, np.zeros(10))
+    notes = (
+        [f"{main.name}: holds the inertia of {', '.join(massless)}, which had no mass"] if massless else []
+    )
     names = ", ".join(member.name for member, _ in others)
     if share < 1.0:
         shares |= {member.name: share * own for member, own in others}
-        note = f"{main.name}: links fixed to it ({names}) got {100.0 * share:.0f} % of their nominal inertia"
+        notes.append(
+            f"{main.name}: links fixed to it ({names}) got {100.0 * share:.0f} % of their nominal inertia"
+        )
     elif others:
-        note = f"{main.name}: holds the change of all that is fixed to it; {names} stayed nominal"
-    return Split(shares, note)
+        notes.append(f"{main.name}: holds the change of all that is fixed to it; {names} stayed nominal")
+    return Split(shares, "; ".join(notes))
 
 
 def parameters_of(pseudo: Array) -> Array:
@@ -149,7 +156,7 @@ def inconsistent_links(robot: Robot, parameters: Array) -> tuple[str, ...]:
     return tuple(segment.link for segment, flag in zip(robot.segments, bad, strict=True) if flag)
 
 
-def changed_segments(robot: Robot, identification: Identification, *, force: bool) -> tuple[int, ...]:
+def changed_segments(robot: Robot, identification: Found, *, force: bool) -> tuple[int, ...]:
     """Segments whose identified parameters are not the model's own, checked.
 
     Raises:

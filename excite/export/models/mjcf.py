@@ -8,27 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
-from excite.errors import InputError, NoSolutionError
-from excite.export.models.bodies import changed_segments, split_segment
+from excite.errors import NoSolutionError
+from excite.export.models.bodies import changed_segments
 from excite.export.models.mjcf_bodies import compiled, difference, segment_bodies
-from excite.export.models.mujoco_places import MujocoNames, robot_names
+from excite.export.models.mjcf_template import read_template, template_names
+from excite.export.models.parameters import Found
 from excite.export.models.urdf import TOLERANCE
-from excite.export.models.verification import held_joints, mujoco_error
+from excite.export.models.verification import mujoco_error
 from excite.export.models.written import WrittenModel
-from excite.export.models.xml_text import Element, XmlText, number_text
-from excite.identification.result import Identification
-from excite.reading.file import read_bytes
-from excite.reading.xml_document import MAX_XML_BYTES
-from excite.robot.loading import model_file
-from excite.robot.mjcf.scan import scan_mjcf
+from excite.export.models.xml_text import XmlText, number_text
 from excite.robot.robot import Robot
-from excite.robot.urdf.reading import parse_urdf
 from excite.simulation.drives import Drives, nominal_drives
-from excite.simulation.inertial import principal_inertia
 from excite.simulation.mjcf import World, build_spec
 
 if TYPE_CHECKING:
@@ -41,7 +34,7 @@ _ORIENTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
 
 def write_mjcf(
     robot: Robot,
-    identification: Identification,
+    identification: Found,
     path: Path,
     *,
     template: Path | None = None,
@@ -72,54 +65,30 @@ def write_mjcf(
     """
     changed = changed_segments(robot, identification, force=False)
     ten = identification.parameters.reshape(-1, 10)
-    friction = _identified_drives(robot, identification) if drives else nominal_drives(robot)
+    friction = identified_drives(robot, identification) if drives else nominal_drives(robot)
     if template is None:
         content = exact_text(build_spec(robot, identification.parameters, friction, World()))
         links = tuple(robot.segments[k].link for k in changed)
-        model, names_here = compiled(content, None), _names(robot, {})
+        model, names_here = compiled(content, None), template_names(robot, {})
         error = mujoco_error(robot, model, names_here, identification.parameters)
         return _write(content, WrittenModel(Path(path), links, (), None, error))
     names = names or {}
-    given = _read(template)
-    nominal = compiled(given, template)
-    members = segment_bodies(robot, nominal, _names(robot, names), names)
-    text = XmlText(given, template)
-    bodies = {str(body.attributes.get("name")): body for body in text.root.everywhere("body")}
-    notes, written = [], []
-    other = [k for k in range(len(ten)) if difference(members[k], ten[k]) > _SAME_INERTIA]
-    for segment in sorted({*changed, *other}):
-        split = split_segment(ten[segment], members[segment])
-        notes += [split.note] if split.note else []
-        for body, parameters in split.shares.items():
-            if body not in bodies:
-                raise InputError(
-                    f"has no <body name={body!r}> in its own text",
-                    source=template,
-                    remedy="give the file that describes the bodies, not one that includes it",
-                )
-            set_inertial(text, bodies[body], parameters, body)
-            written.append(body)
-    if drives:
-        _set_drives(text, robot, friction, names)
-    content = text.edited()
-    if template.resolve().parent != Path(path).resolve().parent and list(text.root.everywhere("mesh")):
+    given = read_template(robot, template, names)
+    edit = given.edited(robot, identification, drives=drives)
+    content, notes = edit.text.edited(), list(edit.notes)
+    if template.resolve().parent != Path(path).resolve().parent and list(edit.text.root.everywhere("mesh")):
         notes.append(f"mesh paths are relative: put it beside {template.name}")
     model = compiled(content, template)
-    places = _names(robot, names)
+    places = template_names(robot, names)
     taken = segment_bodies(robot, model, places, names)
-    error = max((difference(taken[k], ten[k]) for k in sorted({*changed, *other})), default=0.0)
+    error = max((difference(taken[k], ten[k]) for k in edit.segments), default=0.0)
     in_motion = mujoco_error(robot, model, places, identification.parameters)
     if in_motion > TOLERANCE:
         notes.append(
             f"its torques are {in_motion:.1e} off the robot's: that is how far its geometry (or the inertia of "
             "bodies that were left alone) is from the URDF's"
         )
-    return _write(content, WrittenModel(Path(path), tuple(written), tuple(notes), None, error))
-
-
-def _read(template: Path) -> bytes:
-    scan_mjcf(template)
-    return read_bytes(template, limit=MAX_XML_BYTES)
+    return _write(content, WrittenModel(Path(path), edit.changed, tuple(notes), None, error))
 
 
 def exact_text(spec: mujoco.MjSpec) -> bytes:
@@ -132,6 +101,9 @@ def exact_text(spec: mujoco.MjSpec) -> bytes:
         for joint in element.named("joint"):
             found = joints[str(joint.attributes["name"])]
             text.set(joint, axis=number_text(*found.axis), range=number_text(*found.range))
+            drive = {"damping": found.damping, "frictionloss": found.frictionloss, "armature": found.armature}
+            stated = {name: value for name, value in drive.items() if name in joint.attributes}
+            text.set(joint, **{name: number_text(np.ravel(value)[0]) for name, value in stated.items()})
         for inertial in element.named("inertial"):
             text.set(
                 inertial,
@@ -141,33 +113,6 @@ def exact_text(spec: mujoco.MjSpec) -> bytes:
                 diaginertia=number_text(*body.inertia),
             )
     return text.edited()
-
-
-def set_inertial(text: XmlText, body: Element, parameters: Array, name: str) -> None:
-    """Give a body of an MJCF text ten parameters about its own frame; a missing inertial is added.
-
-    Raises:
-        UnphysicalParametersError: no rigid body has them.
-    """
-    if not parameters.any():
-        return
-    inertia = principal_inertia(parameters, name)
-    values = {"pos": number_text(*inertia.com), "mass": number_text(inertia.mass)}
-    x, y, z, w = pin.Quaternion(inertia.rotation).normalized().coeffs()
-    diagonal = {"quat": number_text(w, x, y, z), "diaginertia": number_text(*inertia.moments)}
-    found = body.named("inertial")
-    if not found:
-        attributes = " ".join(f'{key}="{value}"' for key, value in {**values, **diagonal}.items())
-        text.insert_first(body, f"<inertial {attributes}/>")
-        return
-    if "fullinertia" in found[0].attributes:
-        full = inertia.rotation @ np.diag(inertia.moments) @ inertia.rotation.T
-        six = full[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        text.set(found[0], **values, fullinertia=number_text(*six))
-        return
-    for other in _ORIENTATIONS[1:]:
-        text.remove_attribute(found[0], other)
-    text.set(found[0], **values, **diagonal)
 
 
 def _write(content: bytes, model: WrittenModel) -> WrittenModel:
@@ -182,11 +127,7 @@ def _write(content: bytes, model: WrittenModel) -> WrittenModel:
     return model
 
 
-def _names(robot: Robot, names: Mapping[str, str]) -> MujocoNames:
-    return robot_names(robot, names, held_joints(robot, parse_urdf(model_file(robot))))
-
-
-def _identified_drives(robot: Robot, identification: Identification) -> Drives:
+def identified_drives(robot: Robot, identification: Found) -> Drives:
     """The robot's drives with the friction and rotor inertia that were identified and are not negative."""
     found = identification.identified.by_drive()
     nominal = nominal_drives(robot)
@@ -201,16 +142,3 @@ def _identified_drives(robot: Robot, identification: Identification) -> Drives:
         coulomb=values("coulomb", nominal.coulomb),
         armature=values("armature", nominal.armature),
     )
-
-
-def _set_drives(text: XmlText, robot: Robot, drives: Drives, names: Mapping[str, str]) -> None:
-    joints = {str(joint.attributes.get("name")): joint for joint in text.root.everywhere("joint")}
-    for k, name in enumerate(robot.joint_names):
-        joint = joints.get(names.get(name, name))
-        if joint is not None:
-            text.set(
-                joint,
-                damping=number_text(drives.viscous[k]),
-                frictionloss=number_text(drives.coulomb[k]),
-                armature=number_text(drives.armature[k]),
-            )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,11 +16,12 @@ from excite.atomic import atomic_path
 from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models.bodies import Member, centred, changed_segments, parameters_of, split_segment
 from excite.export.models.mujoco_places import robot_names
+from excite.export.models.parameters import Found
+from excite.export.models.urdf_dynamics import set_dynamics
 from excite.export.models.verification import held_joints, mujoco_error, pinocchio_error, urdf_in_mujoco
 from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.identification.result import Identification
 from excite.reading.file import read_bytes
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.links import link_placement
@@ -37,7 +39,7 @@ _UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 
 def write_urdf(
     robot: Robot,
-    identification: Identification,
+    identification: Found,
     path: Path,
     *,
     drives: bool = False,
@@ -65,6 +67,35 @@ def write_urdf(
         InputError: the identification is of another robot, or the URDF has changed since it was loaded.
         NoSolutionError: pinocchio or MuJoCo does not give the identified parameters' torques (a bug here).
     """
+    file = model_file(robot)
+    edit = edited_urdf(robot, identification, drives=drives, force=force)
+    notes = [*edit.notes, *_held_note(robot, file), *_mesh_note(edit.text, file, path)]
+    content = edit.text.edited()
+    in_pinocchio = pinocchio_error(robot, content, identification.parameters)
+    in_mujoco = _mujoco(robot, content, identification.parameters, notes)
+    _agreed(path, in_pinocchio, in_mujoco)
+    with atomic_path(Path(path)) as temporary:
+        temporary.write_bytes(content)
+    return WrittenModel(Path(path), edit.changed, tuple(notes), in_pinocchio, in_mujoco)
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfEdit:
+    """A URDF's text with its edits collected.
+
+    Attributes:
+        text: the text.
+        changed: links whose inertial is another one.
+        notes: what had to be decided, one sentence each.
+    """
+
+    text: XmlText
+    changed: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def edited_urdf(robot: Robot, identification: Found, *, drives: bool, force: bool) -> UrdfEdit:
+    """The robot's URDF as its author left it, edited; arguments and errors as of :func:`write_urdf`."""
     changed = changed_segments(robot, identification, force=force)
     file = model_file(robot)
     parse_urdf(file)
@@ -83,15 +114,8 @@ def write_urdf(
             _set_inertial(text, links[link], parameters, link, file)
             written.append(link)
     if drives:
-        notes += _set_dynamics(text, identification)
-    notes += [*_held_note(robot, file), *_mesh_note(text, file, path)]
-    content = text.edited()
-    in_pinocchio = pinocchio_error(robot, content, identification.parameters)
-    in_mujoco = _mujoco(robot, content, identification.parameters, notes)
-    _agreed(path, in_pinocchio, in_mujoco)
-    with atomic_path(Path(path)) as temporary:
-        temporary.write_bytes(content)
-    return WrittenModel(Path(path), tuple(written), tuple(notes), in_pinocchio, in_mujoco)
+        notes += set_dynamics(text, identification.identified.by_drive())
+    return UrdfEdit(text, tuple(written), tuple(notes))
 
 
 def _mujoco(robot: Robot, content: bytes, parameters: Array, notes: list[str]) -> float | None:
@@ -191,31 +215,6 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, fi
     text.set(inertial.named("mass")[0], value=number_text(body.mass))
     values_by_key = {key: number_text(m) for key, m in zip(_MOMENTS, moments, strict=True)}
     text.set(inertial.named("inertia")[0], **values_by_key)
-
-
-def _set_dynamics(text: XmlText, identification: Identification) -> list[str]:
-    """Friction into ``<dynamics>``; what no passive joint has is left as it was and said."""
-    joints = {str(joint.attributes.get("name")): joint for joint in text.root.named("joint")}
-    found = identification.identified.by_drive()
-    notes = []
-    for name, joint in joints.items():
-        values = {}
-        for term, attribute in (("viscous", "damping"), ("coulomb", "friction")):
-            value = found.get(f"{term}.{name}")
-            if value is not None and value < 0.0:
-                notes.append(
-                    f"{name}: {term} friction was identified as {value:.3g}, below zero; not written"
-                )
-            elif value is not None:
-                values[attribute] = number_text(value)
-        if not values:
-            continue
-        if joint.named("dynamics"):
-            text.set(joint.named("dynamics")[0], **values)
-        else:
-            inside = " ".join(f'{key}="{value}"' for key, value in values.items())
-            text.insert_first(joint, f"<dynamics {inside}/>")
-    return notes
 
 
 def _held_note(robot: Robot, file: Path) -> list[str]:

@@ -73,6 +73,16 @@ def pinocchio_error(robot: Robot, text: bytes, parameters: Array) -> float:
     Raises:
         InputError: the file's joints are not the robot's.
     """
+    states = random_states(robot, parameters)
+    return states.error(pinocchio_torques(robot, text, states))
+
+
+def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
+    """Inverse dynamics ``(n, nv)`` of the bodies of a URDF text, read by pinocchio alone.
+
+    Raises:
+        InputError: the file's joints are not the robot's.
+    """
     held = held_joints(robot, fromstring(text))
     root = (pin.JointModelFreeFlyer(),) if robot.floating else ()
     raw = pin.buildModelFromXML(text.decode("utf-8"), *root)
@@ -84,8 +94,7 @@ def pinocchio_error(robot: Robot, text: bytes, parameters: Array) -> float:
     if list(model.names) != list(robot.model.names):
         raise InputError("its joints are not the robot's", source="written model")
     model.gravity = robot.model.gravity
-    data, states = model.createData(), random_states(robot, parameters)
-    torque = []
+    data, torque = model.createData(), []
     for q, v, a in zip(states.q, states.v, states.a, strict=True):
         own = np.concatenate(
             [np.zeros(0)]
@@ -95,7 +104,7 @@ def pinocchio_error(robot: Robot, text: bytes, parameters: Array) -> float:
             ]
         )
         torque.append(pin.rnea(model, data, own, v, a))
-    return states.error(np.array(torque))
+    return np.array(torque)
 
 
 def _by_joint(robot: Robot, q: Array) -> list[Array]:
@@ -116,13 +125,27 @@ def mujoco_error(robot: Robot, model: mujoco.MjModel, names: MujocoNames, parame
     Raises:
         InputError: a joint of the robot is not in the model.
     """
+    states = random_states(robot, parameters)
+    damping, friction, armature = model.dof_damping.copy(), model.dof_frictionloss.copy(), model.dof_armature
+    armature = armature.copy()
+    model.dof_damping[:] = model.dof_frictionloss[:] = model.dof_armature[:] = 0.0
+    torque = mujoco_torques(robot, model, names, states)
+    model.dof_damping[:], model.dof_frictionloss[:], model.dof_armature[:] = damping, friction, armature
+    return states.error(torque)
+
+
+def mujoco_torques(robot: Robot, model: mujoco.MjModel, names: MujocoNames, states: States) -> Array:
+    """``mj_inverse`` of a compiled model ``(n, nv)``, damping and rotor inertia included.
+
+    Dry friction, contacts and limits exert nothing; gravity is the robot's.
+
+    Raises:
+        InputError: a joint of the robot is not in the model.
+    """
     import mujoco
 
     place = mujoco_places(robot, model, names)
-    data, states = mujoco.MjData(model), random_states(robot, parameters)
-    damping, friction, armature = model.dof_damping.copy(), model.dof_frictionloss.copy(), model.dof_armature
-    armature, flags, gravity = armature.copy(), model.opt.disableflags, model.opt.gravity.copy()
-    model.dof_damping[:] = model.dof_frictionloss[:] = model.dof_armature[:] = 0.0
+    data, flags, gravity = mujoco.MjData(model), model.opt.disableflags, model.opt.gravity.copy()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     model.opt.gravity[:] = robot.model.gravity.linear
     torque = []
@@ -133,9 +156,8 @@ def mujoco_error(robot: Robot, model: mujoco.MjModel, names: MujocoNames, parame
         if robot.floating:
             force[:3] = pin.Quaternion(q[3:7]).matrix().T @ force[:3]
         torque.append(force)
-    model.dof_damping[:], model.dof_frictionloss[:], model.dof_armature[:] = damping, friction, armature
     model.opt.disableflags, model.opt.gravity[:] = flags, gravity
-    return states.error(np.array(torque))
+    return np.array(torque)
 
 
 def urdf_in_mujoco(robot: Robot, text: bytes) -> mujoco.MjModel:

@@ -75,6 +75,9 @@ def write_models(
         force: write the URDF of physically inconsistent parameters, too (MuJoCo takes none).
         template: a MuJoCo model of the robot whose text is kept but for its inertials; None makes a plain one.
 
+    Returns:
+        The files, and what of the robot changed in them.
+
     Raises:
         InputError: the identification is of another robot.
     """

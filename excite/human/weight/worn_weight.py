@@ -94,6 +94,9 @@ def identify_wearing(
         method: registry name of the estimator.
         settings: of the estimator.
 
+    Returns:
+        The weight, and the person with it.
+
     Raises:
         InputError: no trial is left without the weight.
         NoSolutionError: the estimator found no parameters that pass its checks.

@@ -25,6 +25,10 @@ _BEAM = 6
 # A body is named only where that makes the measurement e¹⁵ times likelier than the criterion alone asks:
 # errors that are no noise (filters, joints that lag, sensors that sit askew) imitate small changes.
 _LEAST_EVIDENCE = 15.0
+# Deviations by which a change of mass has to differ from zero, so that a quotient by it is near Gaussian.
+_SURE = 5.0
+
+Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,9 @@ class ChangedSegment:
         evidence: how much more likely the measurement is with this segment changed than without, natural
             logarithm (half the difference of the criterion).
         tied_with: links that would explain the measurement as well in its place.
+        centre_m: centre of mass of what came or went, in the frame of the segment's joint [m]; None where the rows do
+            not say how heavy it is.
+        centre_std_m: its standard deviations [m].
     """
 
     segment: str
@@ -47,6 +54,8 @@ class ChangedSegment:
     std_kg: float
     evidence: float
     tied_with: tuple[str, ...]
+    centre_m: tuple[float, float, float] | None = None
+    centre_std_m: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -163,16 +172,21 @@ class _Search:
                 best = self.criterion(key)
                 ties = (t for t in self.candidates if t not in key)
                 segment = self.rows.problem.robot.segments
+                own = slice(10 * place, 10 * place + 4)
+                body, spread = change[own], dispersion * covariance[own, own]
+                centre, centre_std = _centre(body, spread)
                 found.append(
                     ChangedSegment(
                         segment=segment[s].name,
                         link=segment[s].link,
-                        mass_change_kg=float(change[10 * place]),
-                        std_kg=float(np.sqrt(dispersion * covariance[10 * place, 10 * place])),
+                        mass_change_kg=float(body[0]),
+                        std_kg=float(np.sqrt(spread[0, 0])),
                         evidence=0.5 * float(self.criterion(others) - best),
                         tied_with=tuple(
                             segment[t].link for t in ties if self.criterion((*others, t)) < best + _TIE
                         ),
+                        centre_m=centre,
+                        centre_std_m=centre_std,
                     )
                 )
         nothing = self.gap(())
@@ -199,6 +213,20 @@ class _Search:
         q, r = np.linalg.qr(scaled)
         inverse = np.linalg.inv(r) * self.scales[columns, None]
         return inverse @ (q.T @ target), inverse @ inverse.T
+
+
+def _centre(body: Array, covariance: Array) -> tuple[Point | None, Point | None]:
+    """Where the centre of a change of mass and first moments ``(4,)`` lies, and its standard deviations [m]."""
+    if abs(body[0]) < _SURE * np.sqrt(covariance[0, 0]):
+        return None, None
+    centre = body[1:] / body[0]
+    slope = np.column_stack([-centre, np.eye(3)]) / body[0]
+    std = np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
+    return _point(centre), _point(std)
+
+
+def _point(values: Array) -> Point:
+    return float(values[0]), float(values[1]), float(values[2])
 
 
 def _range(matrix: Array) -> Array:

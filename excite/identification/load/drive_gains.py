@@ -81,6 +81,9 @@ def identify_drive_gains(
         load_mass: [kg].
         settings: filters and drive terms; its drive gains are not used.
 
+    Returns:
+        A gain for each joint, with its standard deviation.
+
     Raises:
         InputError: the mass is not positive.
         LogError: the logs do not both hold currents, or torques, the joints differ, or a joint does not feel the load.
@@ -99,6 +102,16 @@ def identify_load(
     settings: ProblemSettings | None = None,
 ) -> DriveGains:
     """A load of unknown mass from the same two logs, the gains being known.
+
+    Args:
+        robot: the robot.
+        unloaded: a log of the bare robot.
+        loaded: a log of the same motions with the load.
+        gains: by joint, torque per unit of the logged channel.
+        settings: how rows are made of a log.
+
+    Returns:
+        The load on the last link, with the gains that were given.
 
     Raises:
         LogError: as of :func:`identify_drive_gains`, or a joint's gain is missing.

@@ -3,6 +3,11 @@
 All noise has passed the filter that both sides of the regression have; before it, noise of sensors is white
 or nearly so. Its power is therefore estimated where it is audible, band by band, free of the bias that the
 fit leaves in residuals (variance components by their expectations, MINQUE: Rao 1971).
+
+Where contact forces were taken out, rows are ``Π n`` with a projection ``Π`` that changes with the stance: neither
+their power nor what ties them is stationary, but the noise ``n`` of the torques is. As the columns lie in the range of
+``Π``, ``QᵀΠ = Qᵀ``, so that ``QᵀΣQ`` needs the powers of ``n`` alone; they follow from the residuals' by counting the
+``Σ Π_cc`` independent numbers of each channel in place of its rows.
 """
 
 from __future__ import annotations
@@ -93,11 +98,16 @@ def noise_bands(
     trials = tuple(transformed_trial(problem, grid, q, residual) for grid in grids)
     edges = band_edges(trials)
     moments = _Moments(trials, edges)
+    tied = problem.freedom is not None
     power = moments.start()
+    if tied:
+        power = _own(power)
     meat = moments.meat(power)
     for _ in range(_ROUNDS):
         before = power
         power = moments.improved(power, meat)
+        if tied:
+            power = _own(power)
         meat = moments.meat(power)
         if _settled(before, power):
             break
@@ -194,6 +204,11 @@ def _settled(before: Array, after: Array) -> bool:
     """Whether a round has moved no power by more than a negligible share of its channels' own."""
     own = np.sqrt(np.maximum(np.einsum("bcc->bc", after), 1e-300))
     return bool((np.abs(after - before) <= _SETTLED * own[:, :, None] * own[:, None, :]).all())
+
+
+def _own(power: Array) -> Array:
+    """Each channel's own power, ``(n_bands, n_channels, n_channels)``, without what channels share."""
+    return np.asarray(power * np.eye(power.shape[1]))
 
 
 def _times(x: Array, matrix: Array) -> Array:

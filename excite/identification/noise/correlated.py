@@ -74,13 +74,17 @@ def estimate_noise(
         residual: ``(n_rows,)``.
     """
     n_channels = len(problem.channel_names)
-    std = np.array([_rms(residual[problem.channel == c]) for c in range(n_channels)])
+    power = np.bincount(problem.channel, residual**2, minlength=n_channels)
+    std = np.sqrt(power / np.maximum(problem.numbers(), 1e-300))
     std = np.where(std > 0.0, std, 1.0)
     scaled = residual / std[problem.channel]
     shortest = min((grid.n_samples for grid in grids if grid.n_samples > 1), default=1)
     memory = int(np.ceil(_FILTER_MEMORY / min(1.0, problem.noise_bandwidth)))
     limit = max(1, min(4 * memory, int(_LARGEST_SHARE * shortest)))
     covariance = _pooled_autocovariance(problem, grids, scaled, limit + 1)
+    if problem.freedom is not None:
+        # What contacts tie together changes with the stance; see noise/bands.py.
+        covariance = covariance * np.eye(n_channels)
     n_lags = min(limit, memory if problem.noise_bandwidth < 1.0 else 1)
     n_lags = max(n_lags, _correlation_length(covariance, sum(grid.n_samples for grid in grids)))
     lags = np.arange(min(n_lags, limit) + 1)
@@ -97,7 +101,7 @@ def _pooled_autocovariance(
     counts = np.zeros(n_channels)
     for grid in grids:
         r = grid.spread(scaled[grid.rows], problem.channel, n_channels)
-        counts += np.bincount(problem.channel[grid.rows], minlength=n_channels)
+        counts += problem.numbers(grid.rows)
         n_fft = fft_length(grid.n_samples + n_lags)
         f = np.fft.rfft(r, n_fft, axis=0)
         cross = np.fft.irfft(f.conj()[:, :, None] * f[:, None, :], n_fft, axis=0)
@@ -189,7 +193,3 @@ def fft_length(n: int) -> int:
         if rest == 1:
             return length
         length += 1
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

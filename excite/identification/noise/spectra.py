@@ -28,7 +28,8 @@ class TransformedTrial:
         bins: its frequencies.
         q: ``(n_kept, 2, n_channels, k)`` orthonormal columns, real and imaginary parts.
         r: ``(n_kept, 2, n_channels)`` residual, likewise.
-        counts: ``(n_channels, n_channels)`` instants at which both channels have rows.
+        counts: ``(n_channels, n_channels)`` instants at which both channels have rows; where rows of an instant are
+            tied, the independent numbers of each channel, on the diagonal alone.
         n_samples: length of the trial.
     """
 
@@ -60,9 +61,10 @@ def transformed_trial(
         x[:, 0, :, part], x[:, 1, :, part] = transformed.real, transformed.imag
     r = grid.spread(residual[grid.rows], problem.channel, n_channels)
     mask = grid.spread(np.ones(len(grid.rows)), problem.channel, n_channels)
+    counts = mask.T @ mask if problem.freedom is None else np.diag(problem.numbers(grid.rows))
     transformed = np.fft.rfft(r, bins.n_fft, axis=0)[bins.kept]
     r = np.stack([transformed.real, transformed.imag], axis=1)
-    return TransformedTrial(bins, x, r, mask.T @ mask, grid.n_samples)
+    return TransformedTrial(bins, x, r, counts, grid.n_samples)
 
 
 def band_edges(trials: tuple[TransformedTrial, ...]) -> Array:

@@ -34,6 +34,9 @@ def load_bounds(path: str | Path, robot: Robot) -> KnownBounds:
         path: the YAML file.
         robot: the robot; names are checked against it.
 
+    Returns:
+        The bounds, checked against the robot.
+
     Raises:
         InputError: malformed, not finite or empty bounds, or of something that the robot does not have; names
             the file, the field and what to do.

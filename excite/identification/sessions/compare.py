@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +123,13 @@ def write_ranges(sessions: Sessions, path: Path) -> Path:
     has are left out (``clipped``): negative masses, moments of inertia, friction and rotors, products of inertia
     beyond half the moment across them. ``varies_between_sessions`` names the base parameters whose sessions lie
     further apart than their own intervals allow, with each session's value.
+
+    Args:
+        sessions: what was identified.
+        path: the YAML file to write.
+
+    Returns:
+        The file.
     """
     document = ranges_document(sessions.ranges, sessions.pooled.level)
     low, high = sessions.pooled.next_interval
@@ -148,33 +155,6 @@ def write_ranges(sessions: Sessions, path: Path) -> Path:
     return write_document(document, path)
 
 
-def split_sessions(logs: Sequence[Log]) -> dict[str, Log]:
-    """Logs by session: trials that name one go there, the rest of each log is a session of its own.
-
-    Sessions of the same name in several logs are told apart by the logs' folders.
-
-    Raises:
-        LogError: the logs hold fewer than two sessions.
-    """
-    sessions: dict[str, Log] = {}
-    for number, log in enumerate(logs, start=1):
-        own = log.folder.name if log.folder else f"log_{number}"
-        keys = [trial.session or own for trial in log.trials]
-        for key in dict.fromkeys(keys):
-            name = f"{own}/{key}" if key in sessions else key
-            chosen = [i for i, other in enumerate(keys) if other == key]
-            header = log.header.model_copy(update={"trials": tuple(log.header.trials[i] for i in chosen)})
-            sessions[name] = replace(log, header=header, trials=tuple(log.trials[i] for i in chosen))
-    if len(sessions) < 2:
-        raise LogError(
-            "holds one session",
-            source=logs[0].folder if logs else None,
-            field="trials",
-            remedy="name sessions in log.yaml, or give several logs",
-        )
-    return sessions
-
-
 @one_blas_thread
 def identify_sessions(
     robot: Robot,
@@ -195,6 +175,9 @@ def identify_sessions(
         settings: spreads of the nominal model, for the links' ranges.
         problem_settings: filters and drive terms.
         level: of the intervals and ranges.
+
+    Returns:
+        Each session's parameters, and what they have in common.
 
     Raises:
         LogError: robot and logs do not fit, or fewer than two sessions determine all that they show together.

@@ -35,7 +35,15 @@ def plot_signals(trace: SignalTrace) -> Figure:
 
 
 def save_signal_figure(trace: SignalTrace, path: Path) -> Path:
-    """Write the figure as a PNG; appears only when complete."""
+    """Write the figure as a PNG; appears only when complete.
+
+    Args:
+        trace: what :func:`excite.explain_signals` found.
+        path: the PNG to write.
+
+    Returns:
+        The file.
+    """
     with atomic_path(Path(path)) as temporary:
         temporary.write_bytes(to_png(plot_signals(trace)))
     return Path(path)

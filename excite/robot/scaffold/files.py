@@ -56,6 +56,9 @@ def write_scaffold(
         source: how the file is to be read.
         absolute: whether a plain URDF is named by its whole path, so that the description is the same wherever it lies.
 
+    Returns:
+        The files that were written, and what was assumed.
+
     Raises:
         InputError: a file is there already.
         RobotError: the model is missing or absurd in a way that no description can mend.

@@ -57,7 +57,7 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
     big = np.maximum(problem.weights, 1.0)[:, None, None] * np.eye(4)
     point = _Point(z, s, 1.0 / s, np.zeros(e), big)
     size = max(1.0, float(np.linalg.norm(problem.target)))
-    missed, length = np.inf, 1.0
+    missed, cramped = np.inf, False
     for _ in range(_STEPS):
         system = _System.at(problem, point)
         if system is None:
@@ -74,16 +74,16 @@ def newton(problem: EntropicProblem) -> EntropicAnswer | None:
         if not guess.finite:
             break
         alpha = min(1.0, _longest(point, system, guess))
-        if length > _SHORT:
-            center, corrected = max((1.0 - alpha) ** 3, 1e-4) * level, guess
-        else:
+        if cramped:
             # Close to the boundary: back to the middle, without a correction that was meant for a long step.
             center, corrected = 0.5 * level, None
+        else:
+            center, corrected = max((1.0 - alpha) ** 3, 1e-4) * level, guess
         step = system.step(np.full(m, center), np.maximum(problem.weights, center), corrected)
         if not step.finite:
             break
         length = min(1.0, _BACK * _longest(point, system, step))
-        point = point.moved(step, length)
+        point, cramped = point.moved(step, length), length <= _SHORT
     if not missed < _FEASIBLE:
         return None
     return EntropicAnswer(point.z, np.concatenate([point.nu, point.dual]))
@@ -183,7 +183,7 @@ def _longest(point: _Point, system: _System, step: _Point) -> float:
     lengths = [_inside(system.x, change), _inside(point.big, step.big)]
     for value, move in ((point.s, step.s), (point.dual, step.dual)):
         falling = move < 0.0
-        lengths.append(float((-value[falling] / move[falling]).min(initial=1e3)))
+        lengths.append(float((-value[falling] / move[falling]).min(initial=np.inf)))
     return min(lengths)
 
 
@@ -192,4 +192,4 @@ def _inside(matrices: Array, change: Array) -> float:
     eigen, vectors = np.linalg.eigh(matrices)
     root = vectors / np.sqrt(np.maximum(eigen, 1e-300))[:, None, :]
     least = float(np.linalg.eigvalsh(root.transpose(0, 2, 1) @ change @ root)[:, 0].min(initial=0.0))
-    return -1.0 / least if least < 0.0 else 1e3
+    return -1.0 / least if least < 0.0 else np.inf

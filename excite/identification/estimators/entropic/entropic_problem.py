@@ -34,9 +34,7 @@ class EntropicProblem:
 
     def violations(self, z: Array) -> dict[str, float]:
         """Largest violation of each kind of constraint."""
-        worst = {
-            "pseudo_inertia": max(-float(np.linalg.eigvalsh(self.relative(z))[:, 0].min(initial=1.0)), 0.0)
-        }
+        worst = {"pseudo_inertia": abs(float(np.linalg.eigvalsh(self.relative(z))[:, 0].min(initial=0.0)))}
         for label, value in zip(self.linear.labels, self.linear.violations(z), strict=True):
             kind = label.split(":")[0]
             worst[kind] = max(worst.get(kind, 0.0), float(value))

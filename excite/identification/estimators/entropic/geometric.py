@@ -65,6 +65,5 @@ def entropic_divergence(parameters: Array, nominal: Array) -> Array:
     """
     ratio = np.linalg.solve(pseudo_inertia_matrices(nominal), pseudo_inertia_matrices(parameters))
     least = np.linalg.eigvalsh(pseudo_inertia_matrices(parameters))[:, 0]
-    sign, size = np.linalg.slogdet(ratio)
-    value = np.trace(ratio, axis1=1, axis2=2) - size - 4.0
-    return np.where((least > 0.0) & (sign > 0.0), value, np.inf)
+    value = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4.0
+    return np.where(least > 0.0, value, np.inf)

@@ -125,8 +125,7 @@ def _step(rows: Regression, basis: Array, residual: Array, bound: float) -> _Ste
     problem, rank = rows.problem, basis.shape[1]
     gram, gradient = np.zeros((rank, rank)), np.zeros(rank)
     scaled = residual / rows.std[problem.channel]
-    size = np.abs(scaled)
-    weight = np.where(size > bound, bound / np.where(size > 0.0, size, 1.0), 1.0)
+    weight = bound / np.maximum(np.abs(scaled), bound)
     for start in range(0, problem.n_rows, _BLOCK):
         part = slice(start, start + _BLOCK)
         q = (problem.Y[part] / rows.std[problem.channel[part], None]) @ basis

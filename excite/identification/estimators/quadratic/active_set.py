@@ -25,7 +25,8 @@ class ActiveSetProjector:
     """
 
     def __init__(self) -> None:
-        self._target = np.zeros(0)
+        # None where there is nothing to go on from: at first, and after a search that failed.
+        self._target: Array | None = None
         self._rows = LinearConstraints(np.zeros((0, 0)), np.zeros(0), ())
         self._set = _ActiveSet(np.zeros(0))
 
@@ -36,14 +37,13 @@ class ActiveSetProjector:
         self._target, self._rows = target, constraints
         answer = self._set.project(constraints)
         if answer is None:
-            # A failed search leaves nothing to go on from.
-            self._target = np.zeros(0)
+            self._target = None
         return answer
 
     def _continues(self, target: Array, rows: LinearConstraints) -> bool:
         known = len(self._rows.bound)
         return (
-            len(target) > 0
+            self._target is not None
             and np.array_equal(target, self._target)
             and known <= len(rows.bound)
             and rows.n_equal == self._rows.n_equal

@@ -41,12 +41,11 @@ class BudgetByChannel(Section):
         found = findings.diagnosis
         if found is None or not found["budget"]:
             return ""
-        units = {name: item["unit"] for name, item in found["gap"]["per_channel"].items()}
         order = sorted(found["budget"].items(), key=lambda item: -(item[1]["weight"] or 0.0))
-        blocks = [(item["weight"] or 0.0, _channel(name, item, units.get(name, ""))) for name, item in order]
+        blocks = [(item["weight"] or 0.0, _channel(name, item)) for name, item in order]
         large = "".join(html for weight, html in blocks if weight >= _SMALL) or blocks[0][1]
         small = "".join(html for weight, html in blocks[1:] if weight < _SMALL)
-        lead = _sentence(order[0][0], order[0][1], units.get(order[0][0], ""))
+        lead = _sentence(*order[0])
         how = (
             "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
             "those of a channel add up to one. An interval says what a share would be on other stretches of such a "
@@ -58,10 +57,11 @@ class BudgetByChannel(Section):
         )
 
 
-def _channel(name: str, channel: Document, unit: str) -> str:
+def _channel(name: str, channel: Document) -> str:
     """A channel's heading, bar and table."""
     parts = list(_parts(channel))
     floor, gap = number(channel["noise_floor"]), number(channel["gap"])
+    unit = channel["unit"]
     size = f"gap {gap} {unit}, noise floor {floor} {unit}, {_percent(channel['weight'])} of the whole gap"
     rows = "".join(
         f"<tr><td>{escape(part.what)}</td><td class='number'>{_percent(part.share)}</td>"
@@ -116,13 +116,13 @@ def _legend() -> str:
     return f'<p class="legend">{items}</p>'
 
 
-def _sentence(name: str, channel: Document, unit: str) -> str:
+def _sentence(name: str, channel: Document) -> str:
     """``Of the gap at joint 2 (0.41 N·m above 0.05 noise), 63 % is Coulomb friction …``."""
     *named, rest = _parts(channel)
     large = sorted((p for p in named if (p.share or 0.0) >= _WORTH), key=lambda part: -(part.share or 0.0))
     said = [f"{_percent(part.share)} {_verb(part)}" for part in large[:_SAID]]
     listed = ", ".join([*said, f"{_percent(rest.share)} is {'the rest' if said else 'without a name'}"])
-    size = f"{number(channel['gap'], 2)} {unit} above {number(channel['noise_floor'], 2)} noise"
+    size = f"{number(channel['gap'], 2)} {channel['unit']} above {number(channel['noise_floor'], 2)} noise"
     return f"Of the gap at {channel_label(name)} ({size}), {listed}."
 
 

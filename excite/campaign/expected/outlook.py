@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.campaign.prediction import predict
+from excite.campaign.expected.prediction import predict
 from excite.excitation.excitability import determined, excitable
 from excite.excitation.precision import nominal_values
 from excite.motion.motion import Motion

@@ -1,0 +1,118 @@
+"""``excite model``: the identified robot for a simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import excite
+from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption
+from excite.cli.session.output import emit
+from excite.export.simulators.registry import MODEL_FORMATS
+
+if TYPE_CHECKING:
+    from excite.export.simulators.comparison import Change
+    from excite.export.simulators.subject import Lost
+    from excite.export.simulators.write import SimulatorModel
+
+NAME = "model"
+# Rows of the table on a terminal; changes.csv has all of them.
+_ROWS = 40
+# Smaller changes are no news [percent].
+_NEWS = 0.1
+# Order of what is shown, by the first letters of a parameter; what is not here comes first.
+_RANK = {"com": 1, **dict.fromkeys(("Ixx", "Iyy", "Izz"), 2), **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 3)}
+
+
+def command(
+    result: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RESULT",
+            help="What `excite identify`, `campaign` or `diagnose --apply` wrote: the folder, or the JSON in it.",
+        ),
+    ],
+    format_name: Annotated[
+        str,
+        typer.Option(
+            "--format", help=f"One of {', '.join(MODEL_FORMATS)} (docs/simulators.md says what each holds)."
+        ),
+    ],
+    out: ModelOutOption,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="ROBOT",
+            help="The robot that it was identified with, where the result does not say: bundled, or a file.",
+        ),
+    ] = None,
+    template: Annotated[
+        Path | None,
+        typer.Option(
+            "--template", metavar="FILE", help="MuJoCo model of the robot, whose text mjcf and mjlab keep."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = None,
+) -> None:
+    """Write the identified robot for a simulator, with proof that each parameter arrives, and what is lost."""
+    written = excite.write_simulator_model(result, format_name, out, robot=robot, template=template)
+    emit("" if as_json else _text(written), written.to_json(), as_json=as_json)
+
+
+def _text(written: SimulatorModel) -> str:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    shown = _shown(written.changes)
+    table = Table(
+        "where", "parameter", *(f"{name}" for name in ("before", "after", "change", "unit")), box=None
+    )
+    for row in shown:
+        share = "" if row.percent is None else f" ({row.percent:+.1f} %)"
+        table.add_row(
+            row.place,
+            row.parameter,
+            f"{row.before:.4g}",
+            f"{row.after:.4g}",
+            f"{row.change:+.3g}{share}",
+            row.unit,
+        )
+    with console.capture() as capture:
+        console.print(table)
+    lines = [capture.get().rstrip()] if shown else []
+    rest = sum(row.change != 0.0 for row in written.changes) - len(shown)
+    if rest > 0:
+        lines.append(f"and {rest} smaller changes, in {written.folder / 'changes.csv'}")
+    proof = written.proof
+    lines += [f"wrote {written.folder / name}" for name in written.files]
+    lines.append(
+        f"read again: {proof.felt} parameters were changed one by one and the torques followed each"
+        + (f"; on {len(proof.unseen)} no torque depends" if proof.unseen else "")
+    )
+    lines += _lost(written.lost)
+    lines += [f"note: {text}" for text in written.notes]
+    return "\n".join(lines)
+
+
+def _shown(changes: tuple[Change, ...]) -> list[Change]:
+    """The rows that a person looks for first, in the model's order: masses and joints, then centres of mass."""
+    news = [row for row in changes if row.change and (row.percent is None or abs(row.percent) > _NEWS)]
+    kept = sorted(range(len(news)), key=lambda index: (_RANK.get(news[index].parameter[:3], 0), index))[
+        :_ROWS
+    ]
+    return [news[index] for index in sorted(kept)]
+
+
+def _lost(lost: tuple[Lost, ...]) -> list[str]:
+    """What is lost, a line for all places of a parameter together."""
+    places: dict[tuple[str, str], list[str]] = {}
+    for item in lost:
+        value = "" if item.value is None else f" {item.value:.3g}"
+        places.setdefault((item.parameter, item.why), []).append(f"{item.where}{value}")
+    return [f"lost: {parameter} ({', '.join(where)}): {why}" for (parameter, why), where in places.items()]

@@ -1,0 +1,1 @@
+"""Robots for simulators, each in the simulator's own terms, and proof that it hears every parameter."""

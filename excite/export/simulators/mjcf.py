@@ -1,0 +1,112 @@
+"""MJCF: the author's text with identified physics, or a model made from the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.arrays import Array
+from excite.export.models.mjcf import exact_text, identified_drives
+from excite.export.models.mjcf_bodies import compile_text, compiled
+from excite.export.models.mjcf_template import template_names
+from excite.export.models.mujoco_places import MujocoNames, mujoco_places
+from excite.export.models.verification import States, mujoco_torques
+from excite.export.models.xml_text import Element, XmlText
+from excite.export.simulators.friction import with_friction
+from excite.export.simulators.mjcf_physics import physics_alone
+from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
+from excite.export.simulators.relative import move_attribute, moved
+from excite.export.simulators.subject import Subject
+from excite.robot.robot import Robot
+from excite.simulation.mjcf import World, build_spec
+
+if TYPE_CHECKING:
+    import mujoco
+
+_FOLDERS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
+
+
+class MjcfFormat(ModelFormat):
+    """A MuJoCo model.
+
+    Of a robot that came as MJCF it is that text: shapes, contacts, defaults, sensors and actuators stay, inertials,
+    ``damping``, ``frictionloss`` and ``armature`` change. Of any other it is made here, with a position servo a joint.
+    """
+
+    name = "mjcf"
+    summary = "MuJoCo model; of a robot that came as MJCF the author's text is kept (MuJoCo, MJX)"
+
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`."""
+        given = subject.mjcf
+        if given is None:
+            drives = identified_drives(subject.robot, subject.found)
+            content = exact_text(build_spec(subject.robot, subject.parameters, drives, World()))
+            return Rendered({f"{subject.stem}.xml": content})
+        edit = given.edited(subject.robot, subject.found, drives=True)
+        _move_paths(edit.text, given.file.parent, subject.folder)
+        return Rendered({f"{subject.stem}.xml": edit.text.edited()}, edit.notes)
+
+    def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
+        """Read by MuJoCo, where paths in it start at the folder that it is for."""
+        content = rendered.files[rendered.main]
+        names = template_names(subject.robot, {})
+        if subject.template is None:
+            return LoadedMjcf(subject.robot, compile_text(content, None), names)
+        alone = physics_alone(content)
+        where = subject.folder / rendered.main
+        model = compiled(content, where) if alone is None else compile_text(alone, None)
+        return LoadedMjcf(subject.robot, model, names)
+
+    def exact(self, subject: Subject) -> bool:
+        """A text that is kept may have springs, and bodies that are some parts in ten thousand off the robot's."""
+        return subject.template is None
+
+
+class LoadedMjcf(LoadedModel):
+    """A compiled MuJoCo model."""
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, names: MujocoNames) -> None:
+        self._robot, self._model, self._names = robot, model, names
+        place = mujoco_places(robot, model, names).v[robot.n_base_v :]
+        self._drives = {
+            "viscous": np.asarray(model.dof_damping[place], dtype=float),
+            "coulomb": np.asarray(model.dof_frictionloss[place], dtype=float),
+            "armature": np.asarray(model.dof_armature[place], dtype=float),
+        }
+
+    @property
+    def drives(self) -> Mapping[str, Array]:
+        """See :class:`LoadedModel`."""
+        return self._drives
+
+    def torques(self, states: States) -> Array:
+        """MuJoCo's own; dry friction, which it solves as a constraint, is that of a joint that moves."""
+        whole = mujoco_torques(self._robot, self._model, self._names, states)
+        return with_friction(self._robot, whole, states, {"coulomb": self._drives["coulomb"]})
+
+
+def _move_paths(text: XmlText, old: Path, new: Path) -> None:
+    """Let a text name the same files from another folder."""
+    if old.resolve() == new.resolve():
+        return
+    for include in text.root.everywhere("include"):
+        move_attribute(text, include, "file", old, new)
+    compilers = text.root.named("compiler")
+    for tag, attribute in _FOLDERS.items():
+        if not _file_names(text, tag):
+            continue
+        stated = next((c for c in compilers if {attribute, "assetdir"} & set(c.attributes)), None)
+        if stated is not None:
+            name = stated.attributes.get(attribute) or stated.attributes.get("assetdir", "")
+            text.set(stated, **{attribute: moved(name or ".", old, new)})
+            continue
+        for element in text.root.everywhere(tag):
+            move_attribute(text, element, "file", old, new)
+
+
+def _file_names(text: XmlText, tag: str) -> list[Element]:
+    return [element for element in text.root.everywhere(tag) if "file" in element.attributes]

@@ -1,0 +1,63 @@
+"""The part of a MuJoCo model that its inverse dynamics depends on: without shapes, it compiles in a millisecond."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+from defusedxml.ElementTree import fromstring
+
+# What no inverse dynamics without contacts, limits and drives depends on. Tendons go too where nothing of theirs acts.
+_ASIDE = (
+    "asset",
+    "contact",
+    "sensor",
+    "actuator",
+    "keyframe",
+    "visual",
+    "statistic",
+    "custom",
+    "equality",
+    "extension",
+)
+_SHAPES = ("geom", "site", "camera", "light")
+# Elements that stand for others, whose text is not here.
+_ELSEWHERE = ("include", "plugin", "attach", "replicate", "composite", "flexcomp")
+# A tendon that acts without being driven.
+_ACTS = ("stiffness", "damping", "armature")
+
+
+def physics_alone(content: bytes) -> bytes | None:
+    """A MuJoCo text of bodies, joints and inertials alone; None where its dynamics depend on more than its own text.
+
+    That is so where it includes others, where a body's inertia follows from its shapes, or a tendon acts.
+    """
+    root = fromstring(content)
+    if _depends_on_more(root):
+        return None
+    for tag in (*_ASIDE, "tendon", "deformable"):
+        _remove(root, tag)
+    for world in root.findall("worldbody"):
+        for parent in [world, *world.iter("body"), *world.iter("frame")]:
+            for tag in _SHAPES:
+                _remove(parent, tag)
+    for default in root.iter("default"):
+        for element in list(default):
+            if element.tag not in ("default", "joint"):
+                default.remove(element)
+    return ElementTree.tostring(root)
+
+
+def _depends_on_more(root: ElementTree.Element) -> bool:
+    if any(element.tag in _ELSEWHERE for element in root.iter()):
+        return True
+    if any("inertiafromgeom" in compiler.attrib for compiler in root.iter("compiler")):
+        return True
+    tendons = [tendon for group in root.iter("tendon") for tendon in group]
+    if any(attribute in tendon.attrib for tendon in tendons for attribute in _ACTS):
+        return True
+    return any(body.find("inertial") is None and body.find("geom") is not None for body in root.iter("body"))
+
+
+def _remove(parent: ElementTree.Element, tag: str) -> None:
+    for element in parent.findall(tag):
+        parent.remove(element)

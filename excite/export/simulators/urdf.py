@@ -1,0 +1,75 @@
+"""URDF: its author's text with identified inertials and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+from xml.etree import ElementTree
+
+import numpy as np
+from defusedxml.ElementTree import fromstring
+
+from excite.arrays import Array
+from excite.export.models.urdf import edited_urdf
+from excite.export.models.verification import States, pinocchio_torques
+from excite.export.simulators.friction import with_friction
+from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
+from excite.export.simulators.relative import move_attribute
+from excite.export.simulators.subject import Subject
+from excite.robot.loading import model_file
+from excite.robot.robot import Robot
+
+_ATTRIBUTES = {"viscous": "damping", "coulomb": "friction"}
+
+
+class UrdfFormat(ModelFormat):
+    """The URDF that the robot came as: comments, order, shapes and limits stay, inertials and ``<dynamics>`` change.
+
+    A robot that came as MJCF has the URDF that was made of it.
+    """
+
+    name = "urdf"
+    summary = "URDF, the author's text kept (ROS, pinocchio, Drake, PyBullet)"
+    terms = ("viscous", "coulomb")
+    lacks: ClassVar[Mapping[str, str]] = {
+        "armature": "URDF has no rotor inertia; add it where the simulator sets it"
+    }
+
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`."""
+        edit = edited_urdf(subject.robot, subject.found, drives=True, force=False)
+        folder = model_file(subject.robot).parent
+        for mesh in edit.text.root.everywhere("mesh"):
+            move_attribute(edit.text, mesh, "filename", folder, subject.folder)
+        return Rendered({f"{subject.stem}.urdf": edit.text.edited()}, edit.notes)
+
+    def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
+        """Read by pinocchio, ``<dynamics>`` by the XML's own words."""
+        return LoadedUrdf(subject.robot, rendered.files[rendered.main])
+
+
+class LoadedUrdf(LoadedModel):
+    """A URDF in pinocchio, with the friction that its joints state."""
+
+    def __init__(self, robot: Robot, text: bytes) -> None:
+        self._robot, self._text = robot, text
+        joints = {joint.get("name"): joint for joint in fromstring(text).findall("joint")}
+        self._drives = {
+            term: np.array([_dynamics(joints[name], attribute) for name in robot.joint_names])
+            for term, attribute in _ATTRIBUTES.items()
+        }
+
+    @property
+    def drives(self) -> Mapping[str, Array]:
+        """See :class:`LoadedModel`."""
+        return self._drives
+
+    def torques(self, states: States) -> Array:
+        """See :class:`LoadedModel`."""
+        bodies = pinocchio_torques(self._robot, self._text, states)
+        return with_friction(self._robot, bodies, states, self._drives)
+
+
+def _dynamics(joint: ElementTree.Element, attribute: str) -> float:
+    dynamics = joint.find("dynamics")
+    return 0.0 if dynamics is None else float(dynamics.get(attribute, "0"))

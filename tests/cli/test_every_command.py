@@ -1,0 +1,165 @@
+"""What holds for every command: examples that can be typed, choices in its help, failures that programs can read."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+import excite
+from excite.campaign.candidates.registry import SEARCHES
+from excite.campaign.schemas import schema_names
+from excite.cli.main import _run, app
+from excite.cli.session.examples import EXAMPLES
+from excite.cli.session.output import command_line, emit
+from excite.excitation.optimisation.criterion import CRITERIA
+from excite.excitation.selection import SELECTIONS
+from excite.export.registry import EXPORTERS
+from excite.export.simulators.registry import MODEL_FORMATS
+from excite.human.inertials import ANTHROPOMETRY
+from excite.identification.estimators.registry import ESTIMATORS
+from excite.motion.generators.registry import GENERATORS
+from excite.simulation.effects.registry import INJECTED_EFFECTS
+
+
+def _commands(command: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    inner = getattr(command, "commands", None)
+    if inner is None:
+        yield name, command
+    else:
+        for key, item in inner.items():
+            yield from _commands(item, f"{name} {key}".strip())
+
+
+COMMANDS = dict(_commands(typer.main.get_command(app)))
+LINES = [line for lines in EXAMPLES.values() for line, _ in lines]
+
+
+def help_of(name: str, capsys: pytest.CaptureFixture[str]) -> str:
+    assert _run([*name.split(), "--help"]) == 0
+    return capsys.readouterr().out
+
+
+def test_there_are_examples_of_every_command_and_of_no_other() -> None:
+    assert set(EXAMPLES) == set(COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_ends_with_the_examples(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    last = help_of(name, capsys).split("\nExamples:\n")[1]
+    assert [line.strip() for line in last.splitlines() if line.startswith("  excite ")] == [
+        line for line, _ in EXAMPLES[name]
+    ]
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_an_example_is_accepted_as_written(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _, *arguments = shlex.split(line)
+    name = next(name for name in COMMANDS if arguments[: len(name.split())] == name.split())
+    COMMANDS[name].make_context(name, arguments[len(name.split()) :]).close()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_failure_with_json_is_a_document(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run([*name.split(), "--no-such-option", "--json"]) == 2
+    said = capsys.readouterr()
+    error = json.loads(said.out)["error"]
+    assert error["code"] == 2 and "--no-such-option" in error["message"]
+    assert f"excite {name} --help" in error["remedy"]
+    assert said.err.startswith("excite: ") and said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "plan nowhere.urdf",
+        "check ur10 nowhere.csv",
+        "rank ur10 nowhere",
+        "export nowhere.csv --format csv",
+        "export nowhere.csv --format colour",
+        "capture ur10 nowhere",
+        "simulate nobody motions",
+        "init-robot nowhere.urdf",
+        "init-log nowhere",
+        "convert nowhere.csv --robot ur10 --out log",
+        "identify ur10 nowhere",
+        "identify-load ur10 nowhere neither",
+        "model nowhere --format urdf --out model",
+        "doctor nowhere",
+        "diagnose nowhere",
+        "human nowhere.c3d --mass 70 --height 1.8 --sex male",
+        "campaign nobody",
+        "report nowhere",
+        "schema colour",
+        "blind score nowhere",
+    ],
+)
+def test_a_file_or_name_that_is_not_there_ends_in_one_line_and_a_document(
+    line: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert _run([*line.split(), "--json"]) == 4
+    said = capsys.readouterr()
+    error = json.loads(said.out)["error"]
+    assert error["code"] == 4 and error["message"] and error["remedy"]
+    assert said.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "choices"),
+    [
+        ("plan", [*GENERATORS, *SEARCHES]),
+        ("plan", SELECTIONS),
+        ("plan", CRITERIA),
+        ("export", EXPORTERS),
+        ("identify", ESTIMATORS),
+        ("campaign", ESTIMATORS),
+        ("human", ESTIMATORS),
+        ("human", ANTHROPOMETRY),
+        ("simulate", INJECTED_EFFECTS),
+        ("schema", schema_names()),
+        ("model", MODEL_FORMATS),
+    ],
+)
+def test_every_choice_is_listed(name: str, choices: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    words = set(re.findall(r"[\w-]+", help_of(name, capsys)))
+    assert set(choices) and set(choices) <= words
+
+
+def test_what_comes_next_is_a_line_of_its_own_and_never_in_a_document(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    then = command_line("rank", "ur10", Path("my plan"))
+    emit("done", {"a": 1}, as_json=False, then=then)
+    assert capsys.readouterr().out == "done\nthen: excite rank ur10 'my plan'\n"
+    emit("done", {"a": 1}, as_json=True, then=then)
+    assert json.loads(capsys.readouterr().out) == {"a": 1}
+
+
+@pytest.mark.slow
+def test_the_next_command_is_one_that_exists(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each command's own suggestion, followed from the motions that come with the package to a model."""
+    monkeypatch.chdir(tmp_path)
+    for motion in excite.load_motions("ur10")[:1]:
+        (tmp_path / "arm").mkdir(exist_ok=True)
+        excite.save_motion(motion, tmp_path / "arm" / f"{motion.name}.parquet")
+    for line in ("check ur10 arm", "rank ur10 arm", "simulate ur10 arm --jobs 1 --out log", "doctor log"):
+        assert _run(line.split()) == 0
+        (then,) = re.findall(r"^then: excite (.*)$", capsys.readouterr().out, flags=re.MULTILINE)
+        name, *arguments = shlex.split(then)
+        COMMANDS[name].make_context(name, arguments).close()

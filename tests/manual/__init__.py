@@ -1,0 +1,1 @@
+"""The manual: its pages build, its examples run, and it leaves nothing out."""

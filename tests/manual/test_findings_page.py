@@ -1,0 +1,98 @@
+"""The page of findings has every code that the program can give, and no other."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from excite.campaign.plan import FELL
+from excite.doctor.mistakes.registry import OF_TORQUES, OF_WRENCHES
+from excite.doctor.registry import CHECKS
+from excite.safety.checks.registry import CHECKS as SAFETY_CHECKS
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "reference" / "findings.md").read_text(encoding="utf-8")
+# What makes something that has a code, and which of its arguments the code is.
+MAKERS = {"Finding": 0, "Violation": 0, "first_violations": 0, "magnitude_result": 0, "rejected": 0}
+# Where codes stand in tables that loops go through, or are made by a rule of their own.
+TABLES = (
+    "safety/checks/foot.py",
+    "safety/checks/rest.py",
+    "export/arms/franka_limits.py",
+    "safety/repairs/time_scaling.py",
+    "safety/repairs/rows.py",
+)
+CODE = re.compile(r"[a-z]+(_[a-z]+)*")
+
+
+def on_the_page() -> list[str]:
+    blocks = re.findall(r"```\{glossary\}\n(.*?)```", PAGE, flags=re.DOTALL)
+    return [line for block in blocks for line in block.splitlines() if line and not line.startswith(" ")]
+
+
+def made_in(path: Path) -> Iterator[str]:
+    """Codes in a module's calls, and in the tables of those modules that have some."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            if name in MAKERS:
+                named = [item.value for item in node.keywords if item.arg == "kind"]
+                for code in (named or node.args)[:1]:
+                    if isinstance(code, ast.Constant) and isinstance(code.value, str):
+                        yield code.value
+        elif isinstance(node, ast.For) and path.as_posix().endswith(TABLES):
+            yield from _loop_codes(node, tree)
+    if path.as_posix().endswith("safety/repairs/rows.py"):
+        yield from re.findall(r'\("(\w+)", "feet"\)', path.read_text(encoding="utf-8"))
+    if path.as_posix().endswith("safety/repairs/time_scaling.py"):
+        yield from re.findall(r'Scaling\([^"\n]*"(\w+)", "path"', path.read_text(encoding="utf-8"))
+
+
+def _loop_codes(loop: ast.For, tree: ast.Module) -> Iterator[str]:
+    """Words in the table that a loop with a variable ``kind`` or ``reason`` goes through."""
+    names = [item.id for item in ast.walk(loop.target) if isinstance(item, ast.Name)]
+    if not {"kind", "reason"} & set(names):
+        return
+    table: ast.AST = loop.iter
+    if isinstance(table, ast.Name):
+        wanted = table.id
+        table = next(
+            item.value
+            for item in ast.walk(tree)
+            if isinstance(item, ast.Assign) and getattr(item.targets[0], "id", "") == wanted
+        )
+    for row in ast.walk(table):
+        if isinstance(row, ast.Tuple):
+            for cell in row.elts:
+                if isinstance(cell, ast.Constant) and isinstance(cell.value, str):
+                    yield cell.value
+
+
+def in_the_program() -> set[str]:
+    codes = {code for path in (ROOT / "excite").rglob("*.py") for code in made_in(path)}
+    codes |= {kind for check in CHECKS for kind in check.kinds}
+    codes |= {mistake.name for mistake in (*OF_TORQUES, *OF_WRENCHES)}
+    return codes | {FELL}
+
+
+def test_every_code_of_the_program_is_on_the_page_and_no_other() -> None:
+    assert set(on_the_page()) == in_the_program()
+
+
+def test_the_codes_were_found_where_they_are_made() -> None:
+    """The search itself: one code of every kind of place."""
+    found = in_the_program()
+    for code in ("rank", "jitter", "torque_sign", "foot_slip", "franka_jerk", "starts_moving", "friction"):
+        assert code in found
+    assert all(CODE.fullmatch(code) for code in found)
+    assert len(SAFETY_CHECKS) < len(found)
+
+
+def test_no_code_is_there_twice_or_without_a_sentence() -> None:
+    codes = on_the_page()
+    assert len(codes) == len(set(codes))
+    for code in codes:
+        assert re.search(rf"^{code}\n  [A-Z`][^\n]{{15,}}", PAGE, flags=re.MULTILINE), code

@@ -1,0 +1,85 @@
+"""Every Python and bash block of the manual runs, page by page, from an empty folder."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from excite.cli.main import app
+from tests.human.exercise import perform
+from tests.human.recordings import write_mot, write_trc
+from tests.human.virtual_subject import draw_subject, record, standing
+from tests.manual.pages import DOCS, blocks_of, pages, run_page
+
+PAGES = {page.relative_to(DOCS).as_posix(): page for page in pages()}
+
+
+def _person(folder: Path) -> None:
+    """The recordings that the page of a person speaks of, of a virtual one."""
+    rng = np.random.default_rng(5)
+    who = draw_subject(rng)
+    show = perform(who.body, 4.0, seed=2)
+    moving = record(who, show, rng, noise=0.5)
+    write_trc(moving, folder / "moving.trc")
+    write_mot(moving, folder / "moving.mot")
+    write_trc(standing(who, rng, noise=0.5), folder / "standing.trc")
+
+
+# What a page's reader has beforehand.
+BEFORE: dict[str, Callable[[Path], None]] = {"tutorials/person.md": _person, "reference/api.md": _person}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAGES)
+def test_the_blocks_of_a_page_run(name: str, tmp_path: Path) -> None:
+    BEFORE.get(name, lambda folder: None)(tmp_path)
+    run_page(PAGES[name], tmp_path)
+
+
+def test_every_tutorial_and_guide_has_something_to_run() -> None:
+    written = {
+        path.relative_to(DOCS).as_posix()
+        for kind in ("tutorials", "howto")
+        for path in (DOCS / kind).glob("*.md")
+    }
+    # Guides that answer a question in words.
+    assert written - set(PAGES) <= {"howto/index.md"}
+
+
+def test_no_block_is_left_out_for_its_language() -> None:
+    """Fences are those that are run, or say that they are none of it."""
+    known = {"python", "py", "bash", "console", "text", "yaml", "{toctree}", "{glossary}", "{eval-rst}"}
+    for page in DOCS.rglob("*.md"):
+        if "generated" in page.parts:
+            continue
+        for fence in re.findall(r"^```(\S+)", page.read_text(encoding="utf-8"), flags=re.MULTILINE):
+            assert fence in known, (page, fence)
+    assert all(blocks_of(page) for page in PAGES.values())
+
+
+SHOWN = sorted(
+    {
+        line
+        for page in DOCS.rglob("*.md")
+        if "generated" not in page.parts
+        for line in re.findall(
+            r"^(?:\$|   ) (excite [^#\n…]*[^#\s…])$", page.read_text(encoding="utf-8"), flags=re.MULTILINE
+        )
+    }
+)
+
+
+@pytest.mark.parametrize("line", SHOWN)
+def test_a_command_that_is_only_shown_is_accepted(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name, *arguments = shlex.split(line)[1:]
+    command = typer.main.get_command(app).commands[name]
+    command.make_context(name, arguments).close()
