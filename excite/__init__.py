@@ -44,7 +44,6 @@ _PUBLIC = {
     "import_recordings": "excite.logs.recordings",
     "robot_for_log": "excite.logs.robot",
     "join_logs": "excite.logs.joined",
-    "stated_origin": "excite.export.simulators.result",
     "write_simulator_model": "excite.export.simulators.write",
     "identify": "excite.identification.identify",
     "Identification": "excite.identification.result",

@@ -9,7 +9,6 @@ import typer
 
 import excite
 from excite.atomic import atomic_folder
-from excite.cli.human_figures import human_figures
 from excite.cli.session.options import JobsOption, JsonOption, SeedOption
 from excite.cli.session.output import command_line, emit, progress_bars
 from excite.cli.session.segment_options import (
@@ -164,5 +163,7 @@ def _evaluated(
             worn = excite.identify_wearing(person, folder, weight, found, loaded, identify, estimator)
             document["worn_weight"] = worn.to_json()
             said.append(f"\n\n{worn.summary()}")
-        human_figures(found, None if worn is None else worn.wearing, person.body.table, folder)
+        from excite.report.person_figures import save_person_figures  # lazy: pinocchio
+
+        save_person_figures(found, None if worn is None else worn.wearing, person.body.table, folder)
     return document, "".join(said)

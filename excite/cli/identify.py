@@ -13,6 +13,7 @@ from excite.atomic import all_or_nothing
 from excite.cli.session.command_help import METHOD_HELP
 from excite.cli.session.failure import of_error
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
+from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
@@ -135,7 +136,7 @@ def command(
             models = excite.write_models(loaded, result, out, drives=drives, force=force, template=template)
             document["models"] = models.to_json()
             summary = f"{summary}\n\n{models.summary()}"
-            document |= excite.stated_origin(robot, logs[0], out)
+            document |= stated_origin(robot, logs[0], out)
             write_json(document, out / "identification.json")
     then = (
         command_line("diagnose", logs[0], "--out", "diagnosis")

@@ -19,7 +19,7 @@ def command(
         typer.Argument(
             metavar="NAME",
             help="log, robot, bounds, map, motion; results, all of them, or one: blind, campaign, check, diagnosis, "
-            "doctor, export, human, identification, journal, plan, rank, signals, simulation, truth.",
+            "doctor, export, human, identification, journal, model, plan, rank, signals, simulation, truth.",
         ),
     ],
     as_json: JsonOption = False,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
@@ -10,6 +12,11 @@ from excite.arrays import Array
 from excite.errors import LogError
 from excite.logs.log import Trial
 from excite.robot.robot import Robot
+from excite.rows.filtered_rows import TrialRows
+from excite.rows.kinematics import TrialKinematics
+
+CHANGE_S = 0.01
+"""Rows this long before and after a change of contacts are left out: a strike is over, and flags are right [s]."""
 
 
 def closed_on_grid(robot: Robot, trial: Trial, grid: Array) -> NDArray[np.bool_]:
@@ -36,7 +43,21 @@ def closed_on_grid(robot: Robot, trial: Trial, grid: Array) -> NDArray[np.bool_]
     return np.column_stack(flags) if flags else np.zeros((len(grid), 0), dtype=bool)
 
 
-def near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
+def away_from_changes(rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_] | None) -> TrialRows:
+    """Rows less those about a change of contacts, where feet strike and flags come late.
+
+    Args:
+        rows: of one trial.
+        k: the trial's kinematics.
+        closed: which feet carry, ``(n, n_feet)``; None where contacts play no part.
+    """
+    if closed is None or not closed.shape[1]:
+        return rows
+    near = _near_change(closed, round(CHANGE_S * k.rate_hz))[np.searchsorted(k.time, rows.time)]
+    return replace(rows, use=rows.use & ~near[:, None])
+
+
+def _near_change(closed: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
     """Samples within ``samples`` of a change of any flag, ``(n,)``."""
     change = np.zeros(len(closed), dtype=bool)
     differ = (closed[1:] != closed[:-1]).any(axis=1)

@@ -20,7 +20,7 @@ from excite.regressor.contact_forces import contact_elimination
 from excite.regressor.kernels import joint_torque_regressor
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
-from excite.rows.contact_flags import closed_on_grid, near_change
+from excite.rows.contact_flags import away_from_changes, closed_on_grid
 from excite.rows.drive_terms import DRIVE_TERMS, JointSamples, slides
 from excite.rows.filtered_rows import TrialRows, filtered_rows
 from excite.rows.kinematics import TrialKinematics, forces_on_grid, trial_kinematics
@@ -28,9 +28,6 @@ from excite.rows.settings import Filters, ProblemSettings
 
 SHARED_GEAR_TERMS = ("joint_viscous", "joint_coulomb", "joint_armature")
 """Drive terms of a gear that two motors drive."""
-
-CHANGE_S = 0.01
-"""Rows this long before and after a change of contacts are left out: a strike is over, and flags are right [s]."""
 
 STANDS_FOR_S = 0.25
 """Stretches of standstill that are at least this long are left out [s]."""
@@ -134,7 +131,7 @@ class JointRows:
         rows = filtered_rows(source, k, self.filters, self._usable(k, joints))
         if closed is not None and self.robot.feet:
             rows = replace(rows, freedom=self._freedom(rows, k, closed))
-        return self._weighed(_away_from_changes(rows, k, closed), k)
+        return self._weighed(away_from_changes(rows, k, closed), k)
 
     def _freedom(self, rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_]) -> Array:
         """Share of each row that contacts leave it: the diagonal of what projects their forces out."""
@@ -153,7 +150,7 @@ class JointRows:
             return self._elimination(k.q[part], closed[part])[:, :, joints] @ torque[part, :, None]
 
         rows = filtered_rows(source, k, self.filters, self._usable(k, joints))
-        return self._weighed(_away_from_changes(rows, k, closed), k)
+        return self._weighed(away_from_changes(rows, k, closed), k)
 
     def _elimination(self, q: Array, closed: NDArray[np.bool_]) -> Array:
         """What takes unmeasured contact forces out, ``(n, n_channels, nv)``; raises LogError if a torque is missing."""
@@ -231,14 +228,6 @@ class JointRows:
         return np.asarray(
             trial.current[:, self._measured] * np.array([gains[joint] for joint in self.channel_names])
         )
-
-
-def _away_from_changes(rows: TrialRows, k: TrialKinematics, closed: NDArray[np.bool_] | None) -> TrialRows:
-    """Rows less those about a change of contacts, where feet strike and flags come late."""
-    if closed is None or not closed.shape[1]:
-        return rows
-    near = near_change(closed, round(CHANGE_S * k.rate_hz))[np.searchsorted(k.time, rows.time)]
-    return replace(rows, use=rows.use & ~near[:, None])
 
 
 def drive_terms(header: LogHeader, settings: ProblemSettings) -> tuple[str, ...]:

@@ -77,10 +77,9 @@ class Forecast:
         later = np.array([needed for needed in self.needed_s.values() if needed > self.seconds])
         within_reach = later[later <= PATIENCE * self.seconds]
         if len(within_reach):
-            line += (
-                f"; {len(within_reach)} more would take motion like this for {within_reach.min():.0f} s "
-                f"to {within_reach.max():.0f} s in all"
-            )
+            least, most = f"{within_reach.min():.0f} s", f"{within_reach.max():.0f} s"
+            line += f"; {len(within_reach)} more would take motion like this for "
+            line += f"{least} in all" if least == most else f"{least} to {most} in all"
         if len(later) > len(within_reach):
             line += f"; {len(later) - len(within_reach)} would take more than {PATIENCE:g} times as much"
         return line

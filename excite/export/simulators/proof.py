@@ -120,7 +120,9 @@ class _Trial:
         added, steps = self._added()
         parameters = self.subject.parameters
         plain, _ = self._torques(self.subject.but(parameters + added.ravel(), {}))
-        felt, unseen, deaf = [], [], []
+        felt: list[str] = []
+        unseen: list[str] = []
+        deaf: list[str] = []
         columns = self.regressor.reshape(*self.regressor.shape[:2], -1, 10)
         for k, name in enumerate(PARAMETERS):
             more = added.copy()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -62,27 +61,12 @@ def read_subject(
     loaded = _robot(name, document, file)
     if template is None and Path(name).is_file() and is_mjcf(Path(name)):
         template = Path(name)
-    beyond = ()
+    beyond: tuple[Lost, ...] = ()
     if document.torque_delay is not None:
         why = "how late torques were logged is no part of the robot: correct the log"
         beyond = (Lost("torque_delay", loaded.name, document.torque_delay.value_s, why),)
     found = ModelParameters(document.robot, _identified(document, loaded, file))
     return Subject(loaded, found, folder, template, beyond)
-
-
-def stated_origin(robot: str, log: Path, folder: Path) -> dict[str, str]:
-    """Where robot and log of an identification lie, relative to its folder; nothing for a bundled robot.
-
-    Args:
-        robot: as it was given, a name or a path.
-        log: the first log.
-        folder: folder of the document.
-    """
-    if not os.path.exists(robot):
-        return {}
-    here = Path(folder).resolve()
-    files = {"robot_file": Path(robot), "log_file": log}
-    return {name: Path(os.path.relpath(file.resolve(), here)).as_posix() for name, file in files.items()}
 
 
 def _document(result: Path) -> Path:

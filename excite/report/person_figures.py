@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from excite.human.identified import IdentifiedPerson
-    from excite.human.segment_table import SegmentTable
+import numpy as np
+
+from excite.human.identified import IdentifiedPerson
+from excite.human.plates.ground_reaction import AXES, UNITS
+from excite.human.segment_table import STATED, SegmentTable
+from excite.report.data import ForceComparison, MassComparison, ReportData, save_report_data
+from excite.report.plots.segment_masses import save_force_figure, save_segment_figure
 
 MASSES, REACTION = "segment_masses.png", "ground_reaction.png"
 
 
-def human_figures(found: IdentifiedPerson, wearing: SegmentTable | None, table: str, out: Path) -> None:
+def save_person_figures(found: IdentifiedPerson, wearing: SegmentTable | None, table: str, out: Path) -> None:
     """Write the masses as bars, the ground reaction of the last trial as curves, and what `excite report` reads.
 
     Args:
@@ -21,21 +24,6 @@ def human_figures(found: IdentifiedPerson, wearing: SegmentTable | None, table: 
         table: of the nominal masses.
         out: log folder.
     """
-    import numpy as np
-
-    from excite.human.plates.ground_reaction import AXES, UNITS  # lazy: pinocchio
-    from excite.human.segment_table import STATED  # lazy: pinocchio
-    from excite.report.data import (  # lazy: numpy
-        ForceComparison,
-        MassComparison,
-        ReportData,
-        save_report_data,
-    )
-    from excite.report.plots.segment_masses import (  # lazy: numpy
-        save_force_figure,
-        save_segment_figure,
-    )
-
     rows = found.table.rows
     names = [row.segment for row in rows]
     nominal = [row.nominal.get(STATED, row.nominal[table]) for row in rows]
