@@ -53,6 +53,14 @@ def make(
             "--torque", help="none: logs of commands and positions, as of a servo without a sensor."
         ),
     ] = "motor_side",
+    kind: Annotated[
+        Literal["ordinary", "everything", "both"],
+        typer.Option(
+            "--class",
+            help="ordinary: one effect, two or none; everything: arms with three to eight effects of any size, the true "
+            "share of each in the answers; both by turns.",
+        ),
+    ] = "ordinary",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
     from excite.blind.make import make_cases  # lazy: pinocchio
@@ -69,6 +77,7 @@ def make(
             base=base,
             robots=tuple(robot or ()),
             torque=torque,
+            kind=kind,
             jobs=crew,
             progress=progress,
         )
