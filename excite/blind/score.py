@@ -94,7 +94,9 @@ class BlindScore:
     def detectable(self) -> BlindScore:
         """The cases whose effects all stand far enough above the noise; those without any are among them."""
         cases = tuple(case for case in self.cases if case.detectable)
-        return BlindScore(cases, {c.case: self.seconds[c.case] for c in cases if c.case in self.seconds}, self.mixtures)
+        return BlindScore(
+            cases, {c.case: self.seconds[c.case] for c in cases if c.case in self.seconds}, self.mixtures
+        )
 
     def figures(self) -> dict[str, float | None]:
         """The battery in numbers."""

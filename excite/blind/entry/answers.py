@@ -64,9 +64,7 @@ def _read(path: Path, answer: Answer) -> EntryAnswer:
         return from_diagnosis(read_document(path, Diagnosis, remedy=_REMEDY).content())
     if said != schema_of(BlindAnswer):
         either = " or ".join(schema_of(kind) for kind in kinds)
-        raise InputError(
-            f"schema is {said!r:.60}, not {either}", source=path, field="schema", remedy=_REMEDY
-        )
+        raise InputError(f"schema is {said!r:.60}, not {either}", source=path, field="schema", remedy=_REMEDY)
     document = read_document(path, BlindAnswer, remedy=_REMEDY)
     content = document.content()
     _check_names(path, [*content["effects"], *content["rivals"]], answer)
