@@ -15,18 +15,19 @@ from excite.errors import InputError
 
 # Evaluations of scipy's trust region with sysid's Jacobian. On a UR10 whose elbow alone has viscous friction twelve of
 # them take the cost from 49472 to 119; eight of sysid's own Levenberg-Marquardt leave 7134 of 94070.
-_ITERATIONS = 12
+_ITERATIONS = 8
 
 
 def fitted_by_sysid(folder: Path) -> dict[str, Any]:
     """Answer (``excite.blind_answer/1``) to one case.
 
     The nominal MuJoCo model under the log's servo follows the log's commands; joints' damping, dry friction, rotor
-    inertia and springs, masses and centres of mass of the links, gain and bias of every torque and one delay of them
-    all are fitted by ``mujoco.sysid.optimize`` to positions and torques of the first seconds of a trial. The change that
-    is largest is the one without which the fit's sum of squares grows most; terms that the log calls modelled,
-    and bodies where they are free, are the baseline's and not named. Its share of a joint is what the torque's mean
-    square there loses when it is put back to nominal, of what all of those that could be named take.
+    inertia and springs, masses and centres of mass of the links, bias of every torque, one delay of them all and,
+    where bodies are given, every torque's gain are fitted by ``mujoco.sysid.optimize`` to positions and torques of the
+    first trial. The change that is largest is the one without which the fit's sum of squares grows most; terms that
+    the log calls modelled, and bodies where they are free, are the baseline's and not named. Its share of a joint is
+    what the torque's mean square there loses when it is put back to nominal, of what all of those that could be named
+    take.
 
     Args:
         folder: of the log.

@@ -16,8 +16,6 @@ from excite.simulation.mjcf import World, build_spec
 
 # Steps of the simulator [s]: twice the log's rate, and stable with the stiffest of the bundled arms' servos.
 _STEP_S = 2e-3
-# Of the first trial [s]: a Jacobian costs a roll-out for each of seventy parameters.
-_SPAN_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -52,8 +50,6 @@ class TrialFit:
                     objname=name,
                 )
         self.model = self.spec.compile()
-        trial = trial.rows(np.flatnonzero(trial.time - trial.time[0] <= _SPAN_S))
-        command = command[: len(trial.time)]
         time = trial.time - trial.time[0]
         # Sensors in the model's order: position and torque by turns.
         measured = np.stack([trial.q, log.torque(trial)], axis=2).reshape(len(time), -1)
@@ -105,7 +101,9 @@ class TrialFit:
                 start = min(max(nominal, low + (0.02 * (most - low) if low >= 0.0 else 0.0)), most)
                 modifier = _joint_field(name, field, float(self.rest[j]))
                 add(effect, name, self._parameter(f"{name}.{field}", nominal, low, most, modifier, start))
-            add("torque_gain", name, self._parameter(f"{name}.gain", 1.0, 0.3, 3.0))
+            # Beside bodies that are free a torque's scale is theirs too: all of a UR10's wrists were halved so.
+            if self.log.fixed:
+                add("torque_gain", name, self._parameter(f"{name}.gain", 1.0, 0.3, 3.0))
             add("torque_bias", name, self._parameter(f"{name}.bias", 0.0, -3.0 * size, 3.0 * size))
         add("time_delay", "torque", self._parameter("delay", 0.0, -0.03, 0.05))
         for segment in self.log.robot.segments:
@@ -147,7 +145,8 @@ class TrialFit:
         data = predicted.resample(at).data.copy()
         late = predicted.resample(at - float(params["delay"].value[0])).data
         for j, name in enumerate(self.joints):
-            gain, bias = (float(params[f"{name}.{what}"].value[0]) for what in ("gain", "bias"))
+            gain = float(params[f"{name}.gain"].value[0]) if self.log.fixed else 1.0
+            bias = float(params[f"{name}.bias"].value[0])
             data[:, 2 * j + 1] = gain * late[:, 2 * j + 1] + bias
         kept = sysid.TimeSeries(at, measured.data[inside], measured.signal_mapping)
         rest = (data - kept.data) / self.scale
