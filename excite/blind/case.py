@@ -51,9 +51,8 @@ def build_case(plan: Draft, rng: np.random.Generator, servo: Servo | None = None
     made = _prepare(arm, plan, rng)
     virtual, modelled = made.virtual, made.modelled
     recordings = recordings_of(virtual, arm)
-    spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
-    sigma = plan.noise * (_NOISE_TAU * spread + 2e-4 * spread.max())
-    trials, headers = _session(recordings, arm, plan, sigma, rng)
+    sigma = noise_of(recordings, plan.noise)
+    trials, headers = session(recordings, arm, plan.noise, plan.faults, sigma, rng)
     header = log_header(virtual.robot, headers).model_copy(update={"modelled": modelled})
     log = Log(header=header, trials=trials, robot_text=virtual.robot.urdf)
     known = []
@@ -133,10 +132,33 @@ def recordings_of(virtual: VirtualRobot, arm: Arm) -> list[Recording]:
     return recordings
 
 
-def _session(
-    recordings: list[Recording], arm: Arm, plan: Draft, sigma: Array, rng: np.random.Generator
+def noise_of(recordings: list[Recording], noise: float) -> Array:
+    """Standard deviation of each torque channel's white noise, ``noise`` times the usual, ``(n_joints,)`` [N·m]."""
+    spread = np.vstack([r.tau_motor for r in recordings]).std(axis=0)
+    return np.asarray(noise * (_NOISE_TAU * spread + 2e-4 * spread.max()))
+
+
+def session(
+    recordings: list[Recording],
+    arm: Arm,
+    noise: float,
+    faults: tuple[str, ...],
+    sigma: Array,
+    rng: np.random.Generator,
 ) -> tuple[tuple[Trial, ...], tuple[TrialHeader, ...]]:
-    """The trials as sensors and logger give them."""
+    """The trials as sensors and logger give them.
+
+    Args:
+        recordings: of the arm's motions and the repeat, without noise.
+        arm: whose motions they are.
+        noise: factor on the usual noise of positions.
+        faults: kinds of faults of the record.
+        sigma: ``(n_joints,)`` standard deviation of the torques' white noise [N·m].
+        rng: source of noise and faults.
+
+    Returns:
+        The trials and what the log's header says of them.
+    """
     trials, headers = [], []
     for k, recording in enumerate(recordings):
         role: Role = "validation" if N_TRIALS <= k < N_TRIALS + N_VALIDATION else "identification"
@@ -148,12 +170,12 @@ def _session(
             name=recording.name,
             role=role,
             time=recording.time,
-            q=recording.q + plan.noise * _NOISE_Q * rng.standard_normal(shape),
+            q=recording.q + noise * _NOISE_Q * rng.standard_normal(shape),
             tau=recording.tau_motor + sigma * rng.standard_normal(shape),
             q_cmd=recording.q_cmd,
             start_s=headers[-1].start_s,
         )
-        for fault in plan.faults:
+        for fault in faults:
             trial = FAULTS[fault](trial, rng)
         trials.append(trial)
     return tuple(trials), tuple(headers)

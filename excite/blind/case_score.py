@@ -20,7 +20,7 @@ class CaseScore:
 
     Attributes:
         case: its name.
-        kind: single, weak, double, none or unknown.
+        kind: single, weak, double, none, unknown or everything.
         truth: hidden effects with places and forms, for people.
         said: what the diagnosis says, for people.
         named: whether a hidden effect's name, or none, or unknown, is what it says; ties that hold it count.
@@ -32,7 +32,7 @@ class CaseScore:
         faults: faults of the record, by kind.
         detectable: whether all that is hidden stands far enough above the noise; where nothing is, True.
         probability: that it states for its first candidate, None where it states none.
-        share_closed: of the gap.
+        share_closed: of the gap, None where the answer says nothing of it.
         interval: 90 % interval of that, None where it states none.
         parameter_errors: relative error of the main parameter of each hidden effect that is found at its place,
             by its name, where it can be compared.
@@ -51,7 +51,7 @@ class CaseScore:
     faults: tuple[str, ...]
     detectable: bool
     probability: float | None
-    share_closed: float
+    share_closed: float | None
     interval: tuple[float, float] | None
     parameter_errors: tuple[tuple[str, float], ...] = ()
 
@@ -110,11 +110,21 @@ def score_case(case: str, answer: Answer, document: Mapping[str, Any]) -> CaseSc
         answer.faults,
         all(item.detectability is None or item.detectability >= DETECTABLE for item in answer.effects),
         first.get("probability"),
-        # Of a gap whose closing is not known, nothing is.
-        float(document["gap"]["share_closed"] or 0.0),
+        _closed(document["gap"]),
         None if interval is None or None in interval else (float(interval[0]), float(interval[1])),
         tuple(_parameter_errors(answer, effects)),
     )
+
+
+def _closed(gap: Mapping[str, Any]) -> float | None:
+    """Share closed; of a gap whose size is stated and whose closing is not known, nothing is."""
+    closed = gap["share_closed"]
+    return float(closed) if closed is not None else 0.0 if "before" in gap else None
+
+
+def same_effect(hidden: str, said: str) -> bool:
+    """Whether two names stand for one effect: bodies' inertia and a body more, a bias and friction's asymmetry."""
+    return _match(_canonical(hidden), _canonical(said))
 
 
 def _parameter_errors(answer: Answer, effects: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,28 @@ _EVERY = 8
 _EDGE = 40
 _SIGN_WIDTH = 5e-3
 _STILL = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """The frequencies at which robots are compared, and the noise in them.
+
+    Attributes:
+        sos: second-order sections of the low-pass, which runs forth and back.
+        noise: ``(n_joints,)`` standard deviation of what passes of the torques' white noise [N·m].
+    """
+
+    sos: Array
+    noise: Array
+
+    @staticmethod
+    def of(run: Recording, sigma: Array) -> Band:
+        """The band of a recording whose torques have white noise of standard deviation ``sigma`` ``(n_joints,)``."""
+        rate = 1.0 / float(run.time[1] - run.time[0])
+        sos = butter(4, BAND_HZ, fs=rate, output="sos")
+        pulse = np.zeros(2 * round(rate) + 1)
+        pulse[round(rate)] = 1.0
+        return Band(sos, sigma * np.sqrt((sosfiltfilt(sos, pulse) ** 2).sum()))
 
 
 def detectability(
@@ -44,12 +67,8 @@ def detectability(
     Returns:
         Root mean square of the rest over that of the noise in the band.
     """
-    rate = 1.0 / float(with_effect[0].time[1] - with_effect[0].time[0])
-    sos = butter(4, BAND_HZ, fs=rate, output="sos")
-    pulse = np.zeros(2 * round(rate) + 1)
-    pulse[round(rate)] = 1.0
-    noise = sigma * np.sqrt((sosfiltfilt(sos, pulse) ** 2).sum())
-    first, last = (_rest(robot, runs, modelled, noise, sos) for runs in (with_effect, without))
+    band = Band.of(with_effect[0], sigma)
+    first, last = (_rest(robot, runs, modelled, band.noise, band.sos) for runs in (with_effect, without))
     return float(np.sqrt(max(first - last, 0.0)))
 
 
@@ -57,7 +76,7 @@ def _rest(
     robot: Robot, runs: Sequence[Recording], modelled: Sequence[str], noise: Array, sos: Array
 ) -> float:
     """Weighted sum of squares that the modelled terms leave, over the number of rows of a channel."""
-    parts = [_rows(robot, run, modelled, sos) for run in runs]
+    parts = [band_rows(robot, run, modelled, sos) for run in runs]
     y, a = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     moving = np.concatenate([part[2] for part in parts])
     weight = moving / noise
@@ -67,8 +86,21 @@ def _rest(
     return float(((target - rows / scale @ x) ** 2).sum()) / len(y)
 
 
-def _rows(robot: Robot, run: Recording, modelled: Sequence[str], sos: Array) -> tuple[Array, Array, Array]:
-    """Torque less the nominal bodies', columns of what is modelled, and which rows move."""
+def band_rows(
+    robot: Robot, run: Recording, modelled: Sequence[str], sos: Array
+) -> tuple[Array, Array, Array]:
+    """Equations of one recording in the band, edges left out and every eighth row kept.
+
+    Args:
+        robot: the nominal model.
+        run: a recording.
+        modelled: words of ``modelled`` of the log.
+        sos: second-order sections of the low-pass.
+
+    Returns:
+        Torque less the nominal bodies' ``(m, n_joints)`` [N·m], columns of what is modelled
+        ``(m, n_joints, n_columns)``, and 1 where a joint moves, else 0, ``(m, n_joints)``.
+    """
     model, n = robot.model, robot.n_joints
     data = model.createData()
     inertial = np.array(

@@ -18,6 +18,7 @@ class HiddenEffect:
         details: further parameters.
         detectability: rest that the modelled terms cannot take, over the channel's noise in the band
             (:mod:`excite.blind.detectability`); None where it was not computed.
+        shares: of the gap of each joint (:mod:`excite.blind.everything.shares`); empty where they were not computed.
     """
 
     effect: str
@@ -26,6 +27,22 @@ class HiddenEffect:
     form: str = "plain"
     details: dict[str, float] = field(default_factory=dict)
     detectability: float | None = None
+    shares: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class JointGap:
+    """The true gap of a joint.
+
+    Attributes:
+        gap: root mean square of what the modelled terms leave because of the hidden effects [N·m].
+        noise: that of the torque's noise in the same band [N·m].
+        together: share of the gap that only several effects at once take; with the shares of all effects, one.
+    """
+
+    gap: float
+    noise: float
+    together: float
 
 
 @dataclass(frozen=True)
@@ -33,13 +50,14 @@ class Answer:
     """What a diagnosis of a case should find.
 
     Attributes:
-        kind: ``single``, ``weak``, ``double``, ``none`` or ``unknown``.
+        kind: ``single``, ``weak``, ``double``, ``none``, ``unknown`` or ``everything``.
         robot: name of the robot.
         modelled: words of ``modelled`` in the log.
         effects: hidden effects, the stronger first; none where there is none.
         noise: factor on the usual noise.
         faults: faults of the record, by kind.
         background: what every joint has a little of beside them; empty where the robot has nothing else.
+        joints: true gap of the joints that have one; empty where it was not computed.
     """
 
     kind: str
@@ -49,6 +67,7 @@ class Answer:
     noise: float
     faults: tuple[str, ...] = ()
     background: tuple[HiddenEffect, ...] = ()
+    joints: dict[str, JointGap] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """As it stands in the file of answers."""
@@ -61,4 +80,5 @@ class Answer:
             name: tuple(HiddenEffect(**item) for item in document[name]) for name in ("effects", "background")
         }
         lists = {name: tuple(document[name]) for name in ("modelled", "faults")}
-        return Answer(**{**document, **lists, **hidden})
+        joints = {name: JointGap(**item) for name, item in document.get("joints", {}).items()}
+        return Answer(**{**document, **lists, **hidden, "joints": joints})

@@ -11,6 +11,8 @@ import numpy as np
 from excite.blind.case import build_case
 from excite.blind.commands import drawn_servo
 from excite.blind.draw import ROBOTS, draft
+from excite.blind.everything.case import build_mixture
+from excite.blind.everything.draw import mixture
 from excite.blind.floating.case import build_floating_case
 from excite.blind.floating.draw import floating_draft
 from excite.blind.floating.stand import ROBOTS as STANDING_ROBOTS
@@ -29,6 +31,8 @@ from excite.robot.loading import load_robot
 # They take a day, and 10 GB.
 _MOST_CASES = 10_000
 
+Kind = Literal["ordinary", "everything", "both"]
+
 
 def answers_file(folder: Path) -> Path:
     """Where the answers of a folder of cases are: beside it, not in it."""
@@ -43,6 +47,7 @@ def make_cases(
     base: Literal["fixed", "floating", "both"] = "fixed",
     robots: tuple[str, ...] = (),
     torque: Literal["motor_side", "none"] = "motor_side",
+    kind: Kind = "ordinary",
     jobs: Jobs = 1,
     progress: Progress = silent,
 ) -> Path:
@@ -56,6 +61,8 @@ def make_cases(
         robots: to choose from, whatever ``base``; none: those of the base.
         torque: what the logs of arms have; without torque, commands and position servos of several forms, whose gains
             are stated in about half of the cases.
+        kind: ``ordinary`` cases of one effect, two or none; arms with a little of ``everything`` and the true share of
+            each effect in their answers; or ``both`` by turns.
         jobs: number of processes, or an executor, whose machines see the folder; the cases do not depend on it.
         progress: told after each case.
 
@@ -63,7 +70,8 @@ def make_cases(
         The file of answers.
 
     Raises:
-        InputError: the folder holds cases already, or no cases are asked for.
+        InputError: the folder holds cases already, no cases are asked for, or a little of everything is asked for
+            of robots that are no arms with torques.
         UnknownNameError: no such robot.
     """
     folder = Path(folder)
@@ -72,7 +80,10 @@ def make_cases(
         raise InputError(f"{folder} is not empty", remedy="name another folder")
     children = check_seed(seed).spawn(cases)
     families = _families(base, robots)
-    setting = _Setting(folder.absolute(), families, torque)
+    if kind != "ordinary" and (torque == "none" or any(standing for standing, _ in families)):
+        remedy = "ask for arms with torques, or for ordinary cases"
+        raise InputError("a little of everything is hidden in arms with torques only", remedy=remedy)
+    setting = _Setting(folder.absolute(), families, torque, kind)
     made = in_order(
         _case,
         enumerate(children),
@@ -116,6 +127,7 @@ class _Setting:
     folder: Path
     families: tuple[tuple[bool, tuple[str, ...]], ...]
     torque: str
+    kind: Kind
 
 
 def _case(setting: _Setting, task: tuple[int, np.random.SeedSequence]) -> Answer:
@@ -128,6 +140,14 @@ def _case(setting: _Setting, task: tuple[int, np.random.SeedSequence]) -> Answer
         case = build_floating_case(floating_draft(turn, rng, robots), rng)
         save_log(case.log, folder / f"case_{number:03d}")
         return case.answer
+    if setting.kind == "both":
+        mixed, turn = bool(turn % 2), turn // 2
+    else:
+        mixed = setting.kind == "everything"
+    if mixed:
+        log, answer = build_mixture(mixture(rng, robots), rng)
+        save_log(log, folder / f"case_{number:03d}")
+        return answer
     plan = draft(turn, rng, robots)
     servo = drawn_servo(rng) if setting.torque == "none" else None
     log, answer = build_case(plan, rng, servo)

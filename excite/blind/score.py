@@ -9,6 +9,8 @@ from statistics import median
 from typing import Any
 
 from excite.blind.case_score import CaseScore, score_case
+from excite.blind.entry.answers import EntryAnswer, from_diagnosis
+from excite.blind.everything.score import MixtureScore, mixture_figures, score_mixture
 from excite.blind.hidden import Answer
 
 
@@ -19,10 +21,12 @@ class BlindScore:
     Attributes:
         cases: one a case.
         seconds: by case, how long its diagnosis took; empty where it was not measured.
+        mixtures: the cases with a little of everything, by shares.
     """
 
     cases: tuple[CaseScore, ...]
     seconds: Mapping[str, float]
+    mixtures: tuple[MixtureScore, ...] = ()
 
     def share(self, what: str, *kinds: str) -> float | None:
         """Share of the cases of these kinds (all without any) that are ``named``, ``placed`` or ``firm_wrong``."""
@@ -36,7 +40,11 @@ class BlindScore:
 
     def _closed(self, quantile: float) -> float | None:
         """Share of the gap closed that this share of the cases with effects stays below."""
-        closed = sorted(c.share_closed for c in self.cases if c.kind not in {"none", "unknown"})
+        closed = sorted(
+            c.share_closed
+            for c in self.cases
+            if c.kind not in {"none", "unknown"} and c.share_closed is not None
+        )
         return closed[int(quantile * len(closed))] if closed else None
 
     @property
@@ -86,7 +94,9 @@ class BlindScore:
     def detectable(self) -> BlindScore:
         """The cases whose effects all stand far enough above the noise; those without any are among them."""
         cases = tuple(case for case in self.cases if case.detectable)
-        return BlindScore(cases, {c.case: self.seconds[c.case] for c in cases if c.case in self.seconds})
+        return BlindScore(
+            cases, {c.case: self.seconds[c.case] for c in cases if c.case in self.seconds}, self.mixtures
+        )
 
     def figures(self) -> dict[str, float | None]:
         """The battery in numbers."""
@@ -109,6 +119,7 @@ class BlindScore:
             "median_share_closed": self._closed(0.5),
             "worst_tenth_share_closed": self._closed(0.1),
             "brier": self.brier,
+            **(mixture_figures(self.mixtures) if self.mixtures else {}),
             "seconds_median": seconds[len(seconds) // 2] if seconds else None,
         }
 
@@ -149,18 +160,31 @@ class BlindScore:
             "calibration": self.calibration,
             "parameter_errors": self.parameter_errors,
             "cases": [asdict(case) for case in self.cases],
+            "everything": [asdict(case) for case in self.mixtures],
         }
 
 
 def score(
     answers: Mapping[str, Answer], documents: Mapping[str, Mapping[str, Any]], seconds: Mapping[str, float]
 ) -> BlindScore:
-    """Score all diagnoses; cases without one are left out."""
-    cases = tuple(score_case(name, answers[name], documents[name]) for name in sorted(documents))
-    return BlindScore(cases, dict(seconds))
+    """Score all diagnoses (``excite.diagnosis/1``); cases without one are left out."""
+    said = {name: from_diagnosis(document, seconds.get(name)) for name, document in documents.items()}
+    return score_entry(answers, said)
 
 
-_SHARES = frozenset({"named", "placed", "found", "kept", "recognised", "wrong", "closed"})
+def score_entry(answers: Mapping[str, Answer], said: Mapping[str, EntryAnswer]) -> BlindScore:
+    """Score all answers of an entry; cases without one are left out."""
+    cases = tuple(score_case(name, answers[name], said[name].document) for name in sorted(said))
+    mixtures = tuple(
+        score_mixture(name, answers[name], said[name].stated)
+        for name in sorted(said)
+        if answers[name].kind == "everything"
+    )
+    seconds = {name: item.seconds for name, item in said.items() if item.seconds is not None}
+    return BlindScore(cases, seconds, mixtures)
+
+
+_SHARES = frozenset({"named", "placed", "found", "kept", "recognised", "wrong", "closed", "right", "inside"})
 
 
 def _share(marks: list[bool]) -> float | None:

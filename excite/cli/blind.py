@@ -20,16 +20,21 @@ from excite.cli.session.workers import workers
 from excite.errors import ExciteError, InputError
 from excite.json_document import write_json
 from excite.parallel.engine import in_order
+from excite.parallel.jobs import Jobs
+from excite.progress import Progress
 from excite.temporary_folder import TemporaryFolder
 
 NAME = "blind"
 
 app = typer.Typer(
     name=NAME,
-    help="Make simulated logs whose hidden effects are written elsewhere, and score their diagnoses.",
+    help="Make simulated logs whose hidden effects are written elsewhere, answer them, and score answers.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+
+FolderArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of cases that `make` wrote.")]
 
 
 @app.command("make", cls=HelpfulCommand)
@@ -53,6 +58,14 @@ def make(
             "--torque", help="none: logs of commands and positions, as of a servo without a sensor."
         ),
     ] = "motor_side",
+    kind: Annotated[
+        Literal["ordinary", "everything", "both"],
+        typer.Option(
+            "--class",
+            help="ordinary: one effect, two or none; everything: arms with three to eight effects of any size, the "
+            "true share of each in the answers; both by turns.",
+        ),
+    ] = "ordinary",
 ) -> None:
     """Write cases into a folder, and what is hidden in them into a file beside it."""
     from excite.blind.make import make_cases  # lazy: pinocchio
@@ -69,6 +82,7 @@ def make(
             base=base,
             robots=tuple(robot or ()),
             torque=torque,
+            kind=kind,
             jobs=crew,
             progress=progress,
         )
@@ -78,22 +92,62 @@ def make(
     emit(f"{count} in {folder}, answers in {answers}", document, as_json=as_json, then=then)
 
 
-@app.command("score", cls=HelpfulCommand)
-def score(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of cases that `make` wrote.")],
+@app.command("enter", cls=HelpfulCommand)
+def enter(
+    folder: FolderArgument,
     out: OutOption = None,
     as_json: JsonOption = False,
     seed: SeedOption = 0,
     jobs: JobsOption = None,
     cluster: ClusterOption = None,
+    method: Annotated[
+        Literal["diagnose", "alone", "mujoco-sysid"],
+        typer.Option(
+            "--method",
+            help="diagnose: `excite diagnose`; alone: each effect fitted alone, lowest BIC; mujoco-sysid: all "
+            "parameters of mujoco.sysid at once, largest change.",
+        ),
+    ] = "diagnose",
 ) -> None:
-    """Diagnose every case in a process of its own that sees nothing but a copy of the log, then compare."""
-    from excite.blind.make import answers_file, load_answers  # lazy: pinocchio
-    from excite.blind.score import score as compare  # lazy: pinocchio
+    """Let a program answer every case, one file a case; it sees nothing but the log."""
+    cases = _cases(folder)
+    with (
+        claimed(out or Path(f"{folder.name}-{method}")) as entry,
+        workers(jobs, cluster) as crew,
+        progress_bars() as progress,
+    ):
+        for case, (document, _) in zip(cases, _answered(cases, method, seed, crew, progress), strict=True):
+            write_json(document, entry / f"{case.name}.json")
+    document = {"schema": "excite.blind_entry/1", "cases": len(cases), "method": method, "folder": str(entry)}
+    then = command_line("blind", "score", folder, "--entry", entry)
+    emit(f"{len(cases)} answers in {entry}", document, as_json=as_json, then=then)
 
-    cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
-    if not cases:
-        raise InputError(f"{folder} holds no cases", remedy="make some with `excite blind make`")
+
+@app.command("score", cls=HelpfulCommand)
+def score(
+    folder: FolderArgument,
+    out: OutOption = None,
+    as_json: JsonOption = False,
+    seed: SeedOption = 0,
+    jobs: JobsOption = None,
+    cluster: ClusterOption = None,
+    entries: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--entry",
+            metavar="DIR",
+            help="Folder of answers made elsewhere, CASE.json each (may be repeated, for a table); without it "
+            "`excite diagnose` answers.",
+        ),
+    ] = None,
+) -> None:
+    """Compare answers with what is hidden: those of entries, or diagnoses by processes that see nothing but the log."""
+    from excite.blind.board import board  # lazy: pinocchio
+    from excite.blind.entry.answers import from_diagnosis, read_entry  # lazy: pinocchio
+    from excite.blind.make import answers_file, load_answers  # lazy: pinocchio
+    from excite.blind.score import score_entry  # lazy: pinocchio
+
+    cases = _cases(folder)
     answers = load_answers(folder)
     for case in cases:
         if case.name not in answers:
@@ -101,15 +155,48 @@ def score(
             raise InputError(
                 f"has no answer to {case.name}", source=answers_file(folder), field="cases", remedy=remedy
             )
-    tasks = [case.absolute() for case in cases]
-    with workers(jobs, cluster) as crew, progress_bars() as progress:
-        found = list(in_order(_diagnosed, tasks, jobs=crew, shared=seed, stage="diagnose", progress=progress))
-    documents = {case.name: document for case, (document, _) in zip(cases, found, strict=True)}
-    seconds = {case.name: taken for case, (_, taken) in zip(cases, found, strict=True)}
-    result = compare(answers, documents, seconds)
+    answers = {case.name: answers[case.name] for case in cases}
+    if entries:
+        scores = {str(entry): score_entry(answers, read_entry(entry, answers)) for entry in entries}
+    else:
+        with workers(jobs, cluster) as crew, progress_bars() as progress:
+            found = _answered(cases, "diagnose", seed, crew, progress)
+        said = {case.name: from_diagnosis(*item) for case, item in zip(cases, found, strict=True)}
+        scores = {"excite diagnose": score_entry(answers, said)}
+    documents = {name: result.to_json() for name, result in scores.items()}
+    (document, *others) = documents.values()
+    if others:
+        document = {"schema": "excite.blind_board/1", "entries": documents}
     if out is not None:
-        write_json(result.to_json(), out / "blind_score.json")
-    emit(result.summary(), result.to_json(), as_json=as_json)
+        write_json(document, out / "blind_score.json")
+    text = next(iter(scores.values())).summary() if not others else board(scores)
+    emit(text, document, as_json=as_json)
+
+
+def _cases(folder: Path) -> list[Path]:
+    cases = sorted(path for path in folder.glob("case_*") if path.is_dir())
+    if not cases:
+        raise InputError(f"{folder} holds no cases", remedy="make some with `excite blind make`")
+    return cases
+
+
+def _answered(
+    cases: list[Path], method: str, seed: int, crew: Jobs, progress: Progress
+) -> list[tuple[dict[str, Any], float]]:
+    """What a program says of every case, and its seconds of processor time."""
+    tasks = [case.absolute() for case in cases]
+    work, shared = (_diagnosed, seed) if method == "diagnose" else (_entered, method)
+    return list(in_order(work, tasks, jobs=crew, shared=shared, stage=method, progress=progress))
+
+
+def _entered(method: str, case: Path) -> tuple[dict[str, Any], float]:
+    """The answer of one of the plain programs."""
+    from excite.blind.entry.registry import PROGRAMS  # lazy: pinocchio
+
+    started = time.process_time()
+    document = PROGRAMS[method](case)
+    taken = round(time.process_time() - started, 2)
+    return {**document, "seconds": taken}, taken
 
 
 # The child ends with the process that waits for it, however that ends.
@@ -122,6 +209,12 @@ main()
 """
 
 
+def _children_s() -> float:
+    """Processor time of the children that have ended [s]."""
+    times = os.times()
+    return times.children_user + times.children_system
+
+
 def _diagnosed(seed: int, case: Path) -> tuple[dict[str, Any], float]:
     """One diagnosis, from a copy of the log that does not say where it came from, and its seconds."""
     from excite.documents.diagnosis import Diagnosis  # lazy: pydantic
@@ -129,7 +222,7 @@ def _diagnosed(seed: int, case: Path) -> tuple[dict[str, Any], float]:
 
     folder = TemporaryFolder()
     copy = Path(shutil.copytree(case, folder.path / "private" / "log"))
-    started = time.perf_counter()
+    started = _children_s()
     options = ("diagnose", str(copy), "--json", "--seed", str(seed))
     child = subprocess.run(
         [sys.executable, "-c", _DIAGNOSE, str(os.getpid()), *options],
@@ -138,7 +231,7 @@ def _diagnosed(seed: int, case: Path) -> tuple[dict[str, Any], float]:
         cwd=copy.parent,
         check=False,
     )
-    taken = time.perf_counter() - started
+    taken = _children_s() - started
     if child.returncode != 0:
         last = (child.stderr.strip().splitlines() or ["no message"])[-1]
         raise ExciteError(f"the diagnosis of {case.name} failed: {last}")

@@ -18,8 +18,8 @@ def command(
         str,
         typer.Argument(
             metavar="NAME",
-            help="log, robot, bounds, map, motion; results, all of them, or one: blind, campaign, check, diagnosis, "
-            "doctor, export, human, identification, journal, model, plan, rank, signals, simulation, truth.",
+            help="log, robot, bounds, map, motion; results, all of them, or one: blind, blind_answer, campaign, check, "
+            "diagnosis, doctor, export, human, identification, journal, model, plan, rank, signals, simulation, truth.",
         ),
     ],
     as_json: JsonOption = False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from excite.documents.blind import BlindAnswers
+from excite.documents.blind_answer import BlindAnswer
 from excite.documents.campaign import Campaign
 from excite.documents.check import Check
 from excite.documents.diagnosis import Diagnosis
@@ -35,6 +36,7 @@ _KINDS: tuple[type[Document], ...] = (
     Journal,
     Truth,
     BlindAnswers,
+    BlindAnswer,
 )
 
 DOCUMENTS: dict[str, type[Document]] = {schema_of(kind): kind for kind in _KINDS}

@@ -157,6 +157,10 @@ ANSWERS = {
         }
     },
 }
+ANSWER = {
+    "schema": "excite.blind_answer/1",
+    "effects": [{"effect": "backlash", "location": "elbow_joint", "share": 0.6, "interval90": [0.5, 0.7]}],
+}
 SMALL: dict[str, dict[str, Any]] = {
     "plan": PLAN,
     "check": CHECK,
@@ -167,5 +171,6 @@ SMALL: dict[str, dict[str, Any]] = {
     "journal": JOURNAL,
     "truth": TRUTH,
     "blind": ANSWERS,
+    "blind_answer": ANSWER,
 }
 """By the word in the schema."""

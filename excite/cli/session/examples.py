@@ -109,6 +109,14 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "blind make": (
         ("excite blind make --cases 4 --out blind", "four arms' logs, what is hidden beside them"),
         ("excite blind make --cases 4 --base floating --out standing", "standing robots"),
+        ("excite blind make --cases 4 --class everything --out mixed", "three to eight effects each"),
     ),
-    "blind score": (("excite blind score blind --out score", "how many effects are found"),),
+    "blind enter": (
+        ("excite blind enter blind --out ours", "what `excite diagnose` says of every case"),
+        ("excite blind enter blind --method alone --out alone", "each effect alone, lowest BIC"),
+    ),
+    "blind score": (
+        ("excite blind score blind --out score", "how many effects are found"),
+        ("excite blind score blind --entry ours --entry alone", "a table of answers made elsewhere"),
+    ),
 }
