@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +50,23 @@ _ABSENT = {
 }
 
 
+@dataclass(frozen=True)
+class Origin:
+    """How a document came to be.
+
+    Attributes:
+        command: that wrote it; empty where it does not say.
+        version: of excite.
+        seed: of the random numbers.
+        written: when the file was written, as its folder says, to the minute (UTC).
+    """
+
+    command: str
+    version: str
+    seed: int | None
+    written: str
+
+
 @dataclass(frozen=True, eq=False)
 class Findings:
     """Contents of a results folder.
@@ -65,6 +84,7 @@ class Findings:
         robot: the robot, None where it cannot be found.
         motions: the plan's chosen motions that could be read, in the plan's order.
         files: names of the files that were read.
+        made: by name of a document, the command that wrote it and when.
         left_out: what is not shown, and why.
     """
 
@@ -80,6 +100,7 @@ class Findings:
     robot: Robot | None
     motions: tuple[Motion, ...]
     files: tuple[str, ...]
+    made: Mapping[str, Origin]
     left_out: tuple[str, ...]
 
     @property
@@ -100,6 +121,7 @@ def read_folder(folder: Path) -> Findings:
     if not folder.is_dir():
         raise InputError("is no folder", source=folder, remedy="give the --out folder of another command")
     documents = {name: _content(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
+    made = {name: _origin(folder / f"{name}.json", made) for name, made in documents.items() if made is not None}
     arrays = folder / "report_data.npz"
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
@@ -132,6 +154,7 @@ def read_folder(folder: Path) -> Findings:
         robot=robot,
         motions=_motions(folder, documents["plan"], robot, left_out),
         files=tuple(files),
+        made=made,
         left_out=tuple(left_out),
         **documents,
     )
@@ -140,6 +163,12 @@ def read_folder(folder: Path) -> Findings:
 def _content(path: Path, kind: type[Model]) -> Document | None:
     """A document with every field, those that the file leaves out with their defaults; None where there is none."""
     return read_document(path, kind).content() if os.path.lexists(path) else None
+
+
+def _origin(path: Path, document: Document) -> Origin:
+    made = document["made"] or {"command": "", "version": "", "seed": None}
+    written = datetime.fromtimestamp(path.stat().st_mtime, UTC)
+    return Origin(**made, written=written.strftime("%Y-%m-%d %H:%M UTC"))
 
 
 def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Robot | None:

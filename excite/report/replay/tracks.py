@@ -78,18 +78,16 @@ class Tracks:
     def _signals(self) -> list[dict[str, Any]]:
         """Positions, which the configurations hold, speeds and torques of the joints, each with its limits."""
         limits, motion = self.limits, self.motion
-        speed, torque = (np.column_stack([-most, most]) for most in (limits.velocity, limits.torque))
-        ends = np.column_stack([limits.position_lower, limits.position_upper])
         first = motion.q.shape[1] - len(motion.joint_names)
         return [
-            {"title": "position", "unit": "rad", "from": first, "limits": _stated(ends)},
+            {"title": "position", "unit": "rad", "from": first, "limits": bounds(limits.position_lower, limits.position_upper)},
             {
                 "title": "velocity",
                 "unit": "rad/s",
                 "values": packed(motion.joint_velocities()),
-                "limits": _stated(speed),
+                "limits": bounds(-limits.velocity, limits.velocity),
             },
-            {"title": "torque", "unit": "N·m", "values": packed(self.torque), "limits": _stated(torque)},
+            {"title": "torque", "unit": "N·m", "values": packed(self.torque), "limits": bounds(-limits.torque, limits.torque)},
         ]
 
     def to_json(self) -> dict[str, Any]:
@@ -124,9 +122,10 @@ def _margin(margin: Margin) -> dict[str, Any]:
     }
 
 
-def _stated(limits: Array) -> list[list[float | None]]:
-    """Limits as JSON has them: null where there is none."""
-    return [[float(end) if np.isfinite(end) else None for end in pair] for pair in limits]
+def bounds(lower: Array, upper: Array) -> list[list[float | None]]:
+    """Limits of the joints, ``(n_joints,)`` each, as JSON has them: null where there is none."""
+    pairs = zip(lower, upper, strict=True)
+    return [[float(end) if np.isfinite(end) else None for end in pair] for pair in pairs]
 
 
 def tracks(robot: Robot, motion: Motion) -> Tracks:

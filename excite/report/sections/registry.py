@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from excite.report.sections.answer import Answer
 from excite.report.sections.assumed import Assumed
 from excite.report.sections.certainty import Certainty
 from excite.report.sections.diagnosed.budget import BudgetByChannel
@@ -26,6 +27,7 @@ from excite.report.sections.signals import Signals
 from excite.report.sections.stages import Stages
 
 SECTIONS: tuple[Section, ...] = (
+    Answer(),
     Verdict(),
     Overview(),
     Effects(),

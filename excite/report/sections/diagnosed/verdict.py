@@ -1,25 +1,20 @@
-"""What a diagnosis says, in one sentence and a row of key figures."""
+"""A diagnosis in a row of key figures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from excite.report.folder import Document, Findings
-from excite.report.html import paragraph, tile
+from excite.report.html import tile
+from excite.report.sections.answer import VERDICTS
 from excite.report.sections.section import Section
 
-_VERDICTS = {
-    "effect": "an effect is named and placed",
-    "ambiguous": "several effects explain it alike",
-    "unknown": "no effect of the library explains it",
-    "none": "nothing stands above the noise",
-}
 # An interval that begins below this part of the share closed contradicts it at first sight.
 _SURE = 0.5
 
 
 class Verdict(Section):
-    """The sentence, the gap before and after, how far it closes, what roll-outs say."""
+    """The gap before and after, how far it closes, what roll-outs say."""
 
     identifier = "verdict"
     title = ""
@@ -29,14 +24,12 @@ class Verdict(Section):
         found = findings.diagnosis
         if found is None:
             return ""
-        sentence = found["sentence"] or f"{found['robot'] or 'a robot'}: {_VERDICTS[found['verdict']]}."
-        said = f'<section id="{self.identifier}">{paragraph(sentence, "verdict")}</section>'
-        return f'{said}<div class="tiles">{"".join(_tiles(found))}</div>'
+        return f'<div class="tiles" id="{self.identifier}">{"".join(_tiles(found))}</div>'
 
 
 def _tiles(found: Document) -> Iterator[str]:
     verdict, gap = found["verdict"], found["gap"]
-    yield tile(verdict, _VERDICTS[verdict])
+    yield tile(verdict, VERDICTS[verdict])
     closed = bool(found["effects"])
     size = f"{_percent(gap['before'])} → {_percent(gap['after'])}" if closed else _percent(gap["before"])
     yield tile(size, f"of the signal is not explained; {_percent(gap['noise_floor'])} is noise")
