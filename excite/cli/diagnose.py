@@ -89,10 +89,12 @@ def _save(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
     )
 
     c, rollouts = result.curves, result.simulation
-    if c is not None:
-        curves = ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after)
-        p = None if rollouts is None else rollouts.path
-        path = None if p is None else PathComparison(p.trial, p.joints, p.time, p.recorded, p.before, p.after)
-        save_report_data(ReportData(gap=curves, path=path), out / "report_data.npz")
+    p = None if rollouts is None else rollouts.path
+    data = ReportData(
+        gap=c and ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after),
+        path=p and PathComparison(p.trial, p.joints, p.time, p.recorded, p.before, p.after),
+    )
+    if data.gap is not None or data.path is not None:
+        save_report_data(data, out / "report_data.npz")
     write_json(document, out / "diagnosis.json")
     return excite.report(out)

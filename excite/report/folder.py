@@ -25,6 +25,7 @@ from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.reading.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.report.data import ReportData, load_report_data
+from excite.report.record import Record, read_record
 from excite.robot.catalogue import find_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -82,6 +83,7 @@ class Findings:
         human: of ``human.json``, which only ``human`` writes.
         data: of ``report_data.npz``; empty where there is none.
         robot: the robot, None where it cannot be found.
+        record: the log that the result was made from, None where none is named or it is gone.
         motions: the plan's chosen motions that could be read, in the plan's order.
         files: names of the files that were read.
         made: by name of a document, the command that wrote it and when.
@@ -98,6 +100,7 @@ class Findings:
     human: Document | None
     data: ReportData
     robot: Robot | None
+    record: Record | None
     motions: tuple[Motion, ...]
     files: tuple[str, ...]
     made: Mapping[str, Origin]
@@ -152,6 +155,7 @@ def read_folder(folder: Path) -> Findings:
         folder=folder,
         data=data,
         robot=robot,
+        record=_record(folder, documents, left_out),
         motions=_motions(folder, documents["plan"], robot, left_out),
         files=tuple(files),
         made=made,
@@ -188,6 +192,16 @@ def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[s
                 reason = f"{name[:60]}: cannot be read ({error.strerror})"
     left_out.append(f"pictures of the robot: {reason}")
     return None
+
+
+def _record(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Record | None:
+    """The log of the diagnosis, else of the identification."""
+    document = documents["diagnosis"] or documents["identification"]
+    record = None if document is None else read_record(folder, document)
+    if isinstance(record, str):
+        left_out.append(f"the trial in motion: {record}")
+        return None
+    return record
 
 
 def _motions(

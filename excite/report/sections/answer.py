@@ -76,7 +76,7 @@ def _of_diagnosis(found: Document, findings: Findings) -> _Answer:
     if following is not None and following["motion"]:
         sentence += " One more experiment would tell."
         return _Answer(sentence, False, ("export", following["motion"], "--format", "csv"), following["why"])
-    return _Answer(sentence, False)
+    return _Answer(sentence, False, purpose="" if following is None else following["why"])
 
 
 def _log(found: Document, findings: Findings) -> str:
@@ -206,7 +206,7 @@ def _of_check(check: Document, findings: Findings) -> _Answer:
 
 def _next(answer: _Answer) -> str:
     if not answer.command:
-        return ""
+        return f'<p class="next">Next: {escape(answer.purpose)}</p>' if answer.purpose else ""
     line = " ".join(["excite", *(shlex.quote(str(word)) for word in answer.command)])
     return f'<p class="next">Next: <code>{escape(line)}</code> · {escape(answer.purpose)}</p>'
 

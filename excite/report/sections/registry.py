@@ -18,6 +18,7 @@ from excite.report.sections.excitation import Excitation
 from excite.report.sections.forces import Forces
 from excite.report.sections.masses import Masses
 from excite.report.sections.motions import Motions
+from excite.report.sections.moving import Moving
 from excite.report.sections.overview import Overview
 from excite.report.sections.parameters import Parameters
 from excite.report.sections.person import Person
@@ -30,6 +31,7 @@ SECTIONS: tuple[Section, ...] = (
     Answer(),
     Verdict(),
     Overview(),
+    Moving(),
     Effects(),
     BudgetByChannel(),
     GapByChannel(),
