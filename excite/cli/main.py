@@ -35,6 +35,7 @@ from excite.cli import (  # noqa: E402
     robots,
     schema,
     simulate,
+    view,
 )
 from excite.cli.records import capture, convert, init_log  # noqa: E402
 from excite.cli.session.command_help import HelpfulCommand, MethodsCommand  # noqa: E402
@@ -88,6 +89,7 @@ for _module in (
     human,
     campaign,
     report,
+    view,
     schema,
     demo,
 ):

@@ -73,7 +73,9 @@ Assumptions = Annotated[list[AssumedValue], Field(max_length=MOST_ENTRIES)]
 class Made(Block):
     """How a document came to be."""
 
-    command: Text = Field(description="as it was typed, less where results go and how many processes make them")
+    command: Text = Field(
+        description="as it was typed, less where results go and how many processes make them"
+    )
     version: Name = Field(description="of excite")
     seed: Count = Field(description="of all random numbers")
 

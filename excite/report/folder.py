@@ -41,14 +41,21 @@ _KINDS: dict[str, type[Model]] = {
     "diagnosis": Diagnosis,
     "human": Human,
 }
+# Commands that write them, where these have another name.
+_COMMANDS = {
+    "signals": "identify ROBOT LOG --explain-signals CHANNEL",
+    "identification": "identify",
+    "diagnosis": "diagnose",
+}
 # A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
 _FARTHEST = 1e6
 _ABSENT = {
-    "plan": "the plan (plan.json: candidates, chosen motions)",
-    "check": "the independent safety check (check.json)",
-    "identification": "the identification (identification.json)",
-    "campaign": "the campaign (campaign.json: certainty per iteration)",
+    "plan": "the plan (plan.json: candidates, chosen motions), which excite plan ROBOT --out DIR writes",
+    "check": "the independent safety check (check.json), which excite check ROBOT DIR --out DIR writes",
+    "identification": "the identification (identification.json), which excite identify ROBOT LOG --out DIR writes",
+    "campaign": "the campaign (campaign.json: certainty per iteration), which excite campaign ROBOT --out DIR writes",
 }
+_WRITERS = "excite plan, check, identify, diagnose, campaign or human"
 
 
 @dataclass(frozen=True)
@@ -122,9 +129,11 @@ def read_folder(folder: Path) -> Findings:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("is no folder", source=folder, remedy="give the --out folder of another command")
+        raise InputError("is no folder", source=folder, remedy=f"give one that {_WRITERS} wrote with --out")
     documents = {name: _content(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
-    made = {name: _origin(folder / f"{name}.json", made) for name, made in documents.items() if made is not None}
+    made = {
+        name: _origin(folder / f"{name}.json", made) for name, made in documents.items() if made is not None
+    }
     arrays = folder / "report_data.npz"
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
@@ -148,7 +157,7 @@ def read_folder(folder: Path) -> Findings:
             "holds none of plan.json, check.json, identification.json, campaign.json, diagnosis.json, human.json, "
             "report_data.npz",
             source=folder,
-            remedy="give the --out folder of another command",
+            remedy=f"give a folder that {_WRITERS} wrote with --out",
         )
     robot = None if alone else _robot(folder, documents, left_out)
     return Findings(
@@ -166,7 +175,8 @@ def read_folder(folder: Path) -> Findings:
 
 def _content(path: Path, kind: type[Model]) -> Document | None:
     """A document with every field, those that the file leaves out with their defaults; None where there is none."""
-    return read_document(path, kind).content() if os.path.lexists(path) else None
+    remedy = f"write it again with excite {_COMMANDS.get(path.stem, path.stem)} --out DIR, or take it out of the folder"
+    return read_document(path, kind, remedy=remedy).content() if os.path.lexists(path) else None
 
 
 def _origin(path: Path, document: Document) -> Origin:

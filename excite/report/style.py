@@ -94,7 +94,8 @@ button { min-width: 5.2em; cursor: pointer; background: var(--identified); color
 @media (max-width: 560px) { section { padding: 16px 14px; } header p { margin: 0; }
   h1 { font-size: 1.5rem; } .replay-margins { display: grid; gap: 0 14px; grid-template-columns: 1fr 1fr; }
   .replay-margins b { grid-column: 1 / 3; } }
-@media print { :root { color-scheme: light; } body { background: none; } section, .tile { break-inside: avoid; border: 0; }
+@media print { :root { color-scheme: light; } body { background: none; }
+  section, .tile { break-inside: avoid; border: 0; }
   nav, .live .moving, .live .moving.plots { display: none; } .interactive.ready > .still { display: block; }
   .wide { overflow: visible; } figure { min-width: 0; } details > *:not(summary) { display: block; } }
 """.replace("LIGHT", css_variables(dark=False)).replace("DARK", css_variables(dark=True))

@@ -503,6 +503,9 @@ class Replay {
       }
       signals.replaceChildren();
       const joint = Number(choice.value);
+      if (first.other) {
+        add(signals, { title: first.otherLabel + " less " + first.label, unit: first.unit, height: 150, series: [{ label: "difference", role: "nominal", values: apart[joint] }] });
+      }
       for (const signal of track.signals) {
         const lines = (signal.limits ? signal.limits[joint] : []).filter((limit) => limit !== null);
         const series = [{ label: signal.label || "motion", role: "identified", values: signal.values[joint] }];
@@ -511,7 +514,9 @@ class Replay {
       }
     };
     choice.addEventListener("change", showJoint);
-    const widest = track.signals[0].values.map((column) => Math.max(...column) - Math.min(...column));
+    const [first] = track.signals;
+    const apart = first.other ? first.values.map((column, i) => column.map((value, row) => first.other[i][row] - value)) : first.values;
+    const widest = apart.map((column) => Math.max(...column) - Math.min(...column));
     choice.value = widest.indexOf(Math.max(...widest));
     showJoint();
   }

@@ -27,8 +27,8 @@ Triangles = NDArray[np.int64]
 CELLS = 24
 
 _SHORTEST_BONE = 0.005
-# Radius of a rod, as a share of all rods' length: an arm of 1 m has rods of 5 cm across.
-_THICK = 0.025
+# Radius of a rod, as a share of the median length: looked at on a xArm 7 and a G1, of which all rods can be told.
+_THICK = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,10 +137,10 @@ def _bones(robot: Robot) -> Iterator[Body]:
         ends = [model.jointPlacements[child].translation for child in model.children[joint]]
         ends = ends or [2.0 * model.inertias[joint].lever]
         found += [(joint, np.array(end)) for end in ends if np.linalg.norm(end) > _SHORTEST_BONE]
-    reach = sum(float(np.linalg.norm(end)) for _, end in found)
+    usual = float(np.median([np.linalg.norm(end) for _, end in found])) if found else 0.0
     for joint, end in found:
         length = float(np.linalg.norm(end))
-        corners, triangles = solid_triangles("capsule", (_THICK * reach, length))
+        corners, triangles = solid_triangles("capsule", (_THICK * usual, length))
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
         link = robot.segments[joint - 1].link
         yield _placed(link, joint, pin.SE3(turn.matrix(), 0.5 * end), corners, triangles)

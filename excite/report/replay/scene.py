@@ -22,7 +22,7 @@ def scene(robot: Robot) -> dict[str, Any]:
     Returns:
         ``joints``: of every model joint from 1 its ``parent`` (0 is the world), ``xyz`` and ``quat`` (x y z w) of its
         placement in the parent's frame, ``free`` for a free base, else ``turn`` and ``slide``, the axes [no unit] about
-        which it turns and along which it slides, in its own frame, and ``name``. Their order is that of the configuration.
+        which it turns and along which it slides, in its own frame, and ``name``. They stand as in the configuration.
         ``bodies``: see :class:`~excite.report.replay.bodies.Body`. ``feet``: ``name``, ``joint``, and corners of the
         ``sole`` in its frame. ``ground``: its height [m], null where there is none.
     """

@@ -28,12 +28,12 @@ def solid_triangles(kind: str, size: tuple[float, ...]) -> tuple[Array, NDArray[
     turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
     circle = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(_AROUND)])
     if kind == "cylinder":
-        return _hull(np.vstack([radius * circle + [0.0, 0.0, end] for end in (-half, half)]))
+        return _hull(np.vstack([radius * circle + np.array([0.0, 0.0, end]) for end in (-half, half)]))
     rise = np.linspace(0.0, 0.5 * np.pi, _RINGS, endpoint=False)
-    dome = np.vstack([radius * (np.cos(t) * circle + [0.0, 0.0, np.sin(t)]) for t in rise])
+    dome = np.vstack([radius * (np.cos(t) * circle + np.array([0.0, 0.0, np.sin(t)])) for t in rise])
     dome = np.vstack([dome, [[0.0, 0.0, radius]]])
-    up = dome + [0.0, 0.0, half]
-    return _hull(np.vstack([up, up * [1.0, 1.0, -1.0]]))
+    up = dome + np.array([0.0, 0.0, half])
+    return _hull(np.vstack([up, up * np.array([1.0, 1.0, -1.0])]))
 
 
 def _hull(corners: Array) -> tuple[Array, NDArray[np.int64]]:

@@ -80,14 +80,24 @@ class Tracks:
         limits, motion = self.limits, self.motion
         first = motion.q.shape[1] - len(motion.joint_names)
         return [
-            {"title": "position", "unit": "rad", "from": first, "limits": bounds(limits.position_lower, limits.position_upper)},
+            {
+                "title": "position",
+                "unit": "rad",
+                "from": first,
+                "limits": bounds(limits.position_lower, limits.position_upper),
+            },
             {
                 "title": "velocity",
                 "unit": "rad/s",
                 "values": packed(motion.joint_velocities()),
                 "limits": bounds(-limits.velocity, limits.velocity),
             },
-            {"title": "torque", "unit": "N·m", "values": packed(self.torque), "limits": bounds(-limits.torque, limits.torque)},
+            {
+                "title": "torque",
+                "unit": "N·m",
+                "values": packed(self.torque),
+                "limits": bounds(-limits.torque, limits.torque),
+            },
         ]
 
     def to_json(self) -> dict[str, Any]:

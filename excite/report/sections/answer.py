@@ -72,7 +72,12 @@ def _of_diagnosis(found: Document, findings: Findings) -> _Answer:
         return _Answer(sentence + " The model is good enough for what this record shows.", True)
     if verdict == "effect":
         purpose = "write the effects into the robot, then see what is left"
-        return _Answer(sentence, None, ("diagnose", _log(found, findings), "--apply", "better", "--out", "first"), purpose)
+        return _Answer(
+            sentence,
+            None,
+            ("diagnose", _log(found, findings), "--apply", "better", "--out", "first"),
+            purpose,
+        )
     if following is not None and following["motion"]:
         sentence += " One more experiment would tell."
         return _Answer(sentence, False, ("export", following["motion"], "--format", "csv"), following["why"])
@@ -140,9 +145,13 @@ def _of_identification(found: Document, findings: Findings) -> _Answer:
     rsd = [row["rsd_percent"] for row in base]
     vague = sum(value is None or value > _VAGUE for value in rsd)
     single = (
-        f", though {vague} of {len(rsd)} parameters by themselves are not known to within {_VAGUE:.0f} %" if vague else ""
+        f", though {vague} of {len(rsd)} parameters by themselves are not known to within {_VAGUE:.0f} %"
+        if vague
+        else ""
     )
-    return _Answer(f"{known}; {predicted}: good enough to predict motions like these{single}.", True, *_take(findings))
+    return _Answer(
+        f"{known}; {predicted}: good enough to predict motions like these{single}.", True, *_take(findings)
+    )
 
 
 def _take(findings: Findings) -> tuple[tuple[object, ...], str]:
@@ -156,7 +165,9 @@ def _of_plan(plan: Document, findings: Findings) -> _Answer:
         remedy = plan["remedy"]
         advice = f" What would help most: {remedy['change']}." if remedy else ""
         found = f"None of {candidates['generated']} candidate motions is safe.{advice}"
-        return _Answer(found, False, ("plan", _robot(findings), "--out", findings.folder), "again, with that changed")
+        return _Answer(
+            found, False, ("plan", _robot(findings), "--out", findings.folder), "again, with that changed"
+        )
     seconds = sum(entry["duration_s"] for entry in chosen)
     found = (
         f"{_count(len(chosen), 'motion')} of {seconds:.0f} s in all, chosen from {candidates['accepted']} safe ones "
@@ -213,12 +224,17 @@ def _next(answer: _Answer) -> str:
 
 def _made(findings: Findings) -> str:
     return "".join(
-        f'<p class="made">{text}</p>' for text in dict.fromkeys(_lines(name, made) for name, made in findings.made.items())
+        f'<p class="made">{text}</p>'
+        for text in dict.fromkeys(_lines(name, made) for name, made in findings.made.items())
     )
 
 
 def _lines(name: str, made: Origin) -> str:
-    by = f"<code>{escape(made.command)}</code>, excite {escape(made.version)}, seed {made.seed}" if made.command else ""
+    by = (
+        f"<code>{escape(made.command)}</code>, excite {escape(made.version)}, seed {made.seed}"
+        if made.command
+        else ""
+    )
     return f"{name}.json made by {by}, {made.written}" if by else f"{name}.json written {made.written}"
 
 

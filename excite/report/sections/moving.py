@@ -12,7 +12,7 @@ from excite.report.html import paragraph, section
 from excite.report.live import replay
 from excite.report.record import Record
 from excite.report.replay.scene import scene
-from excite.report.replay.trial import trial_track
+from excite.report.replay.trial import trial_frames
 from excite.report.sections.section import Section
 
 _COMMANDED = "commanded"
@@ -35,7 +35,9 @@ class Moving(Section):
             path = None
         trial = record.trial(path.trial if path else "")
         try:
-            tracks = _simulated(record, path, bool(found.get("effects"))) if path else _recorded(record, trial)
+            tracks = (
+                _simulated(record, path, bool(found.get("effects"))) if path else _recorded(record, trial)
+            )
         except ExciteError:
             return ""
         still = paragraph("Open this page in a browser that runs scripts to see it move.", "lead")
@@ -63,9 +65,15 @@ def _simulated(record: Record, path: PathComparison, closed: bool) -> dict[str, 
         models["the simulator with the effects"] = path.identified
     base = _base(record, path)
     return {
-        f"{path.trial} · {name}": trial_track(
-            record.robot, path.trial, path.time, path.measured, path.joints, base=base, ghost=(name, positions)
-        )
+        f"{path.trial} · {name}": trial_frames(
+            record.robot,
+            path.trial,
+            path.time,
+            path.measured,
+            path.joints,
+            base=base,
+            ghost=(name, positions),
+        ).to_json()
         for name, positions in models.items()
     }
 
@@ -77,7 +85,7 @@ def _base(record: Record, path: PathComparison) -> Any:
 
 def _recorded(record: Record, trial: Trial) -> dict[str, Any]:
     ghost = None if trial.q_cmd is None else (_COMMANDED, trial.q_cmd)
-    track = trial_track(
+    track = trial_frames(
         record.robot,
         trial.name,
         trial.time,
@@ -85,5 +93,5 @@ def _recorded(record: Record, trial: Trial) -> dict[str, Any]:
         tuple(record.log.header.joints),
         base=trial.base,
         ghost=ghost,
-    )
+    ).to_json()
     return {f"{trial.name} · {trial.role}": track}

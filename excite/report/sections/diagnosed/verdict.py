@@ -49,7 +49,9 @@ def _tiles(found: Document) -> Iterator[str]:
         share = rollout_share(rollouts)
         how = f"of the error above noise of {rollouts['horizon_s']:g} s roll-outs is closed"
         if share is None:
-            how = f"roll-outs of {rollouts['horizon_s']:g} s err by no more than noise makes: they cannot tell"
+            how = (
+                f"roll-outs of {rollouts['horizon_s']:g} s err by no more than noise makes: they cannot tell"
+            )
         yield tile(f"{_whole(share)} %" if share is not None else "–", how)
 
 
