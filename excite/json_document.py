@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.atomic import write_text
+from excite.made import stated
 
 
 def to_json(document: dict[str, Any]) -> str:
@@ -16,8 +17,9 @@ def to_json(document: dict[str, Any]) -> str:
 
 
 def write_json(document: dict[str, Any], path: Path) -> Path:
-    """Write a JSON document atomically."""
-    return write_text(path, to_json(document) + "\n")
+    """Write a JSON document atomically; one of a schema says which command wrote it, where one did."""
+    made = stated() if "schema" in document else {}
+    return write_text(path, to_json({**document, **made}) + "\n")
 
 
 def _finite(value: Any) -> Any:

@@ -9,6 +9,7 @@ import typer
 
 import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
+from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.diagnosis.answer.result import Diagnosis
 from excite.json_document import write_json
@@ -53,6 +54,7 @@ def command(
         summary += f"\n{applied.summary()}"
         document |= {"applied": applied.to_json(out or Path.cwd())}
     if out is not None:
+        document |= stated_origin(robot or "", log, out)
         summary += f"\nreport: {_save(result, document, out)}"
     emit(summary, document, as_json=as_json, then=_then(log, apply, document))
 
@@ -79,11 +81,20 @@ def _checked(nominal: Robot | None, log: Path) -> Robot:
 
 def _save(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
     """Write the curves, the document, and the page that shows both; returns the page."""
-    from excite.report.data import ForceComparison, ReportData, save_report_data  # lazy: pydantic
+    from excite.report.data import (  # lazy: pydantic
+        ForceComparison,
+        PathComparison,
+        ReportData,
+        save_report_data,
+    )
 
-    c = result.curves
-    if c is not None:
-        curves = ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after)
-        save_report_data(ReportData(gap=curves), out / "report_data.npz")
+    c, rollouts = result.curves, result.simulation
+    p = None if rollouts is None else rollouts.path
+    data = ReportData(
+        gap=c and ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after),
+        path=p and PathComparison(p.trial, p.joints, p.time, p.recorded, p.before, p.after),
+    )
+    if data.gap is not None or data.path is not None:
+        save_report_data(data, out / "report_data.npz")
     write_json(document, out / "diagnosis.json")
     return excite.report(out)

@@ -35,6 +35,7 @@ from excite.cli import (  # noqa: E402
     robots,
     schema,
     simulate,
+    view,
 )
 from excite.cli.records import capture, convert, init_log  # noqa: E402
 from excite.cli.session.command_help import HelpfulCommand, MethodsCommand  # noqa: E402
@@ -47,7 +48,9 @@ from excite.cli.session.failure import (  # noqa: E402
     of_usage,
 )
 from excite.cli.session.interruption import Interrupted, handle_signals, say_interrupted  # noqa: E402
+from excite.cli.session.typed import typed, typed_seed  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
+from excite.made import made_by  # noqa: E402
 
 # What typer raises for a command line that means nothing; it is click's, which typer may or may not bring along.
 _UsageError: Any = typer.BadParameter.__mro__[2]
@@ -86,6 +89,7 @@ for _module in (
     human,
     campaign,
     report,
+    view,
     schema,
     demo,
 ):
@@ -153,7 +157,8 @@ def _run(arguments: list[str]) -> int:
     try:
         # Not by calling the app, which ends the process by itself for some errors, with exit codes of its own.
         command = typer.main.get_command(app)
-        with command.make_context("excite", arguments) as context:
+        made = made_by(typed(arguments), excite.__version__, typed_seed(arguments))
+        with made, command.make_context("excite", arguments) as context:
             command.invoke(context)
         return 0
     except typer.Exit as end:

@@ -163,6 +163,13 @@ class Diagnosis(Document):
 
     schema_: Literal["excite.diagnosis/1"] = Field(alias="schema", description="version of this document")
     robot: Name | None = Field(default=None, description="name of the robot")
+    log_file: FilePath | None = Field(
+        default=None,
+        description="the log, relative to this document's folder; null where it was made in memory",
+    )
+    robot_file: FilePath | None = Field(
+        default=None, description="the nominal robot where another than the log's was given, likewise"
+    )
     verdict: Literal["effect", "none", "ambiguous", "unknown"] = Field(description="what was found")
     effect: Name | None = Field(description="the accepted effect, or the likeliest of those that tie")
     location: Name | None = Field(description="its likeliest place, or the place of an unknown gap")

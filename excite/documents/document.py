@@ -70,8 +70,20 @@ class AssumedValue(Block):
 Assumptions = Annotated[list[AssumedValue], Field(max_length=MOST_ENTRIES)]
 
 
+class Made(Block):
+    """How a document came to be."""
+
+    command: Text = Field(
+        description="as it was typed, less where results go and how many processes make them"
+    )
+    version: Name = Field(description="of excite")
+    seed: Count = Field(description="of all random numbers")
+
+
 class Document(Block):
     """A whole document; its field ``schema`` says which, and of what version."""
+
+    made: Made | None = Field(default=None, description="the command that wrote it; null where none did")
 
     def content(self) -> dict[str, Any]:
         """The document as plain objects, fields that the file left out with their defaults."""

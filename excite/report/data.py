@@ -85,6 +85,27 @@ class ConditioningComparison:
 
 
 @dataclass(frozen=True, eq=False)
+class PathComparison:
+    """A trial as its joints moved, and as simulators move them; where nothing was simulated these are the record.
+
+    Attributes:
+        trial: its name.
+        joints: of the columns.
+        time: ``(n,)`` [s].
+        measured: positions, ``(n, n_joints)`` [rad or m].
+        nominal: of the nominal simulator, likewise.
+        identified: of the simulator with the effects, likewise.
+    """
+
+    trial: str
+    joints: Names
+    time: Array
+    measured: Array
+    nominal: Array
+    identified: Array
+
+
+@dataclass(frozen=True, eq=False)
 class ReportData:
     """Everything in ``report_data.npz``; what there is nothing to say about is None; ``gap`` is a diagnosis's."""
 
@@ -92,6 +113,7 @@ class ReportData:
     masses: MassComparison | None = None
     conditioning: ConditioningComparison | None = None
     gap: ForceComparison | None = None
+    path: PathComparison | None = None
 
 
 _PARTS: dict[str, type] = {
@@ -99,11 +121,12 @@ _PARTS: dict[str, type] = {
     "masses": MassComparison,
     "conditioning": ConditioningComparison,
     "gap": ForceComparison,
+    "path": PathComparison,
 }
 # What each field is, where it is not an array of numbers; by kind, numpy's kinds and how many dimensions.
 _FIELDS = {
     **dict.fromkeys(("trial", "before_label", "after_label"), "a text"),
-    **dict.fromkeys(("channels", "units", "names", "segments"), "texts"),
+    **dict.fromkeys(("channels", "units", "names", "segments", "joints"), "texts"),
     **dict.fromkeys(("full_before", "full_after"), "a number"),
     "changed": "flags",
 }
@@ -192,9 +215,13 @@ def _check_numbers(value: NDArray, field: str, path: Path) -> None:
 
 
 def _check_lengths(part: str, content: Any, path: Path) -> None:
-    if isinstance(content, ForceComparison):
-        names, size = "channels", len(content.channels)
-        shapes: dict[str, tuple[int, ...]] = {"units": (size,), "time": (len(content.time),)}
+    timed = isinstance(content, ForceComparison | PathComparison)
+    shapes: dict[str, tuple[int, ...]]
+    if timed:
+        names = "channels" if isinstance(content, ForceComparison) else "joints"
+        size = len(getattr(content, names))
+        shapes = {"units": (size,)} if names == "channels" else {}
+        shapes["time"] = (len(content.time),)
         shapes |= dict.fromkeys(("measured", "nominal", "identified"), (len(content.time), size))
     elif isinstance(content, MassComparison):
         names, size = "names", len(content.names)
@@ -202,7 +229,7 @@ def _check_lengths(part: str, content: Any, path: Path) -> None:
     else:
         names, size = "segments", len(content.segments)
         shapes = dict.fromkeys(("before", "after"), (size,))
-    if not 0 < size <= MOST_CHANNELS or (isinstance(content, ForceComparison) and not len(content.time)):
+    if not 0 < size <= MOST_CHANNELS or (timed and not len(content.time)):
         raise _wrong(f"has {size} names, not 1 to {MOST_CHANNELS}", f"{part}/{names}", path)
     for name, shape in shapes.items():
         value = getattr(content, name)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from excite.motion.files import load_motion
 from excite.motion.motion import Motion
 from excite.reading.file import MAX_DESCRIPTION_BYTES, check_file
 from excite.report.data import ReportData, load_report_data
+from excite.report.record import Record, read_record
 from excite.robot.catalogue import find_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
@@ -38,14 +41,38 @@ _KINDS: dict[str, type[Model]] = {
     "diagnosis": Diagnosis,
     "human": Human,
 }
+# Commands that write them, where these have another name.
+_COMMANDS = {
+    "signals": "identify ROBOT LOG --explain-signals CHANNEL",
+    "identification": "identify",
+    "diagnosis": "diagnose",
+}
 # A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
 _FARTHEST = 1e6
 _ABSENT = {
-    "plan": "the plan (plan.json: candidates, chosen motions)",
-    "check": "the independent safety check (check.json)",
-    "identification": "the identification (identification.json)",
-    "campaign": "the campaign (campaign.json: certainty per iteration)",
+    "plan": "the plan (plan.json: candidates, chosen motions), which excite plan ROBOT --out DIR writes",
+    "check": "the independent safety check (check.json), which excite check ROBOT DIR --out DIR writes",
+    "identification": "the identification (identification.json), which excite identify ROBOT LOG --out DIR writes",
+    "campaign": "the campaign (campaign.json: certainty per iteration), which excite campaign ROBOT --out DIR writes",
 }
+_WRITERS = "excite plan, check, identify, diagnose, campaign or human"
+
+
+@dataclass(frozen=True)
+class Origin:
+    """How a document came to be.
+
+    Attributes:
+        command: that wrote it; empty where it does not say.
+        version: of excite.
+        seed: of the random numbers.
+        written: when the file was written, as its folder says, to the minute (UTC).
+    """
+
+    command: str
+    version: str
+    seed: int | None
+    written: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +90,10 @@ class Findings:
         human: of ``human.json``, which only ``human`` writes.
         data: of ``report_data.npz``; empty where there is none.
         robot: the robot, None where it cannot be found.
+        record: the log that the result was made from, None where none is named or it is gone.
         motions: the plan's chosen motions that could be read, in the plan's order.
         files: names of the files that were read.
+        made: by name of a document, the command that wrote it and when.
         left_out: what is not shown, and why.
     """
 
@@ -78,8 +107,10 @@ class Findings:
     human: Document | None
     data: ReportData
     robot: Robot | None
+    record: Record | None
     motions: tuple[Motion, ...]
     files: tuple[str, ...]
+    made: Mapping[str, Origin]
     left_out: tuple[str, ...]
 
     @property
@@ -98,8 +129,11 @@ def read_folder(folder: Path) -> Findings:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("is no folder", source=folder, remedy="give the --out folder of another command")
+        raise InputError("is no folder", source=folder, remedy=f"give one that {_WRITERS} wrote with --out")
     documents = {name: _content(folder / f"{name}.json", kind) for name, kind in _KINDS.items()}
+    made = {
+        name: _origin(folder / f"{name}.json", made) for name, made in documents.items() if made is not None
+    }
     arrays = folder / "report_data.npz"
     files = [f"{name}.json" for name, content in documents.items() if content is not None]
     if documents["identification"] is None and documents["campaign"] is not None:
@@ -123,15 +157,17 @@ def read_folder(folder: Path) -> Findings:
             "holds none of plan.json, check.json, identification.json, campaign.json, diagnosis.json, human.json, "
             "report_data.npz",
             source=folder,
-            remedy="give the --out folder of another command",
+            remedy=f"give a folder that {_WRITERS} wrote with --out",
         )
     robot = None if alone else _robot(folder, documents, left_out)
     return Findings(
         folder=folder,
         data=data,
         robot=robot,
+        record=_record(folder, documents, left_out),
         motions=_motions(folder, documents["plan"], robot, left_out),
         files=tuple(files),
+        made=made,
         left_out=tuple(left_out),
         **documents,
     )
@@ -139,7 +175,14 @@ def read_folder(folder: Path) -> Findings:
 
 def _content(path: Path, kind: type[Model]) -> Document | None:
     """A document with every field, those that the file leaves out with their defaults; None where there is none."""
-    return read_document(path, kind).content() if os.path.lexists(path) else None
+    remedy = f"write it again with excite {_COMMANDS.get(path.stem, path.stem)} --out DIR, or take it out of the folder"
+    return read_document(path, kind, remedy=remedy).content() if os.path.lexists(path) else None
+
+
+def _origin(path: Path, document: Document) -> Origin:
+    made = document["made"] or {"command": "", "version": "", "seed": None}
+    written = datetime.fromtimestamp(path.stat().st_mtime, UTC)
+    return Origin(**made, written=written.strftime("%Y-%m-%d %H:%M UTC"))
 
 
 def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Robot | None:
@@ -159,6 +202,16 @@ def _robot(folder: Path, documents: dict[str, Document | None], left_out: list[s
                 reason = f"{name[:60]}: cannot be read ({error.strerror})"
     left_out.append(f"pictures of the robot: {reason}")
     return None
+
+
+def _record(folder: Path, documents: dict[str, Document | None], left_out: list[str]) -> Record | None:
+    """The log of the diagnosis, else of the identification."""
+    document = documents["diagnosis"] or documents["identification"]
+    record = None if document is None else read_record(folder, document)
+    if isinstance(record, str):
+        left_out.append(f"the trial in motion: {record}")
+        return None
+    return record
 
 
 def _motions(

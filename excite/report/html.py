@@ -34,14 +34,21 @@ def condition(value: float | None) -> float:
     return math.inf if value is None else value
 
 
-def table(headers: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
-    """A table; numbers stand on the right, ``True`` and ``False`` read yes and no."""
+def table(headers: Sequence[str], rows: Iterable[Sequence[Cell]], total: Sequence[Cell] = ()) -> str:
+    """A table; numbers stand on the right, ``True`` and ``False`` read yes and no.
+
+    Args:
+        headers: of the columns.
+        rows: which a reader may sort.
+        total: a row that stays below them, whatever they are sorted by.
+    """
     rows = list(rows)
     numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(headers))]
     classes = [' class="number"' if flag else "" for flag in numeric]
     head = "".join(f"<th{kind}>{escape(text)}</th>" for kind, text in zip(classes, headers, strict=True))
     body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in rows)
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    foot = f"<tfoot><tr>{''.join(_cell(value) for value in total)}</tr></tfoot>" if total else ""
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody>{foot}</table></div>'
 
 
 def _is_number(value: Cell) -> bool:
@@ -54,8 +61,9 @@ def _cell(value: Cell) -> str:
     if isinstance(value, str):
         return f"<td>{escape(value)}</td>"
     if isinstance(value, int):
-        return f'<td class="number">{value}</td>'
-    return f'<td class="number">{number(value)}</td>'
+        return f'<td class="number" data-v="{value}">{value}</td>'
+    exact = "" if value is None or not math.isfinite(value) else f' data-v="{value:.9g}"'
+    return f'<td class="number"{exact}>{number(value)}</td>'
 
 
 def folded(summary: str, content: str) -> str:

@@ -39,7 +39,8 @@ NOMINAL = Role("nominal", "#d55e00", "#f39149")
 TRUE = Role("true", "#009e73", "#3fc89f")
 PALE = Role("pale", "#c9d3dd", "#4a5662")
 GROUND = Role("ground", "#eceff3", "#262d35")
-ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND)
+BODY = Role("body", "#b3bfcb", "#8a9aaa")
+ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND, BODY)
 
 WIDTH_IN = 9.6
 # Half of the width at the size of labels.

@@ -101,6 +101,11 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("excite campaign ur10 --on-robot --resume --out campaign", "and goes on"),
     ),
     "report": (("excite report arm", "arm/report.html"),),
+    "view": (
+        ("excite view arm", "the plan's motions in the browser"),
+        ("excite view diagnosis", "the robot as measured, the simulator beside it, residuals of each joint"),
+        ("excite view arm_log --record arm_log.html", "a log as a page to send to somebody"),
+    ),
     "schema": (
         ("excite schema log", "of log.yaml"),
         ("excite schema identification", "of identification.json"),

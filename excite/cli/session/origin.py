@@ -7,15 +7,14 @@ from pathlib import Path
 
 
 def stated_origin(robot: str, log: Path, folder: Path) -> dict[str, str]:
-    """Where robot and log of an identification lie, relative to its folder; nothing for a bundled robot.
+    """Where robot and log of a result lie, relative to its folder; of a bundled robot, or the log's own, only the log.
 
     Args:
-        robot: as it was given, a name or a path.
+        robot: as it was given, a name or a path; empty where it was not.
         log: the first log.
         folder: folder of the document.
     """
-    if not os.path.exists(robot):
-        return {}
     here = Path(folder).resolve()
-    files = {"robot_file": Path(robot), "log_file": log}
+    files = {"robot_file": Path(robot)} if os.path.exists(robot) else {}
+    files["log_file"] = Path(log)
     return {name: Path(os.path.relpath(file.resolve(), here)).as_posix() for name, file in files.items()}

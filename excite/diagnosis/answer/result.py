@@ -12,6 +12,7 @@ from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.diagnosis.answer.rollout_path import RolloutPath
 from excite.diagnosis.answer.tables import budget_table, effect_table, gap_table, trivial_table
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
@@ -38,6 +39,7 @@ class Rollout:
         warnings: effects that the simulator cannot express or ignores.
         floor: by channel, RMS by which replicas of the nominal simulator differ that start, and are driven, with
             as much noise as the record has; what no model can go below, same unit.
+        path: of a trial, for a picture; no part of the document. None where there is none.
     """
 
     before: dict[str, float]
@@ -47,6 +49,7 @@ class Rollout:
     driven_by: str = "logged torque"
     warnings: tuple[str, ...] = ()
     floor: dict[str, float] = field(default_factory=dict)
+    path: RolloutPath | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The comparison as it stands in the document."""

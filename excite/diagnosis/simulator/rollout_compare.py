@@ -20,6 +20,7 @@ from excite.diagnosis.simulator.found import Found
 from excite.diagnosis.simulator.model_text import LOUDER, MODEL, AugmentedModel, ignored, without
 from excite.diagnosis.simulator.rollout import Simulator
 from excite.diagnosis.simulator.rollout_floor import replicated
+from excite.diagnosis.simulator.rollout_path import rollout_path
 from excite.diagnosis.simulator.rollout_windows import HORIZON_S, Plan, pieces, torque_plan
 from excite.errors import InputError
 
@@ -119,6 +120,7 @@ def compared(attribution: Attribution, baseline: Baseline, plan: Plan | None = N
         driven_by=plan.driven_by,
         warnings=warnings,
         floor=_floor(before.xml, baseline, plan, plain),
+        path=rollout_path(samples, plan, plain, augmented),
     )
     return Comparison(rollout, after.xml, len(kept), (plain, with_all) if effects else None)
 

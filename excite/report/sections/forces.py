@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
+from excite.report.data import ForceComparison
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, section, table
+from excite.report.live import chart
 from excite.report.plots.forces import MOST_PANELS, channel_label, plot_forces
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -41,8 +44,19 @@ class Forces(Section):
             if len(data.channels) > MOST_PANELS:
                 lead += f" Drawn are the first {MOST_PANELS} of {len(data.channels)} channels."
             svg = to_svg(plot_forces(data), "forces", "Measured and predicted forces of a validation trial")
-            content.append(figure(svg))
+            content.append(chart("forces-plots", data.time, list(_panels(data)), figure(svg)))
         return section(self.identifier, self.title, lead, *content, *tables)
+
+
+def _panels(data: ForceComparison) -> Iterator[dict[str, Any]]:
+    for i, name in enumerate(data.channels[:MOST_PANELS]):
+        series = [
+            ({"label": "measured", "role": "ink"}, data.measured[:, i]),
+            ({"label": "nominal model", "role": "nominal", "dash": [5, 3]}, data.nominal[:, i]),
+            ({"label": "identified model", "role": "identified"}, data.identified[:, i]),
+        ]
+        unit = data.units[i]
+        yield {"title": f"{channel_label(name)} [{unit}]", "unit": unit, "series": series}
 
 
 def _fit_table(channels: dict[str, dict[str, Any]]) -> str:

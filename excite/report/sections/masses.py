@@ -44,5 +44,4 @@ def _numbers(data: MassComparison) -> str:
     rows: list[tuple[Cell, ...]] = [
         (name, *(float(column[i]) for column in columns)) for i, name in enumerate(data.names)
     ]
-    rows.append(("all", *(float(np.sum(column)) for column in columns)))
-    return table(headers, rows)
+    return table(headers, rows, ("all", *(float(np.sum(column)) for column in columns)))

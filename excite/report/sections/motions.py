@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from excite.errors import ExciteError
+from excite.motion.motion import Motion
 from excite.report.folder import Findings
-from excite.report.html import Cell, figure, folded, section, table
+from excite.report.html import Cell, figure, folded, paragraph, section, table
+from excite.report.live import replay
 from excite.report.plots.activity import plot_activity
 from excite.report.plots.snapshots import choose_motions, plot_snapshots
+from excite.report.replay.scene import scene
+from excite.report.replay.tracks import tracks
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
+from excite.robot.robot import Robot
 
 _N_PICTURES = 4
+# A page of 15 MB still opens on a phone, and all else on it comes to 3 MB at most. G1 takes 7 kB a second of motion.
+_MOST_BYTES = 10_000_000
+_HOW = (
+    "Drag the picture to look from elsewhere. One cursor runs over all plots: a click takes the robot there, a drag "
+    "along a plot zooms, a double click shows all of it again."
+)
 _BODY = "Each row is one motion in its most different postures, grey bodies with blue bones"
 _FEET = "the orange point, the centre of mass above the green support polygon, says how far it leans"
 
@@ -37,14 +53,12 @@ class Motions(Section):
             f"{sum(rejected.values())} rejected candidates, by reason",
             table(("reason", "candidates"), [(reason.replace("_", " "), count) for reason, count in reasons]),
         )
-        return section(
-            self.identifier, self.title, self._lead(findings), *_figures(findings), listing, refused
-        )
+        lead = "These motions excite the segments best, and every one of them passed the checks."
+        return section(self.identifier, self.title, lead, *_figures(findings), listing, refused)
 
-    def _lead(self, findings: Findings) -> str:
-        if not findings.motions or findings.robot is None:
-            return "These motions excite the segments best."
-        return f"{_BODY}; {_FEET}." if findings.robot.feet else f"{_BODY}."
+
+def _caption(robot: Robot) -> str:
+    return f"{_BODY}; {_FEET}." if robot.feet else f"{_BODY}."
 
 
 def _figures(findings: Findings) -> list[str]:
@@ -52,7 +66,36 @@ def _figures(findings: Findings) -> list[str]:
     if robot is None or not motions:
         return []
     shown = choose_motions(motions, _N_PICTURES)
-    snapshots = to_svg(plot_snapshots(robot, shown), "snapshots", "Snapshots of the chosen motions")
+    snapshots = paragraph(_caption(robot), "lead") + figure(
+        to_svg(plot_snapshots(robot, shown), "snapshots", "Snapshots of the chosen motions")
+    )
     activity = to_svg(plot_activity(robot, motions), "activity", "Peak speed of each joint in each motion")
     caption = folded("Which joint moves in which motion", figure(activity))
-    return [figure(snapshots), caption]
+    moving, left = _tracks(robot, motions)
+    if not moving:
+        return [snapshots, caption]
+    said = (
+        paragraph(f"Not moving here, for a page shall stay small: {', '.join(left)}.", "note") if left else ""
+    )
+    how = paragraph(_HOW, "lead moving")
+    return [how, replay("replay", scene(robot), moving, snapshots), said, caption]
+
+
+def _tracks(robot: Robot, motions: Sequence[Motion]) -> tuple[dict[str, Any], list[str]]:
+    """Tracks of the motions by title, as many as a page has room for, and the names of the others."""
+    found: dict[str, Any] = {}
+    left, size = [], 0
+    for motion in motions:
+        try:
+            content = tracks(robot, motion).to_json()
+        except ExciteError:
+            left.append(motion.name)
+            continue
+        size += len(json.dumps(content))
+        if size > _MOST_BYTES:
+            left.append(motion.name)
+            continue
+        found[f"{motion.name} · {motion.metadata.generator.replace('_', ' ')} · {motion.duration:.1f} s"] = (
+            content
+        )
+    return found, left

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from excite.report.sections.answer import Answer
 from excite.report.sections.assumed import Assumed
 from excite.report.sections.certainty import Certainty
 from excite.report.sections.diagnosed.budget import BudgetByChannel
@@ -17,6 +18,7 @@ from excite.report.sections.excitation import Excitation
 from excite.report.sections.forces import Forces
 from excite.report.sections.masses import Masses
 from excite.report.sections.motions import Motions
+from excite.report.sections.moving import Moving
 from excite.report.sections.overview import Overview
 from excite.report.sections.parameters import Parameters
 from excite.report.sections.person import Person
@@ -26,8 +28,10 @@ from excite.report.sections.signals import Signals
 from excite.report.sections.stages import Stages
 
 SECTIONS: tuple[Section, ...] = (
+    Answer(),
     Verdict(),
     Overview(),
+    Moving(),
     Effects(),
     BudgetByChannel(),
     GapByChannel(),

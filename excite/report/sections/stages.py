@@ -19,6 +19,6 @@ class Stages(Section):
         if not stages:
             return ""
         rows: list[tuple[Cell, ...]] = [(entry["stage"], float(entry["seconds"])) for entry in stages]
-        rows.append(("all", sum(float(entry["seconds"]) for entry in stages)))
+        total = ("all", sum(float(entry["seconds"]) for entry in stages))
         lead = "The plan's stages in the order in which they ran."
-        return section(self.identifier, self.title, lead, table(("stage", "seconds"), rows))
+        return section(self.identifier, self.title, lead, table(("stage", "seconds"), rows, total))

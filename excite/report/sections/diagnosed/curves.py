@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from excite.report.data import ForceComparison
 from excite.report.folder import Findings
 from excite.report.html import figure, section
+from excite.report.live import chart
+from excite.report.plots.forces import channel_label
 from excite.report.plots.left_over import plot_left_over
 from excite.report.sections.section import Section
 from excite.report.theme import to_svg
@@ -33,4 +39,24 @@ class Curves(Section):
         if len(shown) < len(data.channels):
             lead += f" The {len(shown)} channels with the largest shares of the gap."
         svg = to_svg(plot_left_over(data, shown, closed), "curves", "Measured and modelled, before and after")
-        return section(self.identifier, self.title, lead, figure(svg))
+        plots = chart("curves-plots", data.time, list(_panels(data, shown, closed)), figure(svg))
+        return section(self.identifier, self.title, lead, plots)
+
+
+def _panels(data: ForceComparison, channels: Sequence[str], closed: bool) -> Iterator[dict[str, Any]]:
+    """Two panels a channel: measured and modelled, and their difference."""
+    models = [({"label": "the model", "role": "nominal", "dash": [5, 3]}, data.nominal)]
+    if closed:
+        models.append(({"label": "with the effects", "role": "identified"}, data.identified))
+    for name in channels:
+        i = data.channels.index(name)
+        measured, unit = data.measured[:, i], data.units[i]
+        lines = [({"label": "measured", "role": "ink"}, measured)]
+        lines += [(line, values[:, i]) for line, values in models]
+        yield {"title": f"{channel_label(name)} [{unit}]", "unit": unit, "series": lines}
+        left = [(line, measured - values[:, i]) for line, values in models]
+        yield {
+            "title": f"{channel_label(name)}, measured less modelled [{unit}]",
+            "unit": unit,
+            "series": left,
+        }

@@ -1,0 +1,73 @@
+"""A robot as a page's replay has it: the tree of its joints, its bodies, its soles, the ground."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.report.replay.bodies import bodies
+from excite.report.replay.packed import packed, packed_indices
+from excite.robot.robot import Robot
+
+# Corners are numbered with 16 bits, the last of which stands for what is not known.
+_MOST_CORNERS = 65535
+
+
+def scene(robot: Robot) -> dict[str, Any]:
+    """Everything of a robot that does not change in time, ready for JSON.
+
+    Returns:
+        ``joints``: of every model joint from 1 its ``parent`` (0 is the world), ``xyz`` and ``quat`` (x y z w) of its
+        placement in the parent's frame, ``free`` for a free base, else ``turn`` and ``slide``, the axes [no unit] about
+        which it turns and along which it slides, in its own frame, and ``name``. They stand as in the configuration.
+        ``bodies``: see :class:`~excite.report.replay.bodies.Body`. ``feet``: ``name``, ``joint``, and corners of the
+        ``sole`` in its frame. ``ground``: its height [m], null where there is none.
+    """
+    model = robot.model
+    joints = []
+    for index in range(1, model.njoints):
+        placement = model.jointPlacements[index]
+        joint: dict[str, Any] = {
+            "name": str(model.names[index]),
+            "parent": int(model.parents[index]),
+            "xyz": _rounded(placement.translation),
+            "quat": _rounded(pin.Quaternion(placement.rotation).coeffs()),
+        }
+        if model.joints[index].nq == 1:
+            slide, turn = _axes(model, index)
+            joint |= {"turn": _rounded(turn), "slide": _rounded(slide)}
+        else:
+            joint["free"] = True
+        joints.append(joint)
+    parts = [
+        {
+            "link": body.link,
+            "joint": body.joint,
+            "corners": packed(body.corners),
+            "triangles": packed_indices(body.triangles),
+        }
+        for body in bodies(robot)
+        if 0 < len(body.triangles) and len(body.corners) < _MOST_CORNERS
+    ]
+    feet = [
+        {"name": foot.name, "joint": foot.joint, "sole": [_rounded(corner) for corner in foot.sole]}
+        for foot in robot.feet
+    ]
+    table = robot.description.collision.table_height
+    ground = 0.0 if robot.floating else table
+    return {"joints": joints, "bodies": parts, "feet": feet, "ground": ground}
+
+
+def _axes(model: pin.Model, index: int) -> tuple[Array, Array]:
+    """Along which a joint of one coordinate slides and about which it turns, in its own frame, ``(3,)`` each."""
+    data = model.createData()
+    jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), index)
+    column = np.asarray(jacobian).reshape(6, model.nv)[:, model.idx_vs[index]]
+    return column[:3], column[3:]
+
+
+def _rounded(values: Array) -> list[float]:
+    return [round(float(value), 7) + 0.0 for value in values]

@@ -1,0 +1,1 @@
+"""A motion, a plan, a log or a diagnosis, moving in the browser."""

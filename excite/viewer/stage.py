@@ -1,0 +1,227 @@
+"""A robot on viser's stage: bodies, a ghost, what touches in red, sliders, plots of the joint that is clicked."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.errors import RobotError
+from excite.report.replay.bodies import bodies
+from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model
+from excite.viewer.clip import Clip
+from excite.viewer.thing import Thing
+
+if TYPE_CHECKING:
+    import viser
+
+_BODY, _GHOST, _TOUCHING = (158, 172, 186), (213, 94, 0), (204, 41, 41)
+_OPACITY = 0.35
+
+
+class Stage:
+    """What is shown, and what the handles do. Every change goes through :meth:`show` or :meth:`pose`."""
+
+    def __init__(self, server: viser.ViserServer, thing: Thing):
+        """Put the robot on the stage and the handles beside it.
+
+        Args:
+            server: of viser.
+            thing: what is watched.
+        """
+        self.server, self.thing, self.robot = server, thing, thing.robot
+        self.clip: Clip = thing.clips[0]
+        self.time = 0.0
+        self.q: Array = self.clip.q[0]
+        self.touching: frozenset[str] = frozenset()
+        self.joint = ""
+        self._lock = threading.RLock()
+        self._setting = False
+        self._data = self.robot.model.createData()
+        server.scene.set_up_direction("+z")
+        self._add_ground()
+        self.frames, self.meshes = self._add_robot("robot", _BODY, None)
+        self.ghost_frames, self.ghost_meshes = self._add_robot("ghost", _GHOST, _OPACITY)
+        self._collisions = _collisions(self.robot)
+        self._add_handles()
+        self.choose(self.clip.title)
+
+    def _add_ground(self) -> None:
+        table = self.robot.description.collision.table_height
+        height = 0.0 if self.robot.floating or table is None else table
+        self.server.scene.add_grid(
+            "/ground", width=4.0, height=4.0, cell_size=0.25, position=(0.0, 0.0, height)
+        )
+
+    def _add_robot(self, name: str, color: tuple[int, int, int], opacity: float | None) -> tuple[list, list]:
+        scene = self.server.scene
+        frames = [
+            scene.add_frame(f"/{name}/{joint}", show_axes=False) for joint in range(self.robot.model.njoints)
+        ]
+        meshes = []
+        for i, body in enumerate(bodies(self.robot)):
+            mesh = scene.add_mesh_simple(
+                f"/{name}/{body.joint}/{i}",
+                body.corners.astype(np.float32),
+                body.triangles.astype(np.uint32),
+                color=color,
+                opacity=opacity,
+                flat_shading=True,
+                side="double",
+            )
+            meshes.append((body, mesh))
+            if opacity is None:
+                mesh.on_click(lambda _, joint=body.joint: self.select(self._name(joint)))
+        return frames, meshes
+
+    def _name(self, joint: int) -> str:
+        """The actuated joint that moves a body, the first where the base carries it."""
+        first = self.robot.n_joints - self.robot.model.njoints
+        return self.robot.joint_names[max(0, joint + first)]
+
+    def _add_handles(self) -> None:
+        gui = self.server.gui
+        gui.add_markdown(f"**{self.robot.description.title}**\n\n{self.thing.title}")
+        self.choice = gui.add_dropdown("motion", [clip.title for clip in self.thing.clips])
+        self.choice.on_update(lambda _: self.choose(str(self.choice.value)))
+        longest = max(float(clip.time[-1]) for clip in self.thing.clips)
+        self.scrubber = gui.add_slider("time [s]", 0.0, max(longest, 0.01), 0.01, 0.0)
+        self.scrubber.on_update(lambda _: self._scrubbed())
+        self.playing = gui.add_checkbox("play", initial_value=False)
+        self.said = gui.add_markdown("")
+        limits, self.sliders = self.robot.limits, []
+        with gui.add_folder("joints", expand_by_default=False):
+            for i, name in enumerate(self.robot.joint_names):
+                low, high = (
+                    float(np.clip(end[i], -2.0 * np.pi, 2.0 * np.pi))
+                    for end in (limits.position_lower, limits.position_upper)
+                )
+                slider = gui.add_slider(name, low, high, 0.001, float(np.clip(self._joints()[i], low, high)))
+                slider.on_update(lambda _: self._moved())
+                self.sliders.append(slider)
+        self.folder = gui.add_folder("joint that was clicked")
+        self.plots: list[Any] = []
+
+    def _joints(self) -> Array:
+        return np.asarray(self.q[self.robot.n_base_q :])
+
+    def choose(self, title: str) -> None:
+        """Show another motion or trial, from its start."""
+        with self._lock:
+            self.clip = next(clip for clip in self.thing.clips if clip.title == title)
+            for _, mesh in self.ghost_meshes:
+                mesh.visible = self.clip.ghost is not None
+            self.show(0.0)
+            self.select(self.joint or self._widest())
+
+    def _widest(self) -> str:
+        joints = self.clip.q[:, self.robot.n_base_q :]
+        return self.robot.joint_names[int(np.ptp(joints, axis=0).argmax())]
+
+    def show(self, time: float) -> None:
+        """Put the robot, and the ghost, where they are at a time [s]."""
+        with self._lock:
+            clip = self.clip
+            self.time = float(np.clip(time, 0.0, clip.time[-1]))
+            self.pose(_at(self.robot, clip.time, clip.q, self.time))
+            if clip.ghost is not None:
+                self._place(self.ghost_frames, _at(self.robot, clip.time, clip.ghost[1], self.time))
+            self._setting = True
+            self.scrubber.value = self.time
+            for slider, value in zip(self.sliders, self._joints(), strict=True):
+                slider.value = float(np.clip(value, slider.min, slider.max))
+            self._setting = False
+
+    def pose(self, q: Array) -> None:
+        """Put the robot into a configuration, ``(nq,)``; bodies nearer to each other than they may be turn red."""
+        with self._lock:
+            self.q = q
+            self._place(self.frames, q)
+            self.touching = self._near(q)
+            for body, mesh in self.meshes:
+                mesh.color = _TOUCHING if body.link in self.touching else _BODY
+            names = ", ".join(sorted(self.touching))
+            self.said.content = f"too near to each other: {names}" if names else "no two bodies too near"
+
+    def _near(self, q: Array) -> frozenset[str]:
+        if self._collisions is None:
+            return frozenset()
+        geometry, found, required, links = self._collisions
+        pin.updateGeometryPlacements(self.robot.model, self._data, geometry, found, q)
+        pin.computeDistances(geometry, found)
+        near = [i for i, result in enumerate(found.distanceResults) if result.min_distance < required]
+        pairs = geometry.collisionPairs
+        return frozenset(links[end] for i in near for end in (pairs[i].first, pairs[i].second))
+
+    def _place(self, frames: list, q: Array) -> None:
+        pin.forwardKinematics(self.robot.model, self._data, q)
+        for frame, place in zip(frames, self._data.oMi, strict=True):
+            x, y, z, w = pin.Quaternion(place.rotation).coeffs()
+            frame.position, frame.wxyz = tuple(place.translation), (w, x, y, z)
+
+    def select(self, joint: str) -> None:
+        """Show what belongs to a joint: its residuals where there are any."""
+        with self._lock:
+            self.joint = joint
+            for plot in self.plots:
+                plot.remove()
+            self.plots = []
+            with self.folder:
+                self.plots.append(self.server.gui.add_markdown(f"**{joint}**"))
+                for curve in self.clip.curves.get(joint, ()):
+                    colors = ("#0072b2", "#d55e00", "#009e73")
+                    series = [{"label": "time"}] + [
+                        {"label": label, "stroke": color, "width": 1.5}
+                        for label, color in zip(curve.lines, colors, strict=False)
+                    ]
+                    data = (np.asarray(curve.time), *(np.asarray(line) for line in curve.lines.values()))
+                    self.plots.append(
+                        self.server.gui.add_uplot(
+                            data,
+                            tuple(series),
+                            title=curve.title,
+                            scales={"x": {"time": False}},
+                            aspect=1.8,
+                        )
+                    )
+
+    def _scrubbed(self) -> None:
+        if not self._setting:
+            self.show(float(self.scrubber.value))
+
+    def _moved(self) -> None:
+        """A joint's slider was moved by hand."""
+        if self._setting:
+            return
+        with self._lock:
+            q = self.q.copy()
+            q[self.robot.n_base_q :] = [slider.value for slider in self.sliders]
+            self.playing.value = False
+            self.pose(q)
+
+    def advance(self, seconds: float) -> None:
+        """Go on by so long while the box ``play`` is ticked; from the start again after the end."""
+        if self.playing.value:
+            end = float(self.clip.time[-1])
+            self.show(self.time + seconds if self.time < end else 0.0)
+
+
+def _at(robot: Robot, time: Array, q: Array, when: float) -> Array:
+    """The configuration at a time, between two frames."""
+    after = int(np.clip(np.searchsorted(time, when), 1, len(time) - 1))
+    share = (when - time[after - 1]) / (time[after] - time[after - 1])
+    return np.asarray(pin.interpolate(robot.model, q[after - 1], q[after], float(np.clip(share, 0.0, 1.0))))
+
+
+def _collisions(robot: Robot) -> tuple[pin.GeometryModel, pin.GeometryData, float, list[str]] | None:
+    """Geometry, its data, the least distance [m], and each shape's link; None of a robot without geometry."""
+    try:
+        geometry = collision_model(robot)
+    except RobotError:
+        return None
+    links = [item.name.rsplit("_", 1)[0] for item in geometry.geometryObjects]
+    return geometry, geometry.createData(), float(robot.description.collision.margin), links
