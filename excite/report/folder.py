@@ -126,7 +126,6 @@ def read_folder(folder: Path) -> Findings:
         raise InputError(
             "holds none of plan.json, refusals.json, check.json, identification.json, campaign.json, diagnosis.json, "
             "human.json, report_data.npz",
-            "report_data.npz",
             source=folder,
             remedy="give the --out folder of another command",
         )
