@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from excite.errors import RobotError
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
+from excite.robot.shapes.collada_axes import upright
 from excite.robot.shapes.link_shapes import link_shapes
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape, coal_geometry
@@ -103,7 +104,9 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         root = fromstring(robot.urdf)
         meshes = root.iterfind(f"link/{block.geometry}/geometry/mesh")
         points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-        for link in root.findall("link"):
+        links = root.findall("link")
+        points = dict(upright(links, block.geometry, points))
+        for link in links:
             shapes += link_shapes(robot, link, block.geometry, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
