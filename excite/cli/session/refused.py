@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import excite
-from excite.campaign.candidates.refusal import Refusals
 from excite.errors import NothingSafeError
-from excite.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from excite.robot.robot import Robot
 
 
 @contextmanager
@@ -19,6 +21,8 @@ def refusals_shown(robot: Robot, folder: Path) -> Iterator[None]:
     try:
         yield
     except NothingSafeError as error:
+        from excite.campaign.candidates.refusal import Refusals  # lazy: pinocchio
+
         if isinstance(error.best, Refusals):
             error.best.save(robot, folder)
             error.best = replace(error.best, page=str(excite.report(folder)))

@@ -9,10 +9,10 @@ import numpy as np
 from excite.arrays import Array
 from excite.robot.description import Assumed, Base
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
-from excite.robot.scaffold.ground import ground_height
 from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.standing import Postures
+from excite.robot.shapes.ground import ground_height
 from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
 from excite.robot.shapes.support_area import has_area
 
@@ -76,7 +76,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         base = "held"
         notes.append(_said("base", "held", "no legs were found that it could stand on: hold it still"))
     if q is None:
-        q = postures.clear(ground_height(figure, wanted), allowed)
+        q = postures.clear(ground_height(figure.model, figure.shapes, wanted), allowed)
         source = "found near zero, or the model's own posture: free of collision, above the ground"
         q = postures.clear(None, allowed) if q is None else q
         q = wanted if q is None else q
