@@ -212,9 +212,7 @@ def test_what_a_urdf_cannot_say_is_refused_by_name(fault: str, tmp_path: Path) -
 
 def test_a_ball_that_no_motor_turns_is_held_still_and_said(tmp_path: Path) -> None:
     """A caster: pinocchio finds the same masses at the same places as MuJoCo."""
-    caster = (
-        '<body name="caster" pos="0 .1 -.2"><joint name="roll" type="ball"/><geom size=".05" mass=".3"/></body>'
-    )
+    caster = '<body name="caster" pos="0 .1 -.2"><joint name="roll" type="ball"/><geom size=".05" mass=".3"/></body>'
     text = ODD.replace("</worldbody>", f"{caster}</worldbody>")
     path = saved(text, tmp_path)
     conversion = convert_mjcf(path)

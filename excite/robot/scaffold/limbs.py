@@ -69,6 +69,17 @@ class Figure:
         return chain[::-1]
 
     @cached_property
+    def reach(self) -> float:
+        """Length of the longest limb, from its first joint to its last [m]."""
+        lengths = np.zeros(self.model.njoints)
+        for joint in range(1, self.model.njoints):
+            parent = self.model.parents[joint]
+            if parent:
+                step = float(np.linalg.norm(self.model.jointPlacements[joint].translation))
+                lengths[joint] = lengths[parent] + step
+        return float(lengths.max())
+
+    @cached_property
     def beyond(self) -> Array:
         """Mass that each joint moves, ``(n_joints + 1,)`` [kg]."""
         masses = np.array([inertia.mass for inertia in self.model.inertias])
