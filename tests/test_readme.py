@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import typer
 
+import excite
 from excite.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,8 +39,6 @@ def test_every_command_is_in_the_readme():
 
 
 def test_verbs_named_in_the_readme_exist():
-    import excite
-
     named = set(re.findall(r"`excite\.(\w+)`", README))
     assert named and named <= set(excite.__all__)
 
@@ -56,6 +55,22 @@ def test_python_blocks_run_and_print_what_is_shown(block, tmp_path):
     assert re.sub(number, "#", run.stdout.strip()) == re.sub(number, "#", shown)
     found, wanted = (np.array(re.findall(number, text), dtype=float) for text in (run.stdout, shown))
     np.testing.assert_allclose(found, wanted, rtol=0.1)
+
+
+def test_the_robot_of_ones_own_is_there_when_its_lines_are_typed(tmp_path):
+    """The URDF is fetched by the line that says so, and described by the next that needs a moment only."""
+    block = README.split("## Your own robot")[1].split("```")[1]
+    fetch = next(line for line in block.splitlines() if line.startswith("cp "))
+    subprocess.run(
+        ["bash", "-c", fetch.replace("python -c", f"{sys.executable} -c")], cwd=tmp_path, check=True
+    )
+    describe = next(line for line in block.splitlines() if line.startswith("excite init-robot "))
+    arguments = shlex.split(describe, comments=True)[1:]
+    run = subprocess.run(
+        [sys.executable, "-m", "excite", *arguments], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stderr
+    assert excite.load_robot(tmp_path / "solo12" / "robot.yaml").description.base == "floating"
 
 
 def test_what_one_looks_for_first_comes_first():

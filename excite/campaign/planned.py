@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.atomic import all_or_nothing
-from excite.campaign.candidates.refusal import Refusals
+from excite.campaign.candidates.refusal import REFUSALS_FILE, Refusals
 from excite.campaign.expected.forecast import TARGET_RSD, Forecast
 from excite.campaign.expected.outlook import Outlook, outlook, predictable
 from excite.campaign.findings import conditioning_comparison, robot_file
@@ -173,4 +173,6 @@ class Plan:
                 save_motion(motion, folder / "motions" / f"{motion.name}.parquet")
             save_report_data(self.report_data(), folder / "report_data.npz")
             write_json({**self.to_json(), **robot_file(self.robot, folder)}, folder / "plan.json")
+        # Of a plan before this one, in which nothing was safe.
+        (folder / REFUSALS_FILE).unlink(missing_ok=True)
         return folder

@@ -19,6 +19,7 @@ from excite.cli.session.options import (
     SeedOption,
 )
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
+from excite.cli.session.refused import refusals_shown
 from excite.cli.session.workers import workers
 from excite.identification.estimators.registry import DEFAULT_METHOD
 
@@ -67,14 +68,16 @@ def command(
         workers(jobs, cluster) as crew,
         progress_bars() as progress,
     ):
-        result = excite.campaign(
-            excite.load_robot(robot),
-            folder,
-            settings,
-            resume=resume,
-            jobs=crew,
-            progress=progress,
-        )
+        loaded = excite.load_robot(robot)
+        with refusals_shown(loaded, folder):
+            result = excite.campaign(
+                loaded,
+                folder,
+                settings,
+                resume=resume,
+                jobs=crew,
+                progress=progress,
+            )
         excite.report(folder)
     emit(
         f"{result.summary()}\nwritten to {folder}",

@@ -19,6 +19,7 @@ from excite.cli.session.options import (
     SeedOption,
 )
 from excite.cli.session.output import command_line, emit, progress_bars
+from excite.cli.session.refused import refusals_shown
 from excite.cli.session.workers import workers
 from excite.motion.generators.registry import GENERATORS
 
@@ -83,19 +84,21 @@ def command(
 ) -> None:
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
     with claimed(out or Path("plan")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
-        plan = excite.plan(
-            excite.load_robot(robot, keep=folder / "robot"),
-            n_candidates=candidates,
-            targets=tuple(target or ()),
-            generator=generator,
-            series=_series(criterion, period),
-            selection=select,
-            budget_s=budget,
-            target_rsd=target_rsd,
-            seed=seed,
-            jobs=crew,
-            progress=progress,
-        )
+        loaded = excite.load_robot(robot, keep=folder / "robot")
+        with refusals_shown(loaded, folder):
+            plan = excite.plan(
+                loaded,
+                n_candidates=candidates,
+                targets=tuple(target or ()),
+                generator=generator,
+                series=_series(criterion, period),
+                selection=select,
+                budget_s=budget,
+                target_rsd=target_rsd,
+                seed=seed,
+                jobs=crew,
+                progress=progress,
+            )
         plan.save(folder)
         excite.report(folder)
     emit(

@@ -19,6 +19,7 @@ from excite.documents.document import (
     MaybePositive,
     Name,
     Names,
+    Number,
     Positive,
     Seconds,
     Text,
@@ -48,6 +49,10 @@ class Refused(Block):
         default=None, description="when the worst happens in its motion [s]; null if unknown"
     )
     candidate: Text = Field(default="", description="candidate that the worst is of")
+    posture: Annotated[list[Number], Field(max_length=MOST_CHANNELS)] | None = Field(
+        default=None,
+        description="configuration of the worst, a free base first [m, quaternion xyzw, rad]; null if none is known",
+    )
 
 
 class Remedy(Block):

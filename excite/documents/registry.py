@@ -16,12 +16,14 @@ from excite.documents.journal import Journal
 from excite.documents.model import Model
 from excite.documents.plan import Plan
 from excite.documents.rank import Rank
+from excite.documents.refusals import Refusals
 from excite.documents.signals import Signals
 from excite.documents.simulation import Simulation
 from excite.documents.truth import Truth
 
 _KINDS: tuple[type[Document], ...] = (
     Plan,
+    Refusals,
     Check,
     Rank,
     Export,

@@ -19,6 +19,7 @@ from excite.documents.document import read_document
 from excite.documents.human import Human
 from excite.documents.identification import Identification
 from excite.documents.plan import Plan
+from excite.documents.refusals import Refusals
 from excite.documents.signals import Signals
 from excite.errors import ExciteError, InputError
 from excite.motion.files import load_motion
@@ -34,6 +35,7 @@ Document = dict[str, Any]
 
 _KINDS: dict[str, type[Model]] = {
     "plan": Plan,
+    "refusals": Refusals,
     "check": Check,
     "identification": Identification,
     "campaign": Campaign,
@@ -82,6 +84,7 @@ class Findings:
     Attributes:
         folder: the folder.
         plan: contents of ``plan.json``, None where there is none.
+        refusals: of ``refusals.json``, which a plan without any safe candidate writes.
         check: of ``check.json``.
         identification: of ``identification.json``, else the one inside ``campaign.json``.
         campaign: of ``campaign.json``.
@@ -99,6 +102,7 @@ class Findings:
 
     folder: Path
     plan: Document | None
+    refusals: Document | None
     check: Document | None
     identification: Document | None
     campaign: Document | None
@@ -154,8 +158,8 @@ def read_folder(folder: Path) -> Findings:
         left_out.append(f"{what} (report_data.npz)")
     if not files:
         raise InputError(
-            "holds none of plan.json, check.json, identification.json, campaign.json, diagnosis.json, human.json, "
-            "report_data.npz",
+            "holds none of plan.json, refusals.json, check.json, identification.json, campaign.json, diagnosis.json, "
+            "human.json, report_data.npz",
             source=folder,
             remedy=f"give a folder that {_WRITERS} wrote with --out",
         )

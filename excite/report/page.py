@@ -60,7 +60,13 @@ def robot_title(findings: Findings) -> str:
     """The robot's full title, or the name that the files give it."""
     if findings.robot is not None:
         return findings.robot.description.title
-    documents = (findings.plan, findings.identification, findings.check, findings.diagnosis)
+    documents = (
+        findings.plan,
+        findings.refusals,
+        findings.identification,
+        findings.check,
+        findings.diagnosis,
+    )
     return next(
         (document["robot"] for document in documents if document and document.get("robot")), "a robot"
     )

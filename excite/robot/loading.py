@@ -14,10 +14,11 @@ from excite.errors import RobotError
 from excite.reading.file import read_bytes
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.catalogue import example_robot_data, find_robot
-from excite.robot.description import FREE_BASES, RobotDescription, read_description
+from excite.robot.description import FREE_BASES, Assumed, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.robot import Foot, Robot
+from excite.robot.shapes.ground import ground_is_assumed
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import Stated, read_urdf
 from excite.robot.weights import check_weights
@@ -74,7 +75,7 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     standing = description.base in ("fixed", "floating")
     return Robot(
         name=description.name,
-        description=description,
+        description=_with_ground_said(description),
         source=path,
         urdf=urdf,
         hash=_fingerprint(description, model_path, root),
@@ -88,6 +89,18 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     )
 
 
+def _with_ground_said(description: RobotDescription) -> RobotDescription:
+    """The description with the ground among what is assumed, where a fixed base does not say where it is."""
+    if not ground_is_assumed(description):
+        return description
+    ground = Assumed(
+        what="ground",
+        value="the plane that the base is mounted on; of a robot that hangs, below its reach",
+        consequence="motions stay above it: state collision.table_height, or null where nothing is there",
+    )
+    return description.model_copy(update={"assumed": (*description.assumed, ground)})
+
+
 def _fingerprint(description: RobotDescription, model_path: Path, root: ElementTree.Element) -> str:
     """SHA-256 of all that a verdict on a motion depends on: description with its limits, model, collision geometry.
 
@@ -97,6 +110,8 @@ def _fingerprint(description: RobotDescription, model_path: Path, root: ElementT
     # The file as it is, not the text as loaded: that one holds paths of this machine.
     content = read_bytes(model_path, limit=MAX_XML_BYTES, error=RobotError)
     digest = hashlib.sha256(stated.encode() + b"\0" + content)
+    if ground_is_assumed(description):
+        digest.update(b"\0ground assumed")
     for link in root.findall("link"):
         for mesh in link.iterfind(f"{description.collision.geometry}/geometry/mesh"):
             file = Path(mesh.get("filename", ""))

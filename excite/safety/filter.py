@@ -8,6 +8,8 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from excite.motion.content import with_verdict
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.mixture import draw
@@ -60,6 +62,7 @@ class SafetyFilter:
             verdict=verdict,
             rejection=_rejection(draft, verdict),
             seconds=seconds,
+            postures=tuple(_posture(draft.motion, item.time_s) for item in verdict.violations),
         )
 
 
@@ -137,6 +140,14 @@ def _rejection(draft: Draft, verdict: Verdict) -> Rejection | None:
         first = verdict.violations[0]
         return draft.rejected(f"check_{first.kind}", first.where, first.time_s, first.value, first.limit)
     return draft.rejected("check_not_computed", ", ".join(verdict.not_computed))
+
+
+def _posture(motion: Motion, time_s: float | None) -> tuple[float, ...] | None:
+    """Configuration of a motion at a time, None where it has none."""
+    if time_s is None:
+        return None
+    index = int(np.argmin(np.abs(motion.time - time_s)))
+    return tuple(float(x) for x in motion.q[index])
 
 
 def _handed_over(robot: Robot, outcome: FilterOutcome, keep: Keep | None) -> FilterOutcome:

@@ -29,6 +29,7 @@ class FilterOutcome:
         rejection: why it was rejected, None if accepted.
         seconds: processor time by stage [s]; stages are ``draw`` of a proposal, the repairs and ``check``.
         kept: what ``keep`` made of an accepted motion.
+        postures: configurations in which the verdict's violations happen, in their order.
     """
 
     candidate: str
@@ -38,6 +39,7 @@ class FilterOutcome:
     rejection: Rejection | None
     seconds: Mapping[str, float]
     kept: Any = None
+    postures: tuple[tuple[float, ...] | None, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -97,7 +99,7 @@ def counted(robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool) -> 
         accepted[outcome.generator] += outcome.accepted
         if outcome.rejection is not None:
             reasons[outcome.rejection.reason] += 1
-            tally.add(outcome.rejection, outcome.verdict)
+            tally.add(outcome.rejection, outcome.verdict, outcome.postures)
             if len(first) < _FIRST:
                 first.append(index)
         elif outcome.kept is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any
 
 from excite.robot.robot import Robot
@@ -46,6 +47,7 @@ class Refused:
         unit: of both; empty where there is none.
         time_s: when the worst happens in its motion [s], None where it has no time.
         candidate: whose the worst is.
+        posture: configuration of the worst ``(nq,)``, None where there is none to show.
     """
 
     reason: str
@@ -56,6 +58,7 @@ class Refused:
     unit: str
     time_s: float | None
     candidate: str
+    posture: tuple[float, ...] | None = None
 
     @property
     def excess(self) -> float:
@@ -80,6 +83,7 @@ class Refused:
             "unit": self.unit,
             "time_s": self.time_s,
             "candidate": self.candidate,
+            "posture": None if self.posture is None else [round(x, 5) for x in self.posture],
         }
 
     def __str__(self) -> str:
@@ -96,10 +100,15 @@ class RefusalTally:
         self._sliding = _sliding_joints(robot)
         self._found: dict[tuple[str, str], Refused] = {}
 
-    def add(self, rejection: Rejection, verdict: Verdict | None) -> None:
-        """Count one refused candidate, once for each thing that refuses it."""
+    def add(
+        self,
+        rejection: Rejection,
+        verdict: Verdict | None,
+        postures: tuple[tuple[float, ...] | None, ...] = (),
+    ) -> None:
+        """Count one refused candidate, once for each thing that refuses it; ``postures`` go with its violations."""
         seen: dict[tuple[str, str], Refused] = {}
-        for found in self._causes(rejection, verdict):
+        for found in self._causes(rejection, verdict, postures):
             key = (found.reason, found.where)
             if key not in seen or found.excess > seen[key].excess:
                 seen[key] = found
@@ -116,7 +125,12 @@ class RefusalTally:
             sorted(self._found.values(), key=lambda item: (-item.candidates, item.reason, item.where))
         )
 
-    def _causes(self, rejection: Rejection, verdict: Verdict | None) -> Iterable[Refused]:
+    def _causes(
+        self,
+        rejection: Rejection,
+        verdict: Verdict | None,
+        postures: tuple[tuple[float, ...] | None, ...],
+    ) -> Iterable[Refused]:
         if verdict is None or not verdict.violations:
             reason = rejection.reason.removeprefix("check_")
             where = rejection.where.removeprefix("transfer, ")
@@ -130,15 +144,18 @@ class RefusalTally:
                 unit,
                 rejection.time_s,
                 rejection.candidate,
+                rejection.posture,
             )
             return
-        for item in verdict.violations:
+        for item, posture in zip_longest(verdict.violations, postures):
             where = item.where
             if item.kind == "self_collision":
                 # Shapes are named after their links and numbered.
                 where = " - ".join(name.rsplit("_", 1)[0] for name in where.split(" - "))
             unit = self._unit(item.kind, where)
-            yield Refused(item.kind, where, 1, item.value, item.limit, unit, item.time_s, rejection.candidate)
+            yield Refused(
+                item.kind, where, 1, item.value, item.limit, unit, item.time_s, rejection.candidate, posture
+            )
 
     def _unit(self, reason: str, where: str) -> str:
         unit = _UNITS.get(reason, "")

@@ -1,4 +1,4 @@
-"""Chosen motions of three humanoids, replayed with contact on robots that are not quite their models."""
+"""Chosen motions of four humanoids and a quadruped, replayed with contact on robots that are not quite their models."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from excite.robot.loading import load_robot
 from excite.simulation.replay import Replay, replay
 from tests.benchmarks.table import Row
 
-_ROBOTS = ("g1", "talos", "hrp2like")
+_ROBOTS = ("g1", "g1_no_ft", "talos", "hrp2like", "go2")
 _CANDIDATES, _SEED = 24, 5
 # Relative errors of all masses and of the soles' friction; each motion is run with the next of the four.
 _ERRORS = ((0.05, -0.05), (0.05, 0.05), (-0.05, -0.05), (-0.05, 0.05))

@@ -210,6 +210,19 @@ def test_what_a_urdf_cannot_say_is_refused_by_name(fault: str, tmp_path: Path) -
     assert not (tmp_path / "out").exists()
 
 
+def test_a_ball_that_no_motor_turns_is_held_still_and_said(tmp_path: Path) -> None:
+    """A caster: pinocchio finds the same masses at the same places as MuJoCo."""
+    caster = '<body name="caster" pos="0 .1 -.2"><joint name="roll" type="ball"/><geom size=".05" mass=".3"/></body>'
+    text = ODD.replace("</worldbody>", f"{caster}</worldbody>")
+    path = saved(text, tmp_path)
+    conversion = convert_mjcf(path)
+    assert any("ball joints that no motor turns are held still (roll)" in note for note in conversion.notes)
+    model = pin.buildModelFromXML(conversion.urdf)
+    assert "roll" not in list(model.names)
+    truth = mujoco.MjModel.from_xml_path(str(path))
+    assert sum(i.mass for i in model.inertias) == pytest.approx(float(truth.body_mass.sum()), rel=1e-6)
+
+
 def test_files_that_are_there_stay(tmp_path: Path) -> None:
     path = saved(ODD, tmp_path)
     saved("<robot/>", tmp_path, "odd.urdf")

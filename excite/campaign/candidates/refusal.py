@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from excite.campaign.findings import robot_file
 from excite.errors import NothingSafeError
+from excite.json_document import write_json
 from excite.motion.generators.candidate import Candidate
 from excite.motion.generators.proposal import Proposal
 from excite.parallel.jobs import Jobs
@@ -14,6 +17,9 @@ from excite.robot.robot import Robot
 from excite.safety.filter_report import FilterReport
 from excite.safety.refusals import Refused, refusals_table
 from excite.safety.remedy import TRIED, Remedy, find_remedy
+
+SCHEMA = "excite.refusals/1"
+REFUSALS_FILE = "refusals.json"
 
 # Where less than this share of the candidates is safe, what refuses the rest costs more than it leaves: it is said.
 _FEW = 0.5
@@ -46,12 +52,26 @@ class Refusals:
         refused: by pair of links, joint, contact or limit, the commonest first.
         few: whether so few are safe that a person is told.
         remedy: the change with which most of the refused ones pass, None where there is none or enough are safe.
+        page: where pictures of the worst are, None where nobody has drawn them.
     """
 
     generated: int = 0
     refused: tuple[Refused, ...] = ()
     few: bool = False
     remedy: Remedy | None = None
+    page: str | None = None
+
+    def save(self, robot: Robot, folder: Path) -> Path:
+        """Write ``refusals.json`` into a folder, for a report of a plan without any motion."""
+        document = {
+            "schema": SCHEMA,
+            "robot": robot.name,
+            "generated": self.generated,
+            **self.to_json(),
+            "assumed": [one.model_dump() for one in robot.description.assumed],
+            **robot_file(robot, folder),
+        }
+        return write_json(document, folder / REFUSALS_FILE)
 
     def to_json(self) -> dict[str, Any]:
         """The fields ``refused`` and ``remedy`` of a document."""
@@ -69,7 +89,10 @@ class Refusals:
 
     def table(self) -> str:
         """A few lines for a person; empty where nothing was refused."""
-        return refusals_table(self.refused, self.generated)
+        lines = [refusals_table(self.refused, self.generated)]
+        if self.page is not None:
+            lines.append(f"pictures of the worst: {self.page}")
+        return "\n".join(line for line in lines if line)
 
     def summary(self) -> str:
         """The table and the change, where few candidates are safe; else empty."""

@@ -95,7 +95,7 @@ def of_error(error: ExciteError) -> Failure:
 def _said_of(refusals: Any) -> dict[str, Any]:
     """What refuses candidates; the remedy of an error is its text, what it was counted from stands beside it."""
     document = refusals.to_json()
-    return {"refused": document["refused"], "change": document["remedy"]}
+    return {"refused": document["refused"], "change": document["remedy"], "report": refusals.page}
 
 
 def of_system(error: OSError) -> Failure:

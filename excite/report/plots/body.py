@@ -57,6 +57,7 @@ class Picture:
         soles: outlines of the soles, each ``(n_corners, 2)``.
         support: outline of the support polygon, ``(n, 2)``; None where nothing stands on the ground.
         com: centre of mass projected on the ground, ``(2,)``; None for a fixed base.
+        marked: outlines of the links that were to be marked, each ``(n, 2)``; they are no hulls then.
     """
 
     hulls: tuple[Array, ...]
@@ -64,9 +65,12 @@ class Picture:
     soles: tuple[Array, ...]
     support: Array | None
     com: Array | None
+    marked: tuple[Array, ...] = ()
 
 
-def picture(robot: Robot, q: Array, loaded: frozenset[str], view: View) -> Picture:
+def picture(
+    robot: Robot, q: Array, loaded: frozenset[str], view: View, marked: frozenset[str] = frozenset()
+) -> Picture:
     """Draw a posture.
 
     Args:
@@ -74,6 +78,7 @@ def picture(robot: Robot, q: Array, loaded: frozenset[str], view: View) -> Pictu
         q: configuration, ``(nq,)``.
         loaded: names of the feet that carry load.
         view: where it is seen from.
+        marked: links to mark.
     """
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
@@ -95,12 +100,14 @@ def picture(robot: Robot, q: Array, loaded: frozenset[str], view: View) -> Pictu
     if robot.floating:
         centre = pin.centerOfMass(robot.model, data, q) * np.array([1.0, 1.0, 0.0])
         com = flat(centre[None])[0]
+    hulls = _hulls(robot, data, view, flat)
     return Picture(
-        hulls=_hulls(robot, data, view, flat),
+        hulls=tuple(outline for link, outline in hulls if link not in marked),
         bones=tuple(flat(bone) for bone in _bones(robot, data)),
         soles=tuple(flat(corners) for corners in soles.values()),
         support=support,
         com=com,
+        marked=tuple(outline for link, outline in hulls if link in marked),
     )
 
 
@@ -121,7 +128,8 @@ def _bones(robot: Robot, data: pin.Data) -> list[Array]:
     return [bone for bone in bones if np.linalg.norm(bone[1] - bone[0]) > _SHORTEST_BONE]
 
 
-def _hulls(robot: Robot, data: pin.Data, view: View, flat) -> tuple[Array, ...]:
+def _hulls(robot: Robot, data: pin.Data, view: View, flat) -> tuple[tuple[str, Array], ...]:
+    """Links and outlines of their shapes, far ones first."""
     try:
         shapes = collision_shapes(robot)
     except RobotError:
@@ -137,9 +145,9 @@ def _hulls(robot: Robot, data: pin.Data, view: View, flat) -> tuple[Array, ...]:
             outline = outline[ConvexHull(outline).vertices]
         except QhullError:
             continue
-        outlines.append((float(points.mean(axis=0) @ view.towards), outline))
+        outlines.append((float(points.mean(axis=0) @ view.towards), shape.link, outline))
     outlines.sort(key=lambda item: item[0])
-    return tuple(outline for _, outline in outlines)
+    return tuple((link, outline) for _, link, outline in outlines)
 
 
 def shape_points(shape: Shape) -> Array:

@@ -15,7 +15,7 @@ class Assumed(Section):
 
     def build(self, findings: Findings) -> str:
         """See :class:`Section`."""
-        source = findings.plan or findings.check or {}
+        source = findings.plan or findings.refusals or findings.check or {}
         rows = [(one["what"], one["value"], one["consequence"]) for one in source.get("assumed", [])]
         if not rows:
             return ""

@@ -22,6 +22,7 @@ from excite.report.sections.moving import Moving
 from excite.report.sections.overview import Overview
 from excite.report.sections.parameters import Parameters
 from excite.report.sections.person import Person
+from excite.report.sections.refused import Refused
 from excite.report.sections.safety import Safety
 from excite.report.sections.section import Section
 from excite.report.sections.signals import Signals
@@ -40,6 +41,7 @@ SECTIONS: tuple[Section, ...] = (
     Curves(),
     Record(),
     Motions(),
+    Refused(),
     Safety(),
     Assumed(),
     Excitation(),

@@ -17,7 +17,7 @@ from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.mjcf.torques import torque_limits
+from excite.robot.mjcf.torques import idle_balls, torque_limits
 from excite.robot.mjcf.trees import loop_joints, robot_root
 from excite.robot.mjcf.urdf import Mimic, UrdfWriter
 
@@ -112,7 +112,11 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     except (ValueError, OSError, RuntimeError) as error:
         line = " ".join(str(error).split())
         raise RobotError(f"MuJoCo cannot compile it ({line})", source=path, remedy="mend it there") from error
-    _refuse(model, path)
+    idle = idle_balls(model)
+    if idle:
+        names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in sorted(idle)[:6])
+        notes.append(f"ball joints that no motor turns are held still ({names})")
+    _refuse(model, idle, path)
     _check_angles(model, path)
     root, objects = robot_root(model, path)
     bodies = tuple(
@@ -170,12 +174,12 @@ def _strip_missing_meshes(spec: mujoco.MjSpec, path: Path, notes: list[str]) -> 
     notes.append(f"{len(missing)} mesh files are not there and left out ({names})")
 
 
-def _refuse(model: mujoco.MjModel, path: Path) -> None:
-    """Refuse what is not a tree of one-coordinate joints."""
+def _refuse(model: mujoco.MjModel, idle: set[int], path: Path) -> None:
+    """Refuse what is not a tree of one-coordinate joints, but for balls that are held still."""
     import mujoco
 
     for joint in range(model.njnt):
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL and joint not in idle:
             raise RobotError(
                 "is a ball joint; only joints with one coordinate are modelled",
                 source=path,

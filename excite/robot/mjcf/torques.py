@@ -1,4 +1,4 @@
-"""Largest torques of a MuJoCo model's joints."""
+"""Which joints of a MuJoCo model its motors drive, and with what largest torque."""
 
 from __future__ import annotations
 
@@ -31,3 +31,14 @@ def torque_limits(model: mujoco.MjModel) -> dict[int, float]:
             gain = abs(float(model.actuator_gainprm[actuator, 0]))
             limits[joint] = gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max())
     return limits
+
+
+def idle_balls(model: mujoco.MjModel) -> set[int]:
+    """Ball joints that no motor turns, such as a caster's; none of a model without motors, which does not tell."""
+    import mujoco
+
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    on_joint |= model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINTINPARENT
+    driven = {int(joint) for joint in model.actuator_trnid[on_joint, 0]}
+    balls = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_BALL)
+    return {int(joint) for joint in balls if int(joint) not in driven} if driven else set()

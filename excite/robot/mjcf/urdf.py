@@ -115,6 +115,9 @@ class UrdfWriter:
         import mujoco
 
         model, name = self.model, self.joint_name(joint)
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
+            self._joint(name, "fixed", parent, child, origin)
+            return
         slides = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
         limited = bool(model.jnt_limited[joint])
         kind = "prismatic" if slides else "revolute" if limited else "continuous"

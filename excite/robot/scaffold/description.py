@@ -14,7 +14,6 @@ from excite.arrays import Array
 from excite.errors import RobotError
 from excite.robot.robot import Robot
 from excite.robot.scaffold import numbers
-from excite.robot.scaffold.ground import ground_height, links_below
 from excite.robot.scaffold.guesses import JointGuess, guess_joints, guess_pairs
 from excite.robot.scaffold.held import MASSLESS, Held, held_joints
 from excite.robot.scaffold.limbs import Figure
@@ -25,6 +24,7 @@ from excite.robot.scaffold.stand_in import StandIn
 from excite.robot.scaffold.structure import assumed_structure
 from excite.robot.scaffold.values import Values
 from excite.robot.shapes.collision import TABLE
+from excite.robot.shapes.ground import ground_height, links_below
 from excite.robot.urdf.inertia import inertial_faults
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MAX_NAME, check_tree
@@ -122,7 +122,7 @@ def draft(
     more_weak = weak_joints(figure, rest)
     if more_weak and len(more_weak) < len(free):
         return draft(path, folder, rng, said, {**weak, **more_weak})
-    ground = None if rest.base == "floating" else ground_height(figure, rest.q)
+    ground = None if rest.base == "floating" else ground_height(figure.model, figure.shapes, rest.q)
     faults = loose if rest.base == "floating" else still
     made = Values(path, robot, free, rest, figure, rng)
     assumed = [*assumed_structure(held, faults, built.fault, rest, ground, figure), *rest.assumed]
@@ -203,5 +203,6 @@ def _base_link(root: Any, joints: dict[str, Any]) -> str:
 
 
 def _ignored(rest: Rest, figure: Figure, ground: float | None) -> list[tuple[str, str]]:
-    below = [] if ground is None else links_below(figure, rest.q, ground)
+    margin = figure.robot.description.collision.margin
+    below = [] if ground is None else links_below(figure.model, figure.shapes, rest.q, ground, margin)
     return [*rest.ignored, *((link, TABLE) for link in below)]

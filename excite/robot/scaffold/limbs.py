@@ -14,6 +14,7 @@ from excite.arrays import Array
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_shapes
+from excite.robot.shapes.ground import bottom, lowest_points, whole_centre
 from excite.robot.shapes.shape import Shape
 
 _LEG = re.compile(r"leg|foot|feet|ankle|toe|knee|hip|calf|thigh|shank|shin|sole|kfe|hfe", re.IGNORECASE)
@@ -57,11 +58,7 @@ class Figure:
     def lowest(self, q: Array) -> dict[int, float]:
         """Height of the lowest point on each joint that has shapes, by joint [m]."""
         pin.forwardKinematics(self.model, self.data, q)
-        found: dict[int, float] = {}
-        for shape in self.shapes:
-            z = float(bottom(shape, self.data.oMi[shape.joint])[:, 2].min())
-            found[shape.joint] = min(found.get(shape.joint, np.inf), z)
-        return found
+        return lowest_points(self.shapes, self.data)
 
     def chain(self, joint: int) -> list[int]:
         """Joints from the root to ``joint``."""
@@ -70,6 +67,17 @@ class Figure:
             chain.append(joint)
             joint = int(self.model.parents[joint])
         return chain[::-1]
+
+    @cached_property
+    def reach(self) -> float:
+        """Length of the longest limb, from its first joint to its last [m]."""
+        lengths = np.zeros(self.model.njoints)
+        for joint in range(1, self.model.njoints):
+            parent = self.model.parents[joint]
+            if parent:
+                step = float(np.linalg.norm(self.model.jointPlacements[joint].translation))
+                lengths[joint] = lengths[parent] + step
+        return float(lengths.max())
 
     @cached_property
     def beyond(self) -> Array:
@@ -81,10 +89,7 @@ class Figure:
 
     def centre(self, q: Array) -> Array:
         """Centre of mass, the root's included ``(3,)`` [m]."""
-        own = self.model.inertias[0]
-        moving = pin.centerOfMass(self.model, self.data, q)
-        mass = float(sum(inertia.mass for inertia in list(self.model.inertias)[1:]))
-        return np.asarray((mass * moving + own.mass * own.lever) / max(mass + own.mass, 1e-9))
+        return whole_centre(self.model, self.data, q)
 
     def legs(self, q: Array, *, free: bool) -> list[int]:
         """Joints at the ends of the limbs that the robot stands on, empty if it stands on its base.
@@ -181,32 +186,6 @@ def _area(corners: Array) -> float:
         return 0.0
     spokes = corners[1:] - corners[0]
     return float(0.5 * np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0)))
-
-
-def bottom(shape: Shape, joint: pin.SE3) -> Array:
-    """Points of a shape's surface, its lowest among them, ``(n, 3)`` [m], the shape's joint being at ``joint``."""
-    pose = joint * shape.placement
-    if shape.vertices is not None:
-        return np.asarray(shape.vertices @ pose.rotation.T + pose.translation)
-    down = np.array([0.0, 0.0, -1.0])
-    if shape.kind == "sphere":
-        return np.asarray(pose.translation + shape.size[0] * down)[None]
-    if shape.kind == "box":
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return np.asarray(0.5 * signs * np.array(shape.size) @ pose.rotation.T + pose.translation)
-    radius, length = shape.size
-    ends = [pose.act(np.array([0.0, 0.0, side * 0.5 * length])) for side in (-1.0, 1.0)]
-    if shape.kind == "capsule":
-        return np.array([end + radius * down for end in ends])
-    axis = pose.rotation[:, 2]
-    slope = down - (down @ axis) * axis
-    if np.linalg.norm(slope) > 0.05:
-        return np.array([end + radius * slope / np.linalg.norm(slope) for end in ends])
-    angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
-    ring = radius * (
-        np.outer(np.cos(angles), pose.rotation[:, 0]) + np.outer(np.sin(angles), pose.rotation[:, 1])
-    )
-    return np.vstack([end + ring for end in ends])
 
 
 def outline(points: Array, floor: float) -> Array:

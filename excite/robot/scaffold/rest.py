@@ -9,16 +9,19 @@ import numpy as np
 from excite.arrays import Array
 from excite.robot.description import Assumed, Base
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
-from excite.robot.scaffold.ground import ground_height
 from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.standing import Postures
+from excite.robot.shapes.ground import ground_height
 from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
 from excite.robot.shapes.support_area import has_area
 
 # Links that rest so close to the margin [m] refuse every motion, which begins and ends there: the filter and the
 # independent check build their shapes anew (iCub's hip and torso, apart at rest, were refused at 9.97 of 10 mm).
 _SLACK = 1e-3
+# Room between moving links and the ground at rest, of the longest limb's length: of 12 candidates of a UR5 that rests
+# stretched out at 0.09 m the ground refuses 7; with this much room 4.
+_HEADROOM = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +79,10 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         base = "held"
         notes.append(_said("base", "held", "no legs were found that it could stand on: hold it still"))
     if q is None:
-        q = postures.clear(ground_height(figure, wanted), allowed)
+        ground = ground_height(figure.model, figure.shapes, wanted)
+        above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]
+        q = _first_clear(postures, [*above, None], allowed)
         source = "found near zero, or the model's own posture: free of collision, above the ground"
-        q = postures.clear(None, allowed) if q is None else q
         q = wanted if q is None else q
     q = np.round(q, 5)
     touching = postures.touching(q, allowed, _SLACK)
@@ -106,6 +110,19 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         )
     notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
     return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
+
+
+def _first_clear(
+    postures: Postures, heights: list[float | None], allowed: frozenset[tuple[str, str]]
+) -> Array | None:
+    """A clear posture above the first of some heights where one can be held; else the first of those that cannot."""
+    strained: list[Array] = []
+    for height in heights:
+        q = postures.clear(height, allowed)
+        if q is not None and postures.strain(q) <= 1.0:
+            return q
+        strained += [] if q is None else [q]
+    return strained[0] if strained else None
 
 
 def _steered(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bool:

@@ -88,7 +88,13 @@ class StandIn:
                 "source": said,
             },
             "controller": {"kp": one, "kd": one},
-            "collision": {"geometry": geometry, "shapes": shapes or [], "margin": 0.01, "source": said},
+            "collision": {
+                "geometry": geometry,
+                "shapes": shapes or [],
+                "margin": 0.01,
+                "table_height": None,
+                "source": said,
+            },
         }
         try:
             description = RobotDescription.model_validate(content)

@@ -50,7 +50,7 @@ class Postures:
         least: tuple[float, Array] | None = None
         for q in (parted, *self._near(self.wanted, every)):
             eased = self._eased(q)
-            strain = self._strain(eased)
+            strain = self.strain(eased)
             if least is not None and strain >= least[0]:
                 continue
             if self.touching(eased, ignored) or (ground is not None and self._below(eased, ground)):
@@ -60,13 +60,13 @@ class Postures:
             least = strain, eased
         return None if least is None else least[1]
 
-    def _strain(self, q: Array) -> float:
+    def strain(self, q: Array) -> float:
         """The largest torque that holds a posture, of what motions may use of it."""
         return float(np.abs(holding_torques(self.figure.robot, q[None]) / self._usable).max(initial=0.0))
 
     def _eased(self, q: Array) -> Array:
         """A posture near ``q`` that the drives can hold, as far as one is found downhill from it."""
-        if self._strain(q) <= 1.0:
+        if self.strain(q) <= 1.0:
             return q
         model, data = self.figure.model, self.figure.data
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from excite.robot.description import Assumed
-from excite.robot.scaffold.ground import links_below
 from excite.robot.scaffold.held import Held
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest
+from excite.robot.shapes.ground import links_below
 
 FRICTION = 0.5
 """Friction of soles that nobody stated: rubber on a dusty floor has 0.5 … 0.8."""
@@ -48,7 +48,8 @@ def assumed_structure(
             )
         )
     if ground is not None:
-        below = links_below(figure, rest.q, ground)
+        margin = figure.robot.description.collision.margin
+        below = links_below(figure.model, figure.shapes, rest.q, ground, margin)
         more = f"; excepted: {', '.join(below)}" if below else ""
         found.append(
             Assumed(

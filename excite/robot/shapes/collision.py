@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from excite.errors import RobotError
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
+from excite.robot.shapes.collada_axes import upright
+from excite.robot.shapes.ground import ground_height, ground_is_assumed, links_below
 from excite.robot.shapes.link_shapes import link_shapes
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import Shape, coal_geometry
@@ -33,7 +35,7 @@ def collision_shapes(robot: Robot) -> tuple[Shape, ...]:
     Meshes become convex hulls of at most ``hull_corners`` corners that contain every corner of the mesh
     (:func:`~excite.robot.shapes.meshes.convex_hull`). Shapes authored in ``robot.yaml`` are added to those
     of the URDF's ``collision`` or ``visual`` elements, or stand alone with ``geometry: authored``.
-    A ``table_height`` adds a 4 m × 4 m × 1 m block below the base.
+    A ``table_height``, or the ground that a fixed base does not state, adds a 4 m × 4 m × 1 m block below the base.
 
     Raises:
         RobotError: a mesh is missing or flat, an authored shape is malformed, or there is no shape at all.
@@ -93,7 +95,15 @@ def _ignored(robot: Robot, shapes: tuple[Shape, ...]) -> frozenset[frozenset[str
                     field="collision.ignored_pairs",
                     remedy="links with shapes are " + ", ".join(sorted(links)),
                 )
-    return frozenset(frozenset(pair) for pair in robot.description.collision.ignored_pairs)
+    pairs = {frozenset(pair) for pair in robot.description.collision.ignored_pairs}
+    if ground_is_assumed(robot.description):
+        own = [shape for shape in shapes if shape.link != TABLE]
+        height = ground_height(robot.model, own, robot.rest)
+        margin = robot.description.collision.margin
+        pairs |= {
+            frozenset((link, TABLE)) for link in links_below(robot.model, own, robot.rest, height, margin)
+        }
+    return frozenset(pairs)
 
 
 def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
@@ -103,7 +113,9 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
         root = fromstring(robot.urdf)
         meshes = root.iterfind(f"link/{block.geometry}/geometry/mesh")
         points = read_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
-        for link in root.findall("link"):
+        links = root.findall("link")
+        points = dict(upright(links, block.geometry, points))
+        for link in links:
             shapes += link_shapes(robot, link, block.geometry, points)
     for authored in block.shapes:
         joint, placement = link_placement(robot.model, authored.link, robot.source, "collision.shapes")
@@ -126,7 +138,10 @@ def _build_shapes(robot: Robot) -> tuple[Shape, ...]:
             field="collision.geometry",
             remedy="author shapes or name the other kind",
         )
-    if block.table_height is not None:
-        below = pin.SE3(np.eye(3), np.array([0.0, 0.0, block.table_height - 0.5 * _TABLE_SIZE[2]]))
+    height = block.table_height
+    if ground_is_assumed(robot.description):
+        height = ground_height(robot.model, shapes, robot.rest)
+    if height is not None:
+        below = pin.SE3(np.eye(3), np.array([0.0, 0.0, height - 0.5 * _TABLE_SIZE[2]]))
         shapes.append(Shape(TABLE, TABLE, 0, below, "box", _TABLE_SIZE))
     return tuple(shapes)

@@ -28,7 +28,8 @@ class CollisionBlock(Block):
 
     ``hull_corners`` is how many corners a hull may have; more of them hug the mesh closer, which parts need that
     pass each other within millimetres. ``ignored_pairs`` are pairs of links that may touch or that cannot reach
-    each other.
+    each other. ``table_height`` is that of the ground or a table [m, in the base's frame]; null: there is none. Where a
+    fixed base does not say, it is the plane that it is mounted on.
     """
 
     geometry: Literal["collision", "visual", "authored"]

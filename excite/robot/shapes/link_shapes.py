@@ -34,7 +34,7 @@ def link_shapes(
     for number, element in enumerate(link.findall(kind)):
         where = f"link {name!r}, {kind} {number}"
         joint, placement = link_placement(robot.model, name, robot.source, where)
-        pose = placement * _origin(element.find("origin"))
+        pose = placement * origin_of(element.find("origin"))
         geometry = element.find("geometry")
         solid = geometry[0] if geometry is not None and len(geometry) else None
         if solid is None:
@@ -71,7 +71,7 @@ def _solid(at: _Place, solid: ElementTree.Element, meshes: Mapping[Path, Array])
     robot, where, placed = at.robot, at.where, (at.name, at.link, at.joint, at.pose)
     if solid.tag == "mesh":
         corners = robot.description.collision.hull_corners
-        points = meshes[Path(solid.get("filename", ""))] * _floats(solid.get("scale", "1 1 1"))
+        points = meshes[Path(solid.get("filename", ""))] * numbers_of(solid.get("scale", "1 1 1"))
         if np.abs(points).max() > MAX_TRAVEL:
             raise RobotError(
                 f"its mesh reaches {np.abs(points).max():.3g} m from its origin",
@@ -87,7 +87,7 @@ def _solid(at: _Place, solid: ElementTree.Element, meshes: Mapping[Path, Array])
             ) from error
         return Shape(*placed, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
-        return Shape(*placed, "box", tuple(_floats(solid.get("size", "")).tolist()))
+        return Shape(*placed, "box", tuple(numbers_of(solid.get("size", "")).tolist()))
     if solid.tag == "sphere":
         return Shape(*placed, "sphere", (float(solid.get("radius", "nan")),))
     if solid.tag in {"cylinder", "capsule"}:
@@ -101,13 +101,15 @@ def _solid(at: _Place, solid: ElementTree.Element, meshes: Mapping[Path, Array])
     )
 
 
-def _origin(origin: ElementTree.Element | None) -> pin.SE3:
+def origin_of(origin: ElementTree.Element | None) -> pin.SE3:
+    """Placement that an ``<origin>`` states, none if there is no such element."""
     if origin is None:
         return pin.SE3.Identity()
     return pin.SE3(
-        pin.rpy.rpyToMatrix(*_floats(origin.get("rpy", "0 0 0"))), _floats(origin.get("xyz", "0 0 0"))
+        pin.rpy.rpyToMatrix(*numbers_of(origin.get("rpy", "0 0 0"))), numbers_of(origin.get("xyz", "0 0 0"))
     )
 
 
-def _floats(text: str) -> Array:
+def numbers_of(text: str) -> Array:
+    """Numbers of an attribute."""
     return np.array([float(part) for part in text.split()])

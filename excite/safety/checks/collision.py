@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.motion.motion import interpolate
-from excite.robot.shapes.collision import collision_model
+from excite.robot.robot import Robot
+from excite.robot.shapes.collision import collision_model, collision_shapes
 from excite.safety.checks.approach import approach_rates
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.checks.sweep import Sweep
@@ -59,7 +60,8 @@ class SelfCollisionCheck(Check):
     interpolant leaves out, terms of third order in the base's rotation within a step.
 
     A motion that collides is reported with the pairs that the search met, not necessarily all of them. A
-    search that ends undecided leaves the margin None.
+    search that ends undecided leaves the margin None. It means nothing for a robot each of whose moving bodies has a
+    shape and no two of which need stay apart: a pendulum's touch at their joints alone.
     """
 
     name: ClassVar[str] = "self_collision"
@@ -69,6 +71,8 @@ class SelfCollisionCheck(Check):
         required = sweep.robot.description.collision.margin
         distances = Distances(sweep)
         if not distances.n_pairs:
+            if _all_have_shapes(sweep.robot):
+                return CheckResult(applicable=False)
             return CheckResult(violations=(Violation("no_collision_pairs", None, "collision", None, None),))
         closest = find_closest(distances, required)
         if closest.found:
@@ -77,6 +81,10 @@ class SelfCollisionCheck(Check):
             ]
             return CheckResult(closest.upper, tuple(firsts))
         return CheckResult(closest.lower if closest.lower >= required else None)
+
+
+def _all_have_shapes(robot: Robot) -> bool:
+    return {segment.joint for segment in robot.segments} <= {shape.joint for shape in collision_shapes(robot)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
+from excite.arrays import Array
 from excite.motion.generators.candidate import Candidate
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
@@ -28,6 +29,7 @@ class Rejection:
         value: the quantity that refuses it, None where there is no number.
         limit: what it must not pass, same unit.
         unit: of both, where that is not the usual one of the reason.
+        posture: configuration in which it happens ``(nq,)``, None where there is none to show.
     """
 
     candidate: str
@@ -37,6 +39,7 @@ class Rejection:
     value: float | None = None
     limit: float | None = None
     unit: str | None = None
+    posture: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +68,11 @@ class Draft:
         value: float | None = None,
         limit: float | None = None,
         unit: str | None = None,
+        posture: Array | None = None,
     ) -> Rejection:
         """A rejection of this draft's candidate."""
-        return Rejection(self.candidate.name, reason, where, time_s, value, limit, unit)
+        shown = None if posture is None else tuple(float(x) for x in posture)
+        return Rejection(self.candidate.name, reason, where, time_s, value, limit, unit, shown)
 
 
 class Repair(ABC):

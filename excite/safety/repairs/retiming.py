@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.safety.repairs.draft import Draft, Rejection, Repair
+from excite.safety.repairs.path import MotionPath
 from excite.safety.repairs.rows import PathLimits, Rows
 from excite.safety.repairs.time_law import TimeLaw
 
@@ -44,23 +45,24 @@ class Retiming(Repair):
             return replace(draft, limits=limits, law=law)
         rate = fastest_rate(draft.path.s, limits.rows(draft.path.s), limits.speed_bound())
         if rate is None:
-            return draft.rejected(*_standing_still(limits.rows(draft.path.s)))
+            return _standing_still(draft, draft.path, limits.rows(draft.path.s))
         return replace(draft, limits=limits, law=smoothed_law(draft.path.s, rate))
 
 
-def _standing_still(rows: Rows) -> tuple[str, str, None, float | None, float | None, str | None]:
+def _standing_still(draft: Draft, path: MotionPath, rows: Rows) -> Rejection:
     """Why a path has no speed at all: what is beyond its limit by most while the robot stands on it."""
     worst = np.unravel_index(int(np.argmax(rows.static)), rows.static.shape)
     excess = float(rows.static[worst])
     if excess <= 0.0:
-        return ("no_time_law", "path", None, None, None, None)
+        return draft.rejected("no_time_law", "path")
     reason, where = rows.labels[int(worst[1])]
+    q = path.knots.q[int(worst[0])]
     if reason == "joint_torque":
-        return (reason, where, None, 1.0 + excess, 1.0, SHARE_USED)
+        return draft.rejected(reason, where, None, 1.0 + excess, 1.0, SHARE_USED, q)
     if reason == "zmp":
         # Rows are relative to the weight, which the ground carries here: what is left is a distance.
-        return (reason, where, None, -excess, 0.0, "m inside the edge")
-    return (reason, where, None, excess, 0.0, "of its weight")
+        return draft.rejected(reason, where, None, -excess, 0.0, "m inside the edge", q)
+    return draft.rejected(reason, where, None, excess, 0.0, "of its weight", q)
 
 
 def fastest_rate(s: Array, rows: Rows, bound: Array) -> Array | None:

@@ -50,7 +50,11 @@ class Sampling(Repair):
                 if collision is not None:
                     pair, distance, required = self.probe.closest(part.q[collision])
                     return draft.rejected(
-                        "self_collision", f"transfer, {pair}", value=distance, limit=required
+                        "self_collision",
+                        f"transfer, {pair}",
+                        value=distance,
+                        limit=required,
+                        posture=part.q[collision],
                     )
             q, v, a = _joined(there, (q, v, a), back)
             time = np.arange(len(q)) / rate

@@ -58,9 +58,11 @@ class Waypoints(Repair):
         if self._weak is not None:
             strain = float(self._strain(self._last[None])[0, self._weak])
             joint = self.robot.joint_names[self._weak]
-            return draft.rejected("joint_torque", joint, value=strain, limit=1.0, unit=SHARE_USED)
+            return draft.rejected(
+                "joint_torque", joint, value=strain, limit=1.0, unit=SHARE_USED, posture=self._last
+            )
         pair, distance, required = self.probe.closest(self._last)
-        return draft.rejected("self_collision", pair, value=distance, limit=required)
+        return draft.rejected("self_collision", pair, value=distance, limit=required, posture=self._last)
 
     def _shrink(self, candidate: Candidate) -> Curve | None:
         curve = candidate.posture

@@ -64,8 +64,9 @@ class WholeBody(Repair):
         for k in range(1 if candidate.zmp is None else 1 + _CORRECTIONS):
             if k:
                 candidate = following(self.robot, candidate, s, q)
-            if self._balancer is not None and self._balancer.solve(candidate, s, q) < len(s):
-                return draft.rejected("unreachable", "legs")
+            solved = len(s) if self._balancer is None else self._balancer.solve(candidate, s, q)
+            if solved < len(s):
+                return draft.rejected("unreachable", "legs", posture=q[max(solved - 1, 0)])
             low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
             joints = q[:, self.robot.n_base_q :]
             outside = (joints < low + _LIMIT) | (joints > high - _LIMIT)
@@ -74,22 +75,28 @@ class WholeBody(Repair):
                 value = float(joints[row, joint])
                 limit = low[joint] if value < low[joint] + _LIMIT else high[joint]
                 return draft.rejected(
-                    "joint_position", self.robot.joint_names[joint], value=value, limit=float(limit)
+                    "joint_position",
+                    self.robot.joint_names[joint],
+                    value=value,
+                    limit=float(limit),
+                    posture=q[row],
                 )
         foot = self._grounded(candidate, s, q)
         if foot is not None:
-            return draft.rejected("foot_ground", foot)
+            return draft.rejected("foot_ground", foot[0], posture=foot[1])
         collision = self.probe.first(q)
         if collision is not None:
             pair, distance, required = self.probe.closest(q[collision])
-            return draft.rejected("self_collision", pair, value=distance, limit=required)
+            return draft.rejected(
+                "self_collision", pair, value=distance, limit=required, posture=q[collision]
+            )
         return replace(draft, path=MotionPath(self.robot, s, coordinates_of(self.robot, q)))
 
     def _corners(self, phase: SupportPhase) -> Array:
         return support_corners(self.robot, [self.robot.foot(name) for name in phase.feet])
 
-    def _grounded(self, candidate: Candidate, s: Array, q: Array) -> str | None:
-        """Name of a free foot that goes below the ground."""
+    def _grounded(self, candidate: Candidate, s: Array, q: Array) -> tuple[str, Array] | None:
+        """Name of a free foot that goes below the ground, and the configuration in which it does."""
         data = self.robot.model.createData()
         for foot in self.robot.feet:
             free = ~candidate.supports(s, foot.name)
@@ -97,7 +104,7 @@ class WholeBody(Repair):
                 pin.forwardKinematics(self.robot.model, data, row)
                 pose = data.oMi[foot.joint]
                 if (foot.sole @ pose.rotation[2] + pose.translation[2]).min() < -_GROUND:
-                    return foot.name
+                    return foot.name, row
         return None
 
 

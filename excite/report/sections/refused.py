@@ -1,0 +1,85 @@
+"""What refuses candidates: how many, the worst with a picture, and the change most likely to help."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from excite.report.folder import Document, Findings
+from excite.report.html import figure, folded, number, section, table
+from excite.report.plots.refused import Worst, plot_refused, title_of
+from excite.report.sections.section import Section
+from excite.report.theme import to_svg
+from excite.robot.robot import Robot
+
+# Pictures beside each other, and lines of the table that are not folded away.
+_PICTURES, _LISTED = 3, 8
+
+
+class Refused(Section):
+    """Pictures of the worst refused postures, the table, the change that was counted."""
+
+    identifier = "refused"
+    title = "What refuses candidates"
+
+    def build(self, findings: Findings) -> str:
+        """See :class:`Section`."""
+        refused, remedy, generated = _said(findings)
+        if not refused:
+            return ""
+        rows = [
+            (
+                item["reason"].replace("_", " "),
+                item["where"],
+                item["candidates"],
+                _value(item, "worst"),
+                _value(item, "limit"),
+                item["time_s"],
+            )
+            for item in refused
+        ]
+        headers = ("reason", "where", "candidates", "worst", "limit", "at [s]")
+        listing = table(headers, rows[:_LISTED])
+        if len(rows) > _LISTED:
+            listing += folded(f"{len(rows) - _LISTED} more", table(headers, rows[_LISTED:]))
+        lead = f"Of {generated} candidates. One that breaks several limits counts with each."
+        if remedy is not None:
+            lead += (
+                f" Most likely to help: {remedy['change']} ({remedy['passes']} of {remedy['tried']} that were tried "
+                "again pass then)."
+            )
+        elif findings.plan is None:
+            lead += " No single limit lifted lets any of those pass that were tried again."
+        return section(self.identifier, self.title, lead, *_pictures(findings.robot, refused), listing)
+
+
+def _said(findings: Findings) -> tuple[list[dict[str, Any]], Document | None, int]:
+    """What refuses, the change, and the number of candidates, of a plan or of one that has no motion."""
+    if findings.refusals is not None:
+        return findings.refusals["refused"], findings.refusals["remedy"], findings.refusals["generated"]
+    if findings.plan is not None:
+        return findings.plan["refused"], findings.plan["remedy"], findings.plan["candidates"]["generated"]
+    return [], None, 0
+
+
+def _pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:
+    if robot is None:
+        return []
+    worst = [
+        Worst(
+            title_of(item["reason"], item["where"], _value(item, "worst")),
+            np.array(item["posture"]),
+            item["where"],
+        )
+        for item in refused
+        if item["posture"] is not None and len(item["posture"]) == robot.model.nq
+    ][:_PICTURES]
+    if not worst:
+        return []
+    plot = plot_refused(robot, worst)
+    return [figure(to_svg(plot, "refused", "The robot in the worst of the refused postures"))]
+
+
+def _value(item: dict[str, Any], key: str) -> str:
+    return "–" if item[key] is None else f"{number(item[key])} {item['unit']}".strip()
