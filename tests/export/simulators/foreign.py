@@ -182,14 +182,14 @@ def _fields(name: str, *names: str) -> type:
     return dataclasses.make_dataclass(name, [(one, Any, None) for one in names], kw_only=True)
 
 
-# Fields as Isaac Lab 3.0 documents them: isaaclab.actuators, isaaclab.sim and isaaclab.assets.
+# Fields as in the wheel of Isaac Lab 3.0.0, those that it calls deprecated left out.
 _ACTUATOR = (
     "joint_names_expr actuator_effort_limit actuator_velocity_limit joint_effort_limit joint_velocity_limit stiffness "
     "damping armature friction dynamic_friction viscous_friction"
 ).split()
-# As mjlab 1.6 documents them.
+# As in the wheel of mjlab 1.6.0.
 _MJLAB = (
-    "target_names_expr transmission_type armature velocity_limit frictionloss viscous_damping delay_min_lag "
+    "target_names_expr transmission_type armature frictionloss viscous_damping delay_min_lag "
     "delay_max_lag delay_hold_prob delay_update_period delay_per_env_phase stiffness damping effort_limit"
 ).split()
 

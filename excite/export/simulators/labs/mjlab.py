@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -80,7 +80,6 @@ _FIELDS = {
     "kp": "stiffness",
     "kd": "damping",
     "torque_limit": "effort_limit",
-    "velocity_limit": "velocity_limit",
     "armature": "armature",
     "coulomb": "frictionloss",
     "viscous": "viscous_damping",
@@ -93,7 +92,8 @@ class MjlabFormat(ModelFormat):
 
     name = "mjlab"
     summary = "mjlab 1.6: EntityCfg with actuators, and the MuJoCo model that it is made of"
-    servo_terms = ("kp", "kd", "torque_limit", "velocity_limit", "delay")
+    servo_terms = ("kp", "kd", "torque_limit", "delay")
+    lacks: ClassVar[Mapping[str, str]] = {"velocity_limit": MjcfFormat.lacks["velocity_limit"]}
     delay_step_s = PHYSICS_DT
 
     def __init__(self) -> None:

@@ -57,6 +57,9 @@ class SdfFormat(ModelFormat):
         for joint in tree.joints:
             _joint(model, joint, tree)
         for name, carrier, pose in tree.frames:
+            if name == "world" or (name.startswith("__") and name.endswith("__")):
+                # Reserved; a robot's own link of that name is where the world is.
+                continue
             frame = SubElement(model, "frame", name=name, attached_to=tree.bodies[carrier].name)
             _pose(frame, pose)
         ElementTree.indent(root)
