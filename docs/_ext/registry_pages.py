@@ -9,6 +9,7 @@ import excite
 from excite.conversion.sources.registry import SOURCES
 from excite.errors import ExciteError
 from excite.export.registry import EXPORTERS
+from excite.export.simulators.registry import MODEL_FORMATS
 from excite.motion.generators.registry import GENERATORS
 from excite.safety.checks.registry import CHECKS
 from excite.safety.repairs.registry import REPAIRS
@@ -24,6 +25,11 @@ def names_page() -> str:
             _table("Safety checks", ("check", "what it looks at"), _first_lines(CHECKS.items())),
             _table("Repairs", ("repair", "what it does"), _first_lines(REPAIRS.items())),
             _table("Formats written", ("format", "what it is", "settings"), _formats()),
+            _table(
+                "Models for simulators",
+                ("format", "what it is"),
+                ((n, MODEL_FORMATS[n].summary) for n in MODEL_FORMATS),
+            ),
             _table("Formats read", ("format", "what it is"), ((n, SOURCES[n].summary) for n in SOURCES)),
             _table("Methods of identification", ("method", "what it is", "take it for"), _methods()),
             _table("Effects in arms", ("effect", "law", "looks like", "told apart by"), _effects("fixed")),

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 NAME = "model"
 # Rows of the table on a terminal; changes.csv has all of them.
 _ROWS = 40
+# Least width of that table [characters].
+_WIDTH = 110
 # Smaller changes are no news [percent].
 _NEWS = 0.1
 # Order of what is shown, by the first letters of a parameter; what is not here comes first.
@@ -37,7 +39,8 @@ def command(
     format_name: Annotated[
         str,
         typer.Option(
-            "--format", help=f"One of {', '.join(MODEL_FORMATS)} (docs/simulators.md says what each holds)."
+            "--format",
+            help=f"One of {', '.join(MODEL_FORMATS)} (docs/simulators.md: what each holds, in which units).",
         ),
     ],
     out: ModelOutOption,
@@ -68,7 +71,8 @@ def _text(written: SimulatorModel) -> str:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False)
+    # Names of joints are not cut: a line that is too long for a terminal is wrapped by it.
+    console = Console(highlight=False, width=max(Console().width, _WIDTH))
     shown = _shown(written.changes)
     table = Table(
         "where", "parameter", *(f"{name}" for name in ("before", "after", "change", "unit")), box=None

@@ -12,7 +12,7 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.robot.robot import Foot, Robot
 from excite.simulation.drives import Drives
-from excite.simulation.inertial import principal_inertia
+from excite.simulation.inertial import PrincipalInertia, principal_inertia
 from excite.simulation.mjcf_shapes import GROUND, add_shapes, wxyz
 
 if TYPE_CHECKING:
@@ -105,10 +105,7 @@ def _add_body(robot: Robot, bodies: list[mujoco.MjsBody], joint: int, phi: Array
 
     model = robot.model
     placement = model.jointPlacements[joint]
-    # What the description accepts of its model is accepted here; other parameters have to be a body's.
-    nominal = np.array_equal(phi, model.inertias[joint].toDynamicParameters())
-    accepted = nominal and bool(robot.description.model.acknowledged)
-    inertia = principal_inertia(phi, robot.segments[joint - 1].name, accepted=accepted)
+    inertia = segment_inertia(robot, joint, phi)
     body = bodies[model.parents[joint]].add_body(
         name=robot.segments[joint - 1].link,
         pos=placement.translation,
@@ -122,28 +119,38 @@ def _add_body(robot: Robot, bodies: list[mujoco.MjsBody], joint: int, phi: Array
     if joint == 1 and robot.floating:
         body.add_joint(name=model.names[joint], type=mujoco.mjtJoint.mjJNT_FREE, align=False)
         return body
-    axis, prismatic = _axis(model, joint)
-    position = model.idx_qs[joint]
+    axis, prismatic = joint_axis(model, joint)
     body.add_joint(
         name=model.names[joint],
         type=mujoco.mjtJoint.mjJNT_SLIDE if prismatic else mujoco.mjtJoint.mjJNT_HINGE,
         axis=axis,
         limited=True,
-        range=_mechanical_range(robot, joint, position),
+        range=mechanical_range(robot, joint),
     )
     return body
 
 
-def _mechanical_range(robot: Robot, joint: int, position: int) -> list[float]:
-    """The model's range, or the declared one where that is wider."""
+def segment_inertia(robot: Robot, joint: int, phi: Array) -> PrincipalInertia:
+    """The body of the segment that a joint carries; raises UnphysicalParametersError.
+
+    What the description accepts of its model is accepted here; other parameters ``(10,)`` have to be a body's.
+    """
+    nominal = np.array_equal(phi, robot.model.inertias[joint].toDynamicParameters())
+    accepted = nominal and bool(robot.description.model.acknowledged)
+    return principal_inertia(phi, robot.segments[joint - 1].name, accepted=accepted)
+
+
+def mechanical_range(robot: Robot, joint: int) -> list[float]:
+    """The model's range of a joint, or the declared one where that is wider [rad or m]."""
+    position = robot.model.idx_qs[joint]
     index = robot.joint_index(robot.model.names[joint])
     lower = min(robot.model.lowerPositionLimit[position], robot.limits.position_lower[index])
     upper = max(robot.model.upperPositionLimit[position], robot.limits.position_upper[index])
     return [float(lower), float(upper)]
 
 
-def _axis(model: pin.Model, joint: int) -> tuple[Array, bool]:
-    """Axis of a one-coordinate joint in its own frame, and whether it slides."""
+def joint_axis(model: pin.Model, joint: int) -> tuple[Array, bool]:
+    """Axis of a one-coordinate joint in its own frame, and whether it slides; raises InputError for other joints."""
     if model.joints[joint].nv != 1 or model.joints[joint].nq != 1:
         raise InputError(
             f"joint {model.names[joint]!r} has {model.joints[joint].nv} degrees of freedom",

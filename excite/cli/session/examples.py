@@ -69,6 +69,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "model": (
         ("excite model arm_result --format mjcf -o arm_mujoco", "the identified robot for MuJoCo"),
         ("excite model arm_result --format urdf --out arm_urdf", "for ROS, pinocchio, Drake"),
+        ("excite model arm_result --format isaaclab --out arm_isaac", "an ArticulationCfg, and its USD"),
         (
             "excite model arm_result --robot arm.xml --format mjcf -o arm_mujoco",
             "of a robot that came as MJCF: its own text, other physics",

@@ -85,6 +85,7 @@ class Effect(ABC):
         moves: whether it changes the torque that the gears carry (bodies, geometry), not the drives'.
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
+        late_by: parameter that says how late a motor follows what it is told; empty where it is no matter of that.
         smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
         nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
         seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
@@ -105,6 +106,7 @@ class Effect(ABC):
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False
     timing: ClassVar[bool] = False
+    late_by: ClassVar[str] = ""
     smooths: ClassVar[bool] = False
     note: ClassVar[type[Note] | None] = None
     term: ClassVar[OwnTerm | None] = None

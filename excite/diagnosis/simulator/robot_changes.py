@@ -63,7 +63,7 @@ def _bodies(baseline: Baseline, plant: Plant, links: Collection[str]) -> dict[st
 
 def _beyond(item: Found, form: Form) -> list[str]:
     """Parts of an effect that a description has no place for."""
-    what = f"{item.effect.name.replace('_', ' ')} at {item.location}"
+    what = _named(item.effect.name, item.location)
     if form.absent is not None:
         return [f"{what}: in no file, {form.absent}"]
     said = []
@@ -73,6 +73,15 @@ def _beyond(item: Found, form: Form) -> list[str]:
         said.append(f"{what}: gravity stands in log.yaml, which is left as it is")
     if form.elements is not None or form.finish is not None or form.notes:
         all_of_it = not (form.viscous or form.coulomb or form.armature)
-        part = "it stands" if all_of_it else "how it builds up and changes stands"
-        said.append(f"{what}: {part} in {MODEL} alone")
+        more = f"{what}: how it builds up and changes stands in {MODEL} alone"
+        said.append(in_no_description(item.effect.name, item.location) if all_of_it else more)
     return said
+
+
+def in_no_description(effect: str, location: str) -> str:
+    """The sentence for an effect that a simulator has and no description of a robot."""
+    return f"{_named(effect, location)}: it stands in {MODEL} alone"
+
+
+def _named(effect: str, location: str) -> str:
+    return f"{effect.replace('_', ' ')} at {location}"

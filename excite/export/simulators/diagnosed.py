@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.effects.registry import EFFECTS
+from excite.diagnosis.simulator.robot_changes import in_no_description
 from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document
 from excite.errors import InputError
@@ -77,8 +79,21 @@ def diagnosed(file: Path, folder: Path, nominal: str | None) -> Subject:
     identified = parameters_of(robot, robot.nominal_parameters.copy(), drives)
     if nominal is not None:
         identified.nominal[:] = _before(nominal, robot, file).nominal_parameters
-    beyond = tuple(Lost("effect", robot.name, None, text) for text in document.applied.left_out)
-    return Subject(robot, ModelParameters(robot.name, identified), folder, None, beyond)
+    late, said = _late(document)
+    beyond = tuple(
+        Lost("effect", robot.name, None, text) for text in document.applied.left_out if text != said
+    )
+    return Subject(robot, ModelParameters(robot.name, identified), folder, None, beyond, late)
+
+
+def _late(document: Diagnosis) -> tuple[float | None, str]:
+    """How late the motors follow what they are told [s], and how a description says that it lacks that."""
+    for found in document.effects:
+        effect = EFFECTS.get(found.effect)
+        value = found.parameters.get(effect.late_by) if effect is not None else None
+        if value is not None and value.value is not None:
+            return value.value, in_no_description(found.effect, str(found.location))
+    return None, ""
 
 
 def _before(nominal: str, robot: Robot, file: Path) -> Robot:

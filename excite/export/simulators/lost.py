@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from excite.export.simulators.model_format import ModelFormat
-from excite.export.simulators.subject import JOINT_TERMS, Lost, Subject
+from excite.export.simulators.subject import JOINT_TERMS, SERVO_TERMS, Lost, Subject
 
 # Terms of drives that no robot model of any simulator here has, and what to do without them.
 _NOWHERE = {
@@ -25,7 +27,17 @@ _BELOW_ZERO = "was found below zero, which no joint can be: what the model had b
 def lost_in(model_format: ModelFormat, subject: Subject) -> tuple[Lost, ...]:
     """All that was found of a robot and that its files in a format do not hold."""
     found = [item for name, value in subject.drives.items() for item in _lost(model_format, name, value)]
-    return (*found, *subject.beyond, *model_format.lost(subject))
+    return (*found, *_servos(model_format, subject), *subject.beyond, *model_format.lost(subject))
+
+
+def _servos(model_format: ModelFormat, subject: Subject) -> list[Lost]:
+    """Terms of servos that are known and not held, one entry for all joints."""
+    held = model_format.servo(subject)
+    return [
+        Lost(term, "every joint", subject.delay_s if term == "delay" else None, model_format.lacks[term])
+        for term in SERVO_TERMS
+        if term not in held and term in model_format.lacks and np.isfinite(subject.servo(term)).any()
+    ]
 
 
 def _lost(model_format: ModelFormat, name: str, value: float) -> list[Lost]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from excite.simulation.mjcf import World, build_spec
 if TYPE_CHECKING:
     import mujoco
 
+_OWN_MOTORS = "the author's actuators were left as they are; set it there"
+FILTERED = "commands pass a filter of {late:.3g} s, which is how late the motors were found to follow"
 _FOLDERS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
 
 
@@ -37,15 +40,23 @@ class MjcfFormat(ModelFormat):
     """
 
     name = "mjcf"
+    servo_terms = ("kp", "kd", "torque_limit", "delay")
+    lacks: ClassVar[Mapping[str, str]] = {
+        "kp": _OWN_MOTORS,
+        "kd": _OWN_MOTORS,
+        "torque_limit": _OWN_MOTORS,
+        "delay": _OWN_MOTORS,
+        "velocity_limit": "MuJoCo holds no joint below a speed; keep commands below it",
+    }
     summary = "MuJoCo model; of a robot that came as MJCF the author's text is kept (MuJoCo, MJX)"
 
     def render(self, subject: Subject) -> Rendered:
         """See :class:`ModelFormat`."""
         given = subject.mjcf
         if given is None:
-            drives = identified_drives(subject.robot, subject.found)
-            content = exact_text(build_spec(subject.robot, subject.parameters, drives, World()))
-            return Rendered({f"{subject.stem}.xml": content})
+            content = exact_text(model_spec(subject))
+            notes = () if subject.delay_s is None else (FILTERED.format(late=subject.delay_s),)
+            return Rendered({f"{subject.stem}.xml": content}, notes)
         edit = given.edited(subject.robot, subject.found, drives=True)
         _move_paths(edit.text, given.file.parent, subject.folder)
         return Rendered({f"{subject.stem}.xml": edit.text.edited()}, edit.notes)
@@ -61,9 +72,28 @@ class MjcfFormat(ModelFormat):
         model = compiled(content, where) if alone is None else compile_text(alone, None)
         return LoadedMjcf(subject.robot, model, names)
 
+    def servo(self, subject: Subject) -> tuple[str, ...]:
+        """A text that is kept keeps its actuators."""
+        return self.servo_terms if subject.template is None else ()
+
     def exact(self, subject: Subject) -> bool:
         """A text that is kept may have springs, and bodies that are some parts in ten thousand off the robot's."""
         return subject.template is None
+
+
+def model_spec(subject: Subject) -> mujoco.MjSpec:
+    """A model made from the robot, with a servo a joint; a delay is the time constant of a filter of its command."""
+    import mujoco
+
+    own = identified_drives(subject.robot, subject.found)
+    servo = {name: subject.servo(name) for name in ("kp", "kd", "torque_limit")}
+    spec = build_spec(subject.robot, subject.parameters, replace(own, **servo), World())
+    late = subject.servo("delay")
+    for name, constant in zip(subject.robot.joint_names, late, strict=True):
+        if np.isfinite(constant):
+            motor = spec.actuator(name)
+            motor.dyntype, motor.dynprm[0] = mujoco.mjtDyn.mjDYN_FILTEREXACT, constant
+    return spec
 
 
 class LoadedMjcf(LoadedModel):
@@ -82,6 +112,21 @@ class LoadedMjcf(LoadedModel):
     def drives(self) -> Mapping[str, Array]:
         """See :class:`LoadedModel`."""
         return self._drives
+
+    @property
+    def servos(self) -> Mapping[str, Array]:
+        """Of the position servos that are named like their joints; NaN where a joint has none."""
+        import mujoco
+
+        model, names = self._model, self._robot.joint_names
+        rows = np.full((4, len(names)), np.nan)
+        for column, name in enumerate(names):
+            motor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+            if motor >= 0:
+                late = model.actuator_dynprm[motor, 0] if model.actuator_dyntype[motor] else np.nan
+                gain, bias = model.actuator_gainprm[motor], model.actuator_biasprm[motor]
+                rows[:, column] = gain[0], -bias[2], model.actuator_forcerange[motor, 1], late
+        return dict(zip(("kp", "kd", "torque_limit", "delay"), rows, strict=True))
 
     def torques(self, states: States) -> Array:
         """MuJoCo's own; dry friction, which it solves as a constraint, is that of a joint that moves."""

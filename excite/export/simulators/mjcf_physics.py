@@ -55,7 +55,19 @@ def _depends_on_more(root: ElementTree.Element) -> bool:
     tendons = [tendon for group in root.iter("tendon") for tendon in group]
     if any(attribute in tendon.attrib for tendon in tendons for attribute in _ACTS):
         return True
-    return any(body.find("inertial") is None and body.find("geom") is not None for body in root.iter("body"))
+    return any(_weighs_by_shape(world, moves=False) for world in root.iter("worldbody"))
+
+
+def _weighs_by_shape(parent: ElementTree.Element, *, moves: bool) -> bool:
+    """Whether a body in it that moves has the inertia of its shapes; what stands still weighs nothing in torques."""
+    for child in parent:
+        if child.tag not in ("body", "frame"):
+            continue
+        driven = moves or child.find("joint") is not None or child.find("freejoint") is not None
+        by_shape = child.tag == "body" and child.find("inertial") is None and child.find("geom") is not None
+        if (driven and by_shape) or _weighs_by_shape(child, moves=driven):
+            return True
+    return False
 
 
 def _remove(parent: ElementTree.Element, tag: str) -> None:

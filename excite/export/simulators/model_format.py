@@ -39,6 +39,11 @@ class LoadedModel(ABC):
     def drives(self) -> Mapping[str, Array]:
         """Terms of joints that the files hold, ``(n_joints,)`` each in the robot's order."""
 
+    @property
+    def servos(self) -> Mapping[str, Array]:
+        """Terms of servos that the files hold, ``(n_joints,)`` each in the robot's order; none by default."""
+        return {}
+
     @abstractmethod
     def torques(self, states: States) -> Array:
         """Inverse dynamics with all friction and rotor inertia, ``(n, nv)`` in the robot's layout."""
@@ -51,15 +56,19 @@ class ModelFormat(ABC):
         name: what users type.
         summary: one line for help texts.
         terms: which of :data:`~excite.export.simulators.subject.JOINT_TERMS` it holds.
+        servo_terms: which of :data:`~excite.export.simulators.subject.SERVO_TERMS` it holds.
         lacks: by term that it does not hold, what that means in the simulator.
         tolerance: how far torques of what is read again may be off, relative to the largest.
+        delay_step_s: what delays in it are whole multiples of; zero where any is held [s].
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     terms: ClassVar[tuple[str, ...]] = ("viscous", "coulomb", "armature")
+    servo_terms: ClassVar[tuple[str, ...]] = ()
     lacks: ClassVar[Mapping[str, str]] = {}
     tolerance: ClassVar[float] = 1e-9
+    delay_step_s: ClassVar[float] = 0.0
 
     @abstractmethod
     def render(self, subject: Subject) -> Rendered:
@@ -81,6 +90,10 @@ class ModelFormat(ABC):
     def lost(self, subject: Subject) -> tuple[Lost, ...]:
         """What was found and the format holds in no way of its own, beside what :mod:`lost` says of every format."""
         return ()
+
+    def servo(self, subject: Subject) -> tuple[str, ...]:
+        """Terms of servos that files of this subject hold."""
+        return self.servo_terms
 
     def exact(self, subject: Subject) -> bool:
         """Whether torques have to be the found ones, and not only change as they do."""

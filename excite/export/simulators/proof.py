@@ -1,14 +1,15 @@
 """Proof that what is read of the files hears every parameter: each is changed, and its torques have to follow.
 
 Torques are linear in the parameters, so a change is known beforehand: of ten parameters by the regressor, of a joint's
-friction and rotor inertia by its velocity and acceleration. All bodies get a small body more, and that body another
+friction and rotor inertia by its velocity and acceleration. What a servo is told (gains, limits, a delay) shows in no
+torque of the bodies: it is read back by itself. All bodies get a small body more, and that body another
 mass, first moment or inertia in turn, so that what is written is always a body; its size is such that each part of it
 moves the torques well above their rounding.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ _SHARE = 0.2
 _MISSED = 0.01
 # A parameter whose whole torque is below this many times the format's rounding is not seen, in any format.
 _ABOVE_ROUNDING = 200.0
+# Single precision, which some formats have, as share of a number.
+_ROUNDED = 1e-6
 # Length of a body that has none of its own [m].
 _LENGTH = 0.1
 
@@ -40,7 +43,7 @@ class Proof:
 
     Attributes:
         error: largest difference of torques from those that were found, relative to the largest.
-        felt: number of parameters whose change the torques followed.
+        felt: number of parameters whose change the torques, or a servo's settings, followed.
         unseen: names of those that no torque depends on, such as the mass of a link that turns about a vertical axis.
         deaf: names of those that the files hold and that torques do not follow: there are none in what is written.
         not_held: names of those that change nothing, as the format says.
@@ -81,6 +84,9 @@ def prove(model_format: ModelFormat, subject: Subject) -> Proof:
             followed = ~followed
         felt += [name for name, good in zip(names, followed, strict=True) if good and name not in not_held]
         deaf += [name for name, good in zip(names, followed, strict=True) if not good]
+    for term in model_format.servo(subject):
+        heard, unheard = trial.servos(term)
+        felt, deaf = felt + heard, deaf + unheard
     if deaf:
         shown = ", ".join(deaf[:6]) + (f" and {len(deaf) - 6} more" if len(deaf) > 6 else "")
         raise NoSolutionError(
@@ -94,11 +100,15 @@ class _Trial:
     """A subject in a format, its states, and the torques that are read of it."""
 
     def __init__(self, model_format: ModelFormat, subject: Subject) -> None:
-        self.format, self.subject, self.robot = model_format, subject, subject.robot
+        self.format, self.robot = model_format, subject.robot
         self.states: States = random_states(self.robot, subject.parameters)
         states = self.states
         self.regressor = joint_torque_regressor(self.robot.model, states.q, states.v, states.a)
         self.base, self.drives = self._torques(subject)
+        # What is written as a whole was read once; changes are of what torques depend on.
+        self.subject = replace(subject, shapes=False)
+        if subject.template is not None:
+            self.subject.__dict__["mjcf"] = subject.mjcf
         self.largest = max(float(np.abs(self.base).max()), 1e-9)
         self.floor = _ABOVE_ROUNDING * model_format.tolerance * self.largest
 
@@ -174,3 +184,24 @@ class _Trial:
         seen = (after - before)[:, self.robot.n_base_v :]
         missed = np.abs(seen - wanted).max(axis=0)
         return np.asarray(missed <= _MISSED * np.abs(wanted).max(axis=0))
+
+    def servos(self, term: str) -> tuple[list[str], list[str]]:
+        """Names of a term of servos that are read as written and follow a change, and of those that are not."""
+        own = self.subject.servo(term)
+        known = np.isfinite(own)
+        more = np.random.default_rng(_SEED).uniform(1.2, 1.5, self.robot.n_joints)
+        # All joints have one delay, and a change of it is several steps.
+        changed = own + 10.0 * max(self.format.delay_step_s, 1e-3) if term == "delay" else own * more
+        off = np.zeros(self.robot.n_joints)
+        for values in (own, changed):
+            other = self.subject.with_servo(term, values)
+            seen = self.format.load(other, self.format.render(other)).servos[term]
+            room = 0.5 * self.format.delay_step_s if term == "delay" else 0.0
+            off = np.maximum(
+                off, np.abs(seen - values) - room - _MISSED * np.abs(values - own) - _ROUNDED * np.abs(values)
+            )
+        names = [f"{term}.{joint}" for joint in self.robot.joint_names]
+        heard = [name for name, there, far in zip(names, known, off, strict=True) if there and far <= 0.0]
+        return heard, [
+            name for name, there, far in zip(names, known, off, strict=True) if there and not far <= 0.0
+        ]

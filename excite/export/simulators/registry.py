@@ -14,5 +14,9 @@ MODEL_FORMATS: Registry[ModelFormat] = Registry(
     {
         "urdf": "excite.export.simulators.urdf:UrdfFormat",
         "mjcf": "excite.export.simulators.mjcf:MjcfFormat",
+        "isaaclab": "excite.export.simulators.labs.isaaclab:IsaacLabFormat",
+        "mjlab": "excite.export.simulators.labs.mjlab:MjlabFormat",
+        "usda": "excite.export.simulators.usd.usda:UsdaFormat",
+        "sdf": "excite.export.simulators.sdf.sdf:SdfFormat",
     },
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -19,6 +19,15 @@ from excite.simulation.drives import Drives, nominal_drives
 
 JOINT_TERMS = {"viscous": "N·m·s/rad", "coulomb": "N·m", "armature": "kg·m²"}
 """What simulators know of a joint beside its bodies, and its unit; the rest of what is identified they do not have."""
+
+SERVO_TERMS = {
+    "kp": "N·m/rad",
+    "kd": "N·m·s/rad",
+    "torque_limit": "N·m",
+    "velocity_limit": "rad/s",
+    "delay": "s",
+}
+"""What simulators know of the servo of a joint; of sliding joints with N and m in place of N·m and rad."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +60,10 @@ class Subject:
         found: the parameters of its bodies and drives that were found.
         folder: folder that the files will stand in; paths of meshes are relative to it.
         template: the MuJoCo model that the robot came as; None for another kind of model.
-        beyond: what was found and what no robot model has, such as a delay.
-        names: links and joints of the template by the robot's own names for them.
+        beyond: what was found and what no robot model has, such as an encoder's zero.
+        delay_s: how late the joints' servos follow what they are told; None where that was not found [s].
+        shapes: whether files get shapes, which no torque depends on.
+        servo_values: terms of servos, ``(n_joints,)`` each, in place of the robot's own.
     """
 
     robot: Robot
@@ -60,6 +71,9 @@ class Subject:
     folder: Path
     template: Path | None = None
     beyond: tuple[Lost, ...] = ()
+    delay_s: float | None = None
+    shapes: bool = True
+    servo_values: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def parameters(self) -> Array:
@@ -96,6 +110,17 @@ class Subject:
         found = self.term(name)
         return np.asarray(np.where(np.isfinite(found), found, getattr(self.declared, name)))
 
+    def servo(self, name: str) -> Array:
+        """A term of all joints' servos, one of :data:`SERVO_TERMS`, ``(n_joints,)``; NaN where it is not known."""
+        if name in self.servo_values:
+            return self.servo_values[name]
+        if name == "velocity_limit":
+            return self.robot.limits.velocity
+        if name == "delay":
+            late = np.nan if self.delay_s is None else self.delay_s
+            return np.full(self.robot.n_joints, late)
+        return np.asarray(getattr(self.declared, name))
+
     @cached_property
     def mjcf(self) -> MjcfTemplate | None:
         """The MuJoCo model that the robot came as, read; raises InputError where it cannot be."""
@@ -110,6 +135,13 @@ class Subject:
         )
         other = replace(self, found=replace(self.found, identified=identified))
         # What was read of the template does not depend on values, and takes long.
+        if "mjcf" in self.__dict__:
+            other.__dict__["mjcf"] = self.mjcf
+        return other
+
+    def with_servo(self, name: str, values: Array) -> Subject:
+        """The same with another term of the servos, ``(n_joints,)``."""
+        other = replace(self, servo_values={**self.servo_values, name: values})
         if "mjcf" in self.__dict__:
             other.__dict__["mjcf"] = self.mjcf
         return other

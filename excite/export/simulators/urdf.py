@@ -19,6 +19,7 @@ from excite.export.simulators.subject import Subject
 from excite.robot.loading import model_file
 from excite.robot.robot import Robot
 
+_NO_SERVO = "URDF describes no servo; set it in the controller"
 _ATTRIBUTES = {"viscous": "damping", "coulomb": "friction"}
 
 
@@ -32,7 +33,10 @@ class UrdfFormat(ModelFormat):
     summary = "URDF, the author's text kept (ROS, pinocchio, Drake, PyBullet)"
     terms = ("viscous", "coulomb")
     lacks: ClassVar[Mapping[str, str]] = {
-        "armature": "URDF has no rotor inertia; add it where the simulator sets it"
+        "armature": "URDF has no rotor inertia; add it where the simulator sets it",
+        "kp": _NO_SERVO,
+        "kd": _NO_SERVO,
+        "delay": _NO_SERVO,
     }
 
     def render(self, subject: Subject) -> Rendered:

@@ -46,6 +46,7 @@ class ActuatorLag(Effect):
     separating_motion = "a chirp to 5 … 15 Hz"
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
+    late_by = "time_constant"
     smooths = True
     note = FasterFilter
     twins_without_torque = ("time_delay",)

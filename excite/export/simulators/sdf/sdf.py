@@ -1,0 +1,154 @@
+"""SDF: the robot as a model of Gazebo, made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
+from excite.export.models.xml_text import number_text
+from excite.export.simulators.model_format import LoadedModel, ModelFormat, Rendered
+from excite.export.simulators.sdf.reading import read_sdf
+from excite.export.simulators.subject import Subject
+from excite.export.simulators.tree.described import Body, Joint, Tree, described_tree
+from excite.robot.shapes.shape import Shape
+from excite.simulation.inertial import PrincipalInertia
+
+VERSION = "1.10"
+"""Of SDF; poses relative to named frames need 1.7, ``continuous`` and capsules 1.8 or later."""
+
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+_NO_SERVO = "SDF describes no servo; set it in the controller's plug-in"
+
+
+class SdfFormat(ModelFormat):
+    """A link for each body that moves, other links as frames of it; convex shapes lie beside it as OBJ files."""
+
+    name = "sdf"
+    summary = f"SDF {VERSION}, a model made anew with the robot's convex shapes (Gazebo, Drake)"
+    terms = ("viscous", "coulomb")
+    servo_terms = ("torque_limit", "velocity_limit")
+    lacks: ClassVar[Mapping[str, str]] = {
+        "armature": "SDF has no rotor inertia: joints accelerate more easily than the robot's",
+        "kp": _NO_SERVO,
+        "kd": _NO_SERVO,
+        "delay": _NO_SERVO,
+    }
+
+    def render(self, subject: Subject) -> Rendered:
+        """See :class:`ModelFormat`."""
+        tree = described_tree(subject)
+        root = Element("sdf", version=VERSION)
+        model = SubElement(root, "model", name=subject.stem, canonical_link=tree.bodies[0].name)
+        SubElement(model, "self_collide").text = "false"
+        carriers = {joint.child: joint for joint in tree.joints}
+        for index, body in enumerate(tree.bodies):
+            _link(model, body, carriers.get(index))
+        if not tree.free:
+            anchor = SubElement(model, "joint", name=f"world_to_{tree.bodies[0].name}", type="fixed")
+            SubElement(anchor, "parent").text = "world"
+            SubElement(anchor, "child").text = tree.bodies[0].name
+        for joint in tree.joints:
+            _joint(model, joint, tree)
+        for name, carrier, pose in tree.frames:
+            if name == "world" or (name.startswith("__") and name.endswith("__")):
+                # Reserved; a robot's own link of that name is where the world is.
+                continue
+            frame = SubElement(model, "frame", name=name, attached_to=tree.bodies[carrier].name)
+            _pose(frame, pose)
+        ElementTree.indent(root)
+        text = b'<?xml version="1.0"?>\n' + ElementTree.tostring(root) + b"\n"
+        return Rendered({f"{subject.stem}.sdf": text, **dict(_mesh_files(tree))}, tree.notes)
+
+    def load(self, subject: Subject, rendered: Rendered) -> LoadedModel:
+        """Read by the XML's own words."""
+        return read_sdf(subject.robot, rendered.files[rendered.main])
+
+
+def _link(model: Element, body: Body, carrier: Joint | None) -> None:
+    link = SubElement(model, "link", name=body.name)
+    if carrier is not None:
+        SubElement(link, "pose", relative_to=carrier.name).text = "0 0 0 0 0 0"
+    if body.inertia is not None:
+        _inertial(link, body.inertia)
+    for shape in body.shapes:
+        for kind in ("visual", "collision"):
+            solid = SubElement(link, kind, name=f"{shape.name}_{kind}")
+            _pose(solid, shape.placement)
+            _geometry(SubElement(solid, "geometry"), shape)
+
+
+def _inertial(link: Element, own: PrincipalInertia) -> None:
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "pose").text = f"{number_text(*own.com)} 0 0 0"
+    SubElement(inertial, "mass").text = number_text(own.mass)
+    inertia = SubElement(inertial, "inertia")
+    full = own.rotation @ np.diag(own.moments) @ own.rotation.T
+    for name, value in zip(_MOMENTS, full[_UPPER[0], _UPPER[1]], strict=True):
+        SubElement(inertia, name).text = number_text(value)
+
+
+def _joint(model: Element, joint: Joint, tree: Tree) -> None:
+    element = SubElement(model, "joint", name=joint.name, type="prismatic" if joint.slides else "revolute")
+    SubElement(element, "pose", relative_to=tree.bodies[joint.parent].name).text = _six(joint.placement)
+    SubElement(element, "parent").text = tree.bodies[joint.parent].name
+    SubElement(element, "child").text = tree.bodies[joint.child].name
+    axis = SubElement(element, "axis")
+    SubElement(axis, "xyz").text = number_text(*joint.axis)
+    limit = SubElement(axis, "limit")
+    SubElement(limit, "lower").text, SubElement(limit, "upper").text = (number_text(v) for v in joint.range)
+    SubElement(limit, "effort").text = number_text(joint.servo.get("torque_limit", np.inf))
+    SubElement(limit, "velocity").text = number_text(joint.servo.get("velocity_limit", np.inf))
+    dynamics = SubElement(axis, "dynamics")
+    SubElement(dynamics, "damping").text = number_text(joint.terms["viscous"])
+    SubElement(dynamics, "friction").text = number_text(joint.terms["coulomb"])
+
+
+def _geometry(geometry: Element, shape: Shape) -> None:
+    if shape.vertices is not None:
+        mesh = SubElement(geometry, "mesh")
+        SubElement(mesh, "uri").text = _mesh_name(shape)
+        return
+    solid = SubElement(geometry, shape.kind)
+    if shape.kind == "box":
+        SubElement(solid, "size").text = number_text(*shape.size)
+        return
+    SubElement(solid, "radius").text = number_text(shape.size[0])
+    if shape.kind != "sphere":
+        SubElement(solid, "length").text = number_text(shape.size[1])
+
+
+def _mesh_name(shape: Shape) -> str:
+    return f"meshes/{shape.name}.obj"
+
+
+def _mesh_files(tree: Tree) -> list[tuple[str, bytes]]:
+    """Convex shapes as OBJ files, corners in metres."""
+    files = []
+    for body in tree.bodies:
+        for shape in body.shapes:
+            if shape.vertices is not None and shape.faces is not None:
+                lines = [f"v {number_text(*corner)}" for corner in _rounded(shape.vertices)]
+                lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in shape.faces]
+                files.append((_mesh_name(shape), ("\n".join(lines) + "\n").encode()))
+    return files
+
+
+def _rounded(corners: Array) -> Array:
+    """Corners to the micrometre, which is less than a hull is off its mesh."""
+    return np.round(corners, 6)
+
+
+def _pose(element: Element, pose: pin.SE3) -> None:
+    SubElement(element, "pose").text = _six(pose)
+
+
+def _six(pose: pin.SE3) -> str:
+    """Place and roll, pitch, yaw, as SDF has them (about fixed axes)."""
+    return number_text(*pose.translation, *pin.rpy.matrixToRpy(pose.rotation))

@@ -1,0 +1,1 @@
+"""Robots for simulators: what is written is read by readers of the tests' own."""
