@@ -22,6 +22,7 @@ Unit = Literal[
     "rev",
     "counts/4096",
     "counts/1024",
+    "±100",
     "m",
     "mm",
     "rad/s",

@@ -138,6 +138,10 @@ def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
     )
 
 
+def _says_a_quantity(said: Clue) -> bool:
+    return said.quantity != "" and any(OF_WORD.get(word) for word in said.stem.split("_"))
+
+
 def _stem(said: Clue) -> str:
     words = said.stem.split("_")
     labels = set(said.label.split("_"))
@@ -169,7 +173,7 @@ def _with_label(said: Clue, label: str, joints: Sequence[str]) -> Clue:
     inner = clue(label, joints) if label else None
     if inner is None or not (inner.exact or inner.label or inner.quantity or inner.number is not None):
         return said
-    if not said.quantity and any(OF_WORD.get(word) for word in inner.stem.split("_")):
-        # Columns of one array, each with a name that says all: time, q1, tau1 …
+    if not _says_a_quantity(said) and _says_a_quantity(inner):
+        # Columns of one array, each with a name that says all: time, q1, tau1, elbow_pos, elbow_frc …
         return inner
     return replace(said, exact=inner.exact, label=inner.label, number=inner.number)
