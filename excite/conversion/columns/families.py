@@ -52,12 +52,14 @@ class Family:
 def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
     """What the name of every column says, or its format."""
     left_out = set(ignored)
-    return {
-        column.name: _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
-        for stream in recording.streams
-        for column in stream.columns
-        if column.name not in left_out
-    }
+    found = {}
+    for stream in recording.streams:
+        of_stream = clue(stream.name, ()) if len(recording.streams) > 1 else None
+        for column in stream.columns:
+            if column.name not in left_out:
+                said = _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
+                found[column.name] = said if of_stream is None else _as_its_stream(said, of_stream)
+    return found
 
 
 def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
@@ -135,6 +137,20 @@ def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
         and not named
         and not family.stated
         and len(family.columns) > len(joints)
+    )
+
+
+def _as_its_stream(said: Clue, stream: Clue) -> Clue:
+    """What a column is whose own name says nothing but a number, such as ``data[3]``, in a topic called torque."""
+    if (
+        _says_a_quantity(said)
+        or not _says_a_quantity(stream)
+        or said.number is None
+        or stream.quantity == "time"
+    ):
+        return said
+    return replace(
+        said, quantity=stream.quantity, commanded=stream.commanded, stem=f"{stream.stem}_{said.stem}"
     )
 
 
