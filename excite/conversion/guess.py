@@ -63,7 +63,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     groups = [family for family in groups if not is_anonymous(family, joints)]
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
-    chosen = choose(groups, found)
+    chosen = choose(groups, found, recording)
     ask_for_surplus(found, chosen, joints)
     note_order_of_legs(found, chosen, joints, mapping)
     if "q" not in known | set(chosen):

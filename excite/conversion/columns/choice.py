@@ -6,28 +6,46 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from excite.conversion.columns.families import Family, is_measured, of_motor
+from excite.conversion.columns.vocabulary import ASIDE, MEASURED
+from excite.conversion.columns.words import clue
 from excite.conversion.guesses import Guesses
+from excite.conversion.recording import Recording, Stream
+
+# Rivals that differ by less than this share of what they vary by are one signal, logged twice: positions of an arm at
+# 100 Hz whose two topics are stamped 5 ms apart differ by 1.4 % at the most, a motor's and a link's torques by 10 %.
+_SAME = 0.02
 
 
-def choose(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
-    """The family for each channel: of several the one with the most joints."""
+def choose(groups: Sequence[Family], found: Guesses, recording: Recording) -> dict[str, Family]:
+    """The family for each channel: of several the one with the most joints; rivals as good are asked about.
+
+    Rivals are none where one's topic or table is called by what is no measurement (external, desired …), or where
+    both hold the same values.
+    """
     chosen: dict[str, Family] = {}
-    for family in groups:
+    for family in sorted(groups, key=lambda one: _is_aside(one, recording)):
         if not family.target or not family.placed.columns:
             continue
-        if family.target in chosen:
-            other = chosen[family.target]
-            text = f"{family.columns[0]} …"
-            alike = len(family.placed.columns) == len(other.placed.columns)
-            side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
-            if alike and side and family.target in ("q", "tau", "i"):
-                found.ask(
-                    f"{family.target} may be {other.columns[0]} … or {text}",
-                    f'columns: {{{family.target}: "{_pattern(other)}"}}',
-                )
+        if family.target not in chosen:
+            chosen[family.target] = family
             continue
-        chosen[family.target] = family
+        other = chosen[family.target]
+        alike = len(family.placed.columns) == len(other.placed.columns)
+        side = of_motor(family) == of_motor(other) and is_measured(family) == is_measured(other)
+        told = _is_aside(family, recording) != _is_aside(other, recording)
+        if not (alike and side and family.target in ("q", "tau", "i")) or told:
+            continue
+        if _are_same(family, other, recording):
+            why = f"{family.columns[0]} … hold the same values"
+            found.facts.append((family.target, f"{other.columns[0]} …", why))
+            continue
+        found.ask(
+            f"{family.target} may be {other.columns[0]} … or {family.columns[0]} …",
+            f'columns: {{{family.target}: "{_pattern(other)}"}}',
+        )
     if "q" not in chosen and "q_cmd" in chosen and "tau" not in chosen and "i" not in chosen:
         # A motion that was planned and has no measured twin.
         chosen["q"] = replace(chosen.pop("q_cmd"), target="q")
@@ -36,6 +54,44 @@ def choose(groups: Sequence[Family], found: Guesses) -> dict[str, Family]:
         chosen["tau"] = replace(chosen.pop("tau_cmd"), target="tau")
         found.facts.append(("tau", chosen["tau"].columns[0], "commanded torques: no measured ones are there"))
     return chosen
+
+
+def _is_aside(family: Family, recording: Recording) -> bool:
+    """Whether the stream of a family is called by what is no measurement of the joints, where there are others."""
+    if len(recording.streams) < 2:
+        return False
+    stream = _stream_of(family, recording)
+    said = clue(stream.name, ())
+    words = set(said.stem.split("_"))
+    return bool(words & ASIDE) or (said.commanded and not words & MEASURED)
+
+
+def _stream_of(family: Family, recording: Recording) -> Stream:
+    return next(s for s in recording.streams if any(c.name == family.columns[0] for c in s.columns))
+
+
+def _are_same(one: Family, other: Family, recording: Recording) -> bool:
+    """Whether two families hold the same values of every joint, at the times that their streams have in common."""
+    first, second = _stream_of(one, recording), _stream_of(other, recording)
+    if set(one.placed.columns) != set(other.placed.columns):
+        return False
+    for joint, name in one.placed.columns.items():
+        a = next(c.values for c in first.columns if c.name == name)
+        b = next(c.values for c in second.columns if c.name == other.placed.columns[joint])
+        if first is not second:
+            if first.time is None or second.time is None:
+                return False
+            there = np.isfinite(b)
+            if not there.any():
+                return False
+            order = np.argsort(second.time[there], kind="stable")
+            b = np.interp(first.time, second.time[there][order], b[there][order], left=np.nan, right=np.nan)
+        whole = np.isfinite(a) & np.isfinite(b)
+        if whole.sum() < len(a) / 2:
+            return False
+        if np.sqrt(np.mean((a[whole] - b[whole]) ** 2)) > _SAME * np.std(a[whole]):
+            return False
+    return True
 
 
 def _pattern(family: Family) -> str:

@@ -52,12 +52,14 @@ class Family:
 def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str] = ()) -> dict[str, Clue]:
     """What the name of every column says, or its format."""
     left_out = set(ignored)
-    return {
-        column.name: _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
-        for stream in recording.streams
-        for column in stream.columns
-        if column.name not in left_out
-    }
+    found = {}
+    for stream in recording.streams:
+        of_stream = clue(stream.name, ()) if len(recording.streams) > 1 else None
+        for column in stream.columns:
+            if column.name not in left_out:
+                said = _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
+                found[column.name] = said if of_stream is None else _as_its_stream(said, of_stream)
+    return found
 
 
 def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]) -> list[Family]:
@@ -138,6 +140,24 @@ def is_anonymous(family: Family, joints: Sequence[str]) -> bool:
     )
 
 
+def _as_its_stream(said: Clue, stream: Clue) -> Clue:
+    """What a column is whose own name says nothing but a number, such as ``data[3]``, in a topic called torque."""
+    if (
+        _says_a_quantity(said)
+        or not _says_a_quantity(stream)
+        or said.number is None
+        or stream.quantity == "time"
+    ):
+        return said
+    return replace(
+        said, quantity=stream.quantity, commanded=stream.commanded, stem=f"{stream.stem}_{said.stem}"
+    )
+
+
+def _says_a_quantity(said: Clue) -> bool:
+    return said.quantity != "" and any(OF_WORD.get(word) for word in said.stem.split("_"))
+
+
 def _stem(said: Clue) -> str:
     words = said.stem.split("_")
     labels = set(said.label.split("_"))
@@ -169,7 +189,7 @@ def _with_label(said: Clue, label: str, joints: Sequence[str]) -> Clue:
     inner = clue(label, joints) if label else None
     if inner is None or not (inner.exact or inner.label or inner.quantity or inner.number is not None):
         return said
-    if not said.quantity and any(OF_WORD.get(word) for word in inner.stem.split("_")):
-        # Columns of one array, each with a name that says all: time, q1, tau1 …
+    if not _says_a_quantity(said) and _says_a_quantity(inner):
+        # Columns of one array, each with a name that says all: time, q1, tau1, elbow_pos, elbow_frc …
         return inner
     return replace(said, exact=inner.exact, label=inner.label, number=inner.number)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from excite.arrays import Array
-from excite.conversion.columns.unit_words import UNITS
-from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, position_unit, ratio_unit
-from excite.conversion.columns.words import clue
+from excite.conversion.columns.positions import SHARE, of_ranges, positions
+from excite.conversion.columns.scaled import named_unit, scaled, values_of
+from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, ratio_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -33,13 +30,14 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
     """The channels with their factors; what cannot be told is added to ``found.questions``."""
     columns = {c.name: c for stream in recording.streams for c in stream.columns}
     done: list[Mapped] = [item for item in found.mapped if item.target == "time"]
-    angles = _positions(found, columns, machine, mapping)
+    maybe_shares = bool(recording.said.get("maybe_shares"))
+    angles = positions(found, columns, machine, mapping, maybe_shares=maybe_shares)
     for channel in ("q", "q_cmd", "v", "a", "tau", "tau_cmd", "i", "base", "wrench", "imu", "contact"):
         items = found.of(channel)
         if not items:
             continue
-        stated = _map_unit(mapping, channel)
-        named = _named_unit(items, columns)
+        stated = str(mapping.units.get(channel, ""))
+        named = named_unit(items, columns)
         if stated:
             unit, because = stated, "unit stated in the map"
         elif channel in ("q", "q_cmd"):
@@ -55,9 +53,12 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
                 named or {"i": "A"}.get(channel, "SI"),
                 "unit as named" if named else "no unit stated",
             )
+        if unit == SHARE:
+            done += of_ranges(found, items, mapping, machine)
+            continue
         factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
         zero = COUNTS[unit][0] if unit in COUNTS else 0.0
-        done += [_scaled(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
+        done += [scaled(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
     return done
 
 
@@ -67,7 +68,7 @@ def _ask_for_sign(
     """Torques or currents of several joints that are never negative are magnitudes, which no equation holds for."""
     if len(items) < _JOINTS_OF_ONE_SIGN or channel in mapping.columns:
         return
-    values = _values(items, columns)
+    values = values_of(items, columns)
     if np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all():
         found.ask(
             f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
@@ -80,70 +81,6 @@ def _beginning(items: list[Mapped]) -> str:
     first, last = (end(item.source for item in items) for end in (min, max))
     same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
     return first[:same].rstrip("[0123456789") or first[:same]
-
-
-def _map_unit(mapping: Map, channel: str) -> str:
-    return str(mapping.units.get(channel, ""))
-
-
-def _scaled(item: Mapped, mapping: Map, factor: float, zero: float, because: str) -> Mapped:
-    scale = mapping.scale.get(item.channel, 1.0) * mapping.scale.get(item.target, 1.0)
-    offset = mapping.offset.get(item.target, mapping.offset.get(item.channel, zero))
-    return replace(item, factor=factor * scale, because=because, offset=offset)
-
-
-def _named_unit(items: list[Mapped], columns: dict[str, Column]) -> str:
-    units = set()
-    for item in items:
-        column = columns[item.source]
-        unit = (
-            UNITS.get(column.unit.strip().lower(), "")
-            or clue(item.source, [item.target.partition(".")[2]]).unit
-        )
-        units.add(unit)
-    return units.pop() if len(units) == 1 else ""
-
-
-def _values(items: list[Mapped], columns: dict[str, Column]) -> Array:
-    rows = min(len(columns[item.source].values) for item in items)
-    return np.column_stack([columns[item.source].values[:rows] for item in items])
-
-
-def _positions(
-    found: Guesses, columns: dict[str, Column], machine: Machine, mapping: Map
-) -> dict[str, tuple[str, str]]:
-    """Unit and reason for measured and commanded positions."""
-    result: dict[str, tuple[str, str]] = {}
-    for channel in ("q", "q_cmd"):
-        items = found.of(channel)
-        if not items:
-            continue
-        places = [machine.joints.index(item.target.partition(".")[2]) for item in items]
-        unit, why, sure = position_unit(
-            _values(items, columns),
-            machine.lower[places],
-            machine.upper[places],
-            machine.slides[places],
-            _named_unit(items, columns),
-        )
-        if not sure and channel == "q_cmd" and "q" in result:
-            unit, why = result["q"][0], "as the measured positions"
-        if mapping.motors:
-            # Motors turn beyond what joints do.
-            unit, why = _named_unit(items, columns) or "rad", "motors' positions"
-        elif channel in mapping.units:
-            unit = mapping.units[channel]
-        elif not unit and channel in mapping.scale:
-            unit, why = "rad", "scaled by the map"
-        if not unit:
-            found.ask(
-                f"the unit of {items[0].source} … cannot be told: {why}",
-                f"units: {{{channel}: deg}} (or rev, counts/4096), or motors: [[RATIO, 0 …], …] where they are "
-                f"motors' positions, or scale: {{{channel}: FACTOR}}",
-            )
-            unit = "rad"
-        result[channel] = (unit, why)
-    return result
 
 
 def _rates(
@@ -193,7 +130,11 @@ def _ratio(
     stream = next(
         (s for s in recording.streams if pairs and pairs[0][0].source in {c.name for c in s.columns}), None
     )
-    if stream is None or any(item.source not in {c.name for c in stream.columns} for _, item in pairs):
+    if (
+        angle not in TO_SI
+        or stream is None
+        or any(item.source not in {c.name for c in stream.columns} for _, item in pairs)
+    ):
         return None
     clock = {item.source: item.factor for item in found.mapped if item.target == "time"}
     time = next((c.values * clock[c.name] for c in stream.columns if c.name in clock), stream.time)
@@ -203,8 +144,8 @@ def _ratio(
     if not (forward > 0.0).any():
         return None
     dt = float(np.median(forward[forward > 0.0]))
-    q = _values([position for position, _ in pairs], columns) * TO_SI[angle]
-    v = _values([item for _, item in pairs], columns)
+    q = values_of([position for position, _ in pairs], columns) * TO_SI[angle]
+    v = values_of([item for _, item in pairs], columns)
     whole = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     if whole.sum() < 20:
         return None
@@ -217,7 +158,7 @@ def _torques(
 ) -> tuple[str, str]:
     """Unit of torques: as named, or N·mm where they exceed every limit by orders."""
     places = [machine.joints.index(item.target.partition(".")[2]) for item in items]
-    largest = np.nanmax(np.abs(_values(items, columns)), axis=0)
+    largest = np.nanmax(np.abs(values_of(items, columns)), axis=0)
     limits = machine.torque[places]
     if named:
         return named, "unit as named"

@@ -6,6 +6,11 @@ from __future__ import annotations
 UNITS: dict[str, str] = {
     **dict.fromkeys(("rad", "radian", "radians", "rads"), "rad"),
     **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), "deg"),
+    **dict.fromkeys(("rev", "revs", "turn", "turns", "revolutions", "umdrehungen"), "rev"),
+    **dict.fromkeys(("mrad", "milliradian", "milliradians"), "mrad"),
+    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("rev/s", "rps", "turns/s", "revps"), "rev/s"),
+    **dict.fromkeys(("mrad/s", "mradps"), "mrad/s"),
     **dict.fromkeys(("rad/s", "radps", "rad_s", "rads-1", "radpersec", "rad_per_s", "rad/sec"), "rad/s"),
     **dict.fromkeys(("deg/s", "degps", "deg_s", "dps", "°/s", "deg/sec", "deg_per_s"), "deg/s"),
     **dict.fromkeys(("rpm", "rev/min", "1/min", "u/min", "r/min", "min^-1"), "rpm"),
@@ -13,6 +18,20 @@ UNITS: dict[str, str] = {
     **dict.fromkeys(("deg/s2", "deg/s^2", "degps2", "deg/s²"), "deg/s2"),
     **dict.fromkeys(("nm", "n.m", "n·m", "n*m", "newtonmeter", "n-m", "n_m"), "N·m"),
     **dict.fromkeys(("mnm", "nmm", "n.mm", "n·mm", "n*mm", "mn.m"), "N·mm"),
+    **dict.fromkeys(("ncm", "n·cm", "n.cm", "n*cm", "n-cm", "cnm"), "N·cm"),
+    **dict.fromkeys(("knm", "kn·m", "kn.m", "kn*m", "kn-m"), "kN·m"),
+    **dict.fromkeys(
+        ("kgcm", "kg·cm", "kg.cm", "kg*cm", "kg-cm", "kgfcm", "kgf·cm", "kgf.cm", "kgf*cm", "kgf-cm"),
+        "kgf·cm",
+    ),
+    **dict.fromkeys(("ozin", "oz·in", "oz.in", "oz*in", "oz-in", "ozfin", "ozf·in"), "ozf·in"),
+    **dict.fromkeys(
+        ("lbin", "lb·in", "lb.in", "lb*in", "lb-in", "lbfin", "lbf·in", "in-lb", "inlb"), "lbf·in"
+    ),
+    **dict.fromkeys(
+        ("lbft", "lb·ft", "lb.ft", "lb*ft", "lb-ft", "lbfft", "lbf·ft", "ft-lb", "ftlb"), "lbf·ft"
+    ),
+    **dict.fromkeys(("kn", "kilonewton"), "kN"),
     **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"),
     **dict.fromkeys(("ma", "milliamp"), "mA"),
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
@@ -35,6 +54,8 @@ QUANTITY_OF_UNIT = {
     "rad/s": "v", "deg/s": "v", "rpm": "v", "m/s": "v", "mm/s": "v",
     "rad/s2": "a", "deg/s2": "a",
     "N·m": "tau", "N·mm": "tau", "N": "tau",
+    "N·cm": "tau", "kN·m": "tau", "kgf·cm": "tau", "ozf·in": "tau", "lbf·in": "tau", "lbf·ft": "tau", "kN": "tau",
+    "rev": "q", "mrad": "q", "cm": "q", "rev/s": "v", "mrad/s": "v",
     "A": "i", "mA": "i", "V": "volt",
     "s": "time", "ms": "time", "us": "time", "ns": "time",
 }  # fmt: skip

@@ -13,6 +13,8 @@ TO_SI = {
     "rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3,
     "rad/s2": 1.0, "deg/s2": math.pi / 180.0,
     "N·m": 1.0, "N·mm": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3,
+    "N·cm": 0.01, "kN·m": 1e3, "kN": 1e3, "kgf·cm": 0.0980665, "ozf·in": 0.0070615518, "lbf·in": 0.11298483,
+    "lbf·ft": 1.3558179, "mrad": 1e-3, "cm": 0.01, "rev/s": 2.0 * math.pi, "mrad/s": 1e-3,
     "lb": 4.4482216, "kip": 4448.2216, "in": 0.0254, "in/s": 0.0254,
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
     "counts/4096": 2.0 * math.pi / 4096.0, "counts/1024": math.radians(300.0) / 1024.0,

@@ -232,6 +232,8 @@ MEASURED = frozenset(
 )
 # Words of what is measured that name the message rather than the signal: ``state.q_d`` is the desired position in it.
 OF_MESSAGE = frozenset("state obs observation".split())
+# Words of topics and tables whose signals are beside what was measured at the joints.
+ASIDE = frozenset("ext external extern disturbance residual model expected simulated".split())
 # Of a drive's rated torque or current, whose size no recording holds.
 SHARES = frozenset("percent percentage pct permille permil prozent normalized normalised".split())
 # Where joints are elastic, theta is the motor's side of them and q the link's.

@@ -94,9 +94,12 @@ def _without_joint(name: str, joints: Sequence[str]) -> tuple[str, str]:
 
 def _tokens(text: str) -> list[str]:
     """Words and numbers of a name, lower case; a change of case or from letters to digits parts them."""
-    text = re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", text)
-    text = re.sub(r"(?<=[A-Za-zµ°])(?=\d)|(?<=\d)(?=[A-Za-zµ°])", " ", text)
-    return [token.lower() for token in re.split(r"[^A-Za-z0-9µ°]+", text) if token]
+    found = []
+    for word in re.split(r"[^A-Za-z0-9µ°]+", text):
+        # Units are written so, too: mNm is no m of Nm.
+        whole = word if word.lower() in UNITS else re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", word)
+        found += re.sub(r"(?<=[A-Za-zµ°])(?=\d)|(?<=\d)(?=[A-Za-zµ°])", " ", whole).split()
+    return [token.lower() for token in found]
 
 
 def _trailing_unit(words: list[str]) -> tuple[list[str], str]:

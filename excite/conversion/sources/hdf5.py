@@ -131,6 +131,14 @@ def _data_set(name: str, item: Any, file: Any) -> dict[str, Any]:
             for k, target in enumerate(targets)
             if isinstance(target, h5py.Dataset) and target.dtype.kind in "fiub"
         }
+    if item.dtype.names:
+        # Rows of records, as tables are: a data set a field.
+        rows = item[()]
+        return {
+            f"{name}/{key}": np.asarray(rows[key])
+            for key in item.dtype.names
+            if rows[key].dtype.kind in "fiub"
+        }
     if item.dtype.kind in "fiub":
         return {name: np.asarray(item[()])}
     texts = _texts(item[()]) if item.dtype.kind in "SO" else None

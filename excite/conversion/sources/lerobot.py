@@ -81,7 +81,7 @@ def _episodes(
                     str(path),
                     f"episode_{episode:06d}",
                     (stream,),
-                    {"fps": fps or None},
+                    {"fps": fps or None, "maybe_shares": True},
                     (note,) if note else (),
                 )
             )

@@ -79,13 +79,17 @@ class _Decoder:
         self._of: dict[int, Any] = {}
 
     def __call__(self, schema: Any, channel: Any) -> Any:
-        """What decodes a channel's messages; None for an encoding that is not known."""
+        """What decodes a channel's messages; None for an encoding or a definition that is not known."""
         if channel.id not in self._of:
-            self._of[channel.id] = (
-                json.loads
-                if channel.message_encoding == "json"
-                else self._factory.decoder_for(channel.message_encoding, schema)
-            )
+            try:
+                self._of[channel.id] = (
+                    json.loads
+                    if channel.message_encoding == "json"
+                    else self._factory.decoder_for(channel.message_encoding, schema)
+                )
+            except (NameError, ValueError, RuntimeError):
+                # A definition that ROS 2 does not allow, such as one of ROS 1 with capitals in its names.
+                self._of[channel.id] = None
         return self._of[channel.id]
 
 

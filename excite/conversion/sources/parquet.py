@@ -1,4 +1,4 @@
-"""Parquet files: numbers a column, or a list of numbers a row."""
+"""Files of Arrow tables, Parquet and Feather: numbers a column, or a list of numbers a row."""
 
 from __future__ import annotations
 
@@ -15,31 +15,41 @@ from excite.conversion.sources.source import MAX_NUMBERS, MAX_SOURCE_BYTES, Sour
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
 
+# What files of Arrow's own format, the second of Feather, begin with.
+_FEATHER = b"ARRO"
+
 
 class ParquetSource(Source):
     """A table with numbers, or lists of numbers, in its columns."""
 
     name: ClassVar[str] = "parquet"
-    summary: ClassVar[str] = "Parquet (.parquet)"
+    summary: ClassVar[str] = "tables of Arrow (.parquet, .feather, .arrow)"
     own_process: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
         """See :class:`Source`."""
         return path.is_file() and (
-            path.suffix.lower() in {".parquet", ".pq"} or first_bytes(path, 4) == b"PAR1"
+            path.suffix.lower() in {".parquet", ".pq", ".feather", ".arrow"}
+            or first_bytes(path, 4) in (b"PAR1", _FEATHER)
         )
 
     def read(self, path: Path) -> tuple[Recording, ...]:
         """See :class:`Source`."""
         check_file(path, limit=MAX_SOURCE_BYTES, error=LogError)
         try:
-            arrays = table_arrays(read_parquet(path))
+            of_feather = first_bytes(path, 4) == _FEATHER
+            arrays = table_arrays(_read_feather(path) if of_feather else read_parquet(path))
         except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
-            raise damaged(path, error, "Parquet") from error
+            raise damaged(path, error, "a table of Arrow") from error
         streams = longest(stream_of_arrays(path.stem, arrays))
         if not streams:
             raise nothing_there(path)
         return (Recording(str(path), path.stem, streams),)
+
+
+def _read_feather(path: Path) -> pa.Table:
+    with pa.ipc.open_file(str(path)) as file:
+        return file.read_all()
 
 
 def table_arrays(table: pa.Table) -> dict[str, Any]:
@@ -51,6 +61,8 @@ def table_arrays(table: pa.Table) -> dict[str, Any]:
         column = table[name].combine_chunks()
         if isinstance(column, pa.ChunkedArray):
             column = column.chunk(0) if column.num_chunks else pa.array([])
+        if pa.types.is_dictionary(column.type):
+            column = column.dictionary_decode()
         kind = column.type
         if pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind):
             flat = column.flatten()

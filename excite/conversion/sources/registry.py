@@ -34,7 +34,8 @@ SOURCES: Registry[Source] = Registry(
 
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
-    ".csv .tsv .txt .dat .log .parquet .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt".split()
+    ".csv .tsv .txt .dat .log .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
+    ".pth".split()
 )
 # What people bring that is not opened, and what to do instead.
 _PICKLED = (

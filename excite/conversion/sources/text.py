@@ -5,6 +5,8 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -26,6 +28,8 @@ _LOOKED_AT = 200
 # A table lies on its side where it has more columns than this many times its rows: few trials have less samples.
 _LYING = 20
 _BLOCK = 1 << 20
+# A name, a number, and perhaps a unit, alone in their line.
+_STATED = re.compile(r"([A-Za-z][A-Za-z _-]*?)\s*(?:\[\w+\])?\s*[:=]\s*(\d+(?:\.\d*)?)\s*\w*\s*$")
 _MISSING = ["", "nan", "NaN", "NAN", "NA", "null", "None", "-nan", "inf", "-inf", "Inf"]
 
 
@@ -76,7 +80,18 @@ class TextSource(Source):
         notes = [] if habits.named else [NAMELESS]
         if habits.decimal == ",":
             notes.append("decimal commas")
-        return (Recording(str(path), path.stem, (table,), notes=tuple(notes)),)
+        return (Recording(str(path), path.stem, (table,), said_by_comments(lines), tuple(notes)),)
+
+
+def said_by_comments(lines: Sequence[str]) -> dict[str, float]:
+    """Numbers that comments state, by the words before them: ``# sampling rate: 100 Hz``."""
+    found = {}
+    for line in lines:
+        if line.lstrip().startswith(COMMENTS) and (
+            match := _STATED.match(line.lstrip(" " + "".join(COMMENTS)))
+        ):
+            found[match[1].strip()] = float(match[2])
+    return found
 
 
 def _upright(columns: list[Column]) -> list[Column]:
