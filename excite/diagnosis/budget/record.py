@@ -140,9 +140,11 @@ def _refined(
         term = terms[k]
         if term.started:
             kept.append(term)
+            near += [terms[tried.index] for tried in search.rivals.get(k, ())]
             continue
         own = TermMaker(now.without(k), full.strict)
         beside = _beside_others(search, k)
+        near += [terms[tried.index] for tried in search.rivals.get(k, ())]
         if term.effect.is_body:
             made = _bodies(library.bodies(own.context), beside, own)
             kept.append(next((t for t in made if t.key == term.key), term))

@@ -159,7 +159,8 @@ class Search:
                 continue
             self.merits[k] = here
             width = max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
-            self.rivals[k] = [t for t in tried if t.merit.passes and t.merit.score > here.score - width]
+            alike = [t for t in tried if t.merit.passes and t.merit.score > here.score - width]
+            self.rivals[k] = [t for t in alike if not self._richer(t.index, k)]
 
     def _in_place_of(self, k: int, without: Model) -> list[Tried]:
         """What else might stand in a term's place, fitted in full."""
@@ -176,6 +177,11 @@ class Search:
         """Whether two terms are at one place: the simpler one is preferred there, not a simpler one elsewhere."""
         one, other = self.design.terms[a], self.design.terms[b]
         return one.location == other.location
+
+    def _richer(self, a: int, b: int) -> bool:
+        """Whether one term is at another's place with more parameters: of two alike the simpler one is meant."""
+        more = self.design.terms[a].n_parameters > self.design.terms[b].n_parameters
+        return more and self._same_place(a, b)
 
     def instead(self, k: int, without: Model) -> list[int]:
         """Other effects with non-linear parameters that might stand in a term's place, likeliest first."""
