@@ -10,7 +10,6 @@ import numpy as np
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Theta
 from excite.diagnosis.effects.form import DEFLECTION, Draft, Form, Sizes
-from excite.diagnosis.effects.gears.dead_band import DeadBand
 from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping
 from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
 from excite.diagnosis.effects.gears.soft_play import SoftPlay, add_soft_play
@@ -62,10 +61,6 @@ class Backlash(GearEffect):
     @property
     def richer(self) -> tuple[Effect, ...]:
         return (DampedBacklash(), SoftBacklash(), RoundBacklash())
-
-    @property
-    def forms(self) -> tuple[Effect, ...]:
-        return (DeadBand(),)
 
     def grid(self, context: Context, location: str) -> list[Theta]:
         return [(w, 20.0) for w in (0.002, 0.004, 0.007, 0.011, 0.016, 0.024, 0.036)]
