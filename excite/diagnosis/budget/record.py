@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
 from excite.diagnosis.budget.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.joint_fit import fit
-from excite.diagnosis.budget.library import Library, with_begun
+from excite.diagnosis.budget.library import Form, Library, with_begun
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
@@ -54,7 +54,11 @@ def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array)
 
 
 def model_of_gap(
-    full: Baseline, modelled: tuple[str, ...], effects: tuple[Effect, ...], floor: Array
+    full: Baseline,
+    modelled: tuple[str, ...],
+    effects: tuple[Effect, ...],
+    floor: Array,
+    forms: tuple[Form, ...] = (),
 ) -> Found:
     """Search for the model of a record's gap.
 
@@ -63,8 +67,9 @@ def model_of_gap(
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
+        forms: of effects that another search has found, tried along.
     """
-    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
+    library, rows = Library(modelled, effects, forms), rows_of(full, modelled, floor)
     maker = TermMaker(Context(full), full.strict)
     kept: list[Term] = []
     near: list[Term] = []

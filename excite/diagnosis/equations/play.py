@@ -10,27 +10,39 @@ from excite.lazy_kernel import LazyKernel
 
 
 def behind_play(way: Array, starts: NDArray[np.bool_], width: float, breakaway: float) -> Array:
-    """Share of the dry friction behind play and a spring that is carried, ``(n,)``, −1…1.
+    """Share of the dry friction behind play that is carried, ``(n,)``, −1…1.
 
-    A stop operator with a dead band: the drive's way ``z`` against what rubs follows the motion between the ends
-    ``±(width/2 + breakaway)``, where friction slips, and ``sign(z) min(max(|z| − width/2, 0)/breakaway, 1)`` is carried
-    (Nordin, Gutman 2002, section 2; without play the operator of Prandtl and Ishlinskii).
+    Bristles that bend (Dahl 1968), with play in series: where what they carry falls to zero, the drive goes through the
+    play before they bend the other way.
 
     Args:
         way: ``(n,)`` motion since the sample before [rad or m].
-        starts: ``(n,)`` which samples are the first of a trial, where ``z`` is in the middle.
+        starts: ``(n,)`` which samples are the first of a trial, where the drive is in the middle of the play.
         width: of the play [rad or m].
-        breakaway: way over which friction builds up once the play is used up [rad or m].
+        breakaway: deflection over which friction builds up once the play is used up [rad or m].
     """
-    return np.asarray(_carried(np.ascontiguousarray(way), starts, 0.5 * width, breakaway))
+    return np.asarray(_carried(np.ascontiguousarray(way), starts, width, breakaway))
 
 
 @LazyKernel
-def _carried(way, starts, half, breakaway):  # pragma: no cover - compiled
+def _carried(way, starts, width, breakaway):  # pragma: no cover - compiled
     out = np.empty(len(way))
-    z, end = 0.0, half + breakaway
+    bent, at = 0.0, 0.5 * width
     for i in range(len(way)):
-        z = 0.0 if starts[i] else min(max(z + way[i], -end), end)
-        carried = max(abs(z) - half, 0.0) / breakaway
-        out[i] = carried if z > 0.0 else -carried
+        step = way[i]
+        if starts[i]:
+            bent, at, step = 0.0, 0.5 * width, 0.0
+        if bent != 0.0:
+            after = (bent + step / breakaway) / (1.0 + abs(step) / breakaway)
+            if after * bent > 0.0:
+                bent, step = after, 0.0
+            else:
+                bent, step = 0.0, after * breakaway
+        if bent == 0.0:
+            at += step
+            if at > width:
+                bent, at = (at - width) / breakaway, width
+            elif at < 0.0:
+                bent, at = at / breakaway, 0.0
+        out[i] = bent
     return out
