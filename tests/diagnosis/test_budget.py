@@ -215,8 +215,9 @@ def test_trials_of_another_machine_are_said_to_be(tmp_path: Path, judged: float,
     [
         ((0.6,), 0.0, True),  # most of it
         ((0.46,), 0.1, True),  # the largest share, and most of what follows anything
-        ((0.4,), 0.1, False),  # what follows nothing is larger
-        ((0.25, 0.2), 0.1, False),
+        ((0.4,), 0.1, True),  # most of what follows anything, though more follows nothing
+        ((0.25, 0.2), 0.1, True),
+        ((0.08,), 0.0, False),  # a trifle of the whole
         ((0.3,), 0.42, False),  # what has no name is larger
     ],
 )

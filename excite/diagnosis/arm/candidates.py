@@ -50,6 +50,19 @@ def beside_others(item: Candidate, found: Found) -> Candidate:
     return replace(item, parameters=values)
 
 
+def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
+    """An accepted effect, and those that its form has in it: each with the parameters that are its own."""
+    along = scored.hypothesis.effect.along
+    if not along:
+        return (item,)
+    theirs = {name for names in along.values() for name in names}
+    own = {name: value for name, value in item.parameters.items() if name not in theirs}
+    made = [replace(item, parameters=own)]
+    for effect, names in along.items():
+        made.append(replace(item, effect=effect, parameters={n: item.parameters[n] for n in names}))
+    return tuple(made)
+
+
 def listed_candidates(
     attribution: Attribution, judgement: Judgement, gap: Gap, effects: tuple[Candidate, ...]
 ) -> tuple[tuple[Candidate, ...], int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import numpy as np
@@ -42,13 +42,42 @@ def joined(
     unknown = judgement.verdict == "unknown"
     if unknown and not explained(budget, named):
         return attribution, judgement
-    kept = [k for k, item in enumerate(attribution.accepted) if not _taken_for(item, named, budget)]
-    after = _with(attribution, kept, named, found, scorer)
-    if after is not None and len(kept) < len(attribution.accepted) and _loss(after) > _loss(attribution):
-        # What was found alone says more than what the whole has in its place.
-        kept = list(range(len(attribution.accepted)))
+    there = {(item.effect, item.location) for item in budget.named}
+    accepted = attribution.accepted
+    own = [k for k, item in enumerate(accepted) if _is_there(item, there)]
+    near = [k for k, item in enumerate(accepted) if not _taken_for(item, named, budget)]
+    for kept in (own, near):
         after = _with(attribution, kept, named, found, scorer)
-    return (attribution, judgement) if after is None else (after, _judged(judgement, after, kept, scorer))
+        # What was found alone may say more than what the whole has in its place.
+        if after is not None and (len(kept) == len(accepted) or _loss(after) <= _loss(attribution)):
+            return after, _judged(judgement, after, kept, there, scorer)
+    kept = list(range(len(accepted)))
+    after = _with(attribution, kept, named, found, scorer)
+    if after is None:
+        return attribution, _both_there(judgement, attribution, there)
+    return after, _judged(judgement, after, kept, there, scorer)
+
+
+def _is_there(item: Scored, there: Set[tuple[str, str]]) -> bool:
+    """Whether the model of all effects has an effect that was found alone; a body may be at another link."""
+    if item.hypothesis.effect.is_body:
+        return any(name == item.name for name, _ in there)
+    return (item.name, item.location) in there
+
+
+def _both_there(judgement: Judgement, attribution: Attribution, there: Set[tuple[str, str]]) -> Judgement:
+    """The verdict without rivals that are there as well: what was fitted alone took the part of both."""
+    accepted = attribution.accepted
+    if not accepted or not _is_there(accepted[0], there):
+        return judgement
+    several = len(accepted) > 1 and all(_is_there(item, there) for item in accepted[:2])
+    left = [] if several else list(range(len(judgement.rivals)))
+    if len(left) == len(judgement.rivals):
+        return judgement
+    verdict = judgement.verdict
+    if verdict == "ambiguous" and judgement.renamed[0] is None:
+        verdict = "effect"
+    return replace(judgement, verdict=verdict, rivals=(), twins=())
 
 
 def _with(
@@ -56,7 +85,7 @@ def _with(
 ) -> Attribution | None:
     """The attribution with what is named after the effects that are kept; None where nothing joins them."""
     terms = {term.key: term for term in found.search.model.terms}
-    new = [item for item in named if not _known(item, [attribution.accepted[k] for k in kept])]
+    new = [item for item in named if not _known(item, [attribution.accepted[k] for k in kept], set(terms))]
     begun = _kept(attribution, kept, scorer.baseline)
     if begun is None:
         return None
@@ -109,7 +138,13 @@ def _kept(
     return made, current
 
 
-def _judged(judgement: Judgement, after: Attribution, kept: Sequence[int], scorer: Scorer) -> Judgement:
+def _judged(
+    judgement: Judgement,
+    after: Attribution,
+    kept: Sequence[int],
+    there: Set[tuple[str, str]],
+    scorer: Scorer,
+) -> Judgement:
     """The verdict with the effects that joined those ``kept``; rivals of the first one stay if it does."""
     first, added = kept[:1] == [0], after.accepted[len(kept) :]
     names = tuple(
@@ -119,7 +154,7 @@ def _judged(judgement: Judgement, after: Attribution, kept: Sequence[int], score
     verdict = judgement.verdict
     if not first:
         verdict = "effect" if renamed[0] is None else "ambiguous"
-    return replace(
+    made = replace(
         judgement,
         verdict=verdict,
         rivals=judgement.rivals if first else (),
@@ -128,13 +163,18 @@ def _judged(judgement: Judgement, after: Attribution, kept: Sequence[int], score
         renamed=renamed,
         structured=structured_joints(after, scorer.spectral),
     )
+    return _both_there(made, after, there)
 
 
-def _known(item: Named, accepted: Sequence[Scored]) -> bool:
-    """Whether an effect was found already, there or, of what moves a link, at any link."""
+def _known(item: Named, accepted: Sequence[Scored], there: Set[tuple[str, str]]) -> bool:
+    """Whether an effect was found already, there or, of what moves a link, at any link.
+
+    Of two that look alike the one that was found may stand for the other, unless the model of all has both.
+    """
     for other in accepted:
         effect = other.hypothesis.effect
-        if other.location == item.location and item.effect in {other.name, *effect.confusable_with}:
+        alike = () if (other.name, other.location) in there else effect.confusable_with
+        if other.location == item.location and item.effect in {other.name, *alike}:
             return True
         if other.name == item.effect and effect.is_body:
             return True

@@ -15,7 +15,7 @@ from excite.diagnosis.budget.made import budget_of
 from excite.diagnosis.budget.record import begun_baseline, model_of_gap
 from excite.diagnosis.budget.same_machine import other_machine
 from excite.diagnosis.budget.unison import unison
-from excite.diagnosis.effects.effect import Effect
+from excite.diagnosis.effects.effect import Effect, Theta
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
@@ -43,6 +43,7 @@ class Judged:
         impossible: the best candidate, where no body could be so.
         budget: where each joint's gap goes; None where torques were not measured.
         findings: what limits what the record can tell.
+        tried: effects that were accepted one after the other, withdrawn or not.
     """
 
     samples: ArmSamples
@@ -54,6 +55,7 @@ class Judged:
     impossible: tuple[Scored, ...]
     budget: Budget | None = None
     findings: tuple[Finding, ...] = ()
+    tried: tuple[Scored, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,7 @@ def _with_budget(record: TorqueRecord, found: Judged, least: Array) -> Judged:
     together = unison(full)
     # On one path any list of effects could stand for any other.
     effects = record.effects if together is None else _own_terms(record.effects)
-    gap = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
+    gap = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least, _forms(found, effects))
     scale = np.maximum(tau.std(axis=0), 1e-9)
     budget = budget_of(gap, found.spectral, scale)
     said = (*(() if together is None else (together,)), *other_machine(gap.search.model))
@@ -112,10 +114,27 @@ def _one_by_one(record: TorqueRecord, ready: _Ready) -> Judged:
     judged = unrepeated(ready.samples, ready.noise * baseline.strict)
     attribution = Attributor(baseline, ready.spectral, judged, effects=record.effects).run()
     judgement = judge(attribution, ready.spectral)
+    tried = attribution.accepted
     impossible = tuple(item for item in attribution.accepted[:1] if not item.hypothesis.physical)
     if judgement.verdict == "unknown" and attribution.accepted:
         attribution = withdrawn(attribution, baseline)
-    return Judged(ready.samples, baseline, ready.spectral, ready.noise, attribution, judgement, impossible)
+    return Judged(
+        ready.samples,
+        baseline,
+        ready.spectral,
+        ready.noise,
+        attribution,
+        judgement,
+        impossible,
+        tried=tried,
+    )
+
+
+def _forms(found: Judged, effects: tuple[Effect, ...]) -> tuple[tuple[Effect, str, Theta], ...]:
+    """Forms of what the search for one effect after the other has found, where they are to be tried."""
+    names = {effect.name for effect in effects}
+    items = [item.hypothesis for item in found.tried if item.name in names]
+    return tuple((h.effect, h.location, h.theta) for h in items)
 
 
 def _own_terms(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:

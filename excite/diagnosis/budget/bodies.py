@@ -7,12 +7,17 @@ out what a real body would show elsewhere: other names then take it. So the ten 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.budget.design import Design
+from excite.diagnosis.budget.evidence import nats_between, price_of
+from excite.diagnosis.budget.joint_fit import fit
 from excite.diagnosis.budget.refine import Beside
+from excite.diagnosis.budget.search import Search
 from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect
 
@@ -47,3 +52,69 @@ def _along(whole: Term, direction: Array) -> Term | None:
         return None
     columns = {j: block / size for j, block in columns.items()}
     return replace(whole, columns=columns, scale=np.array([1.0 / size]), direction=direction)
+
+
+def bodies_again(search: Search, maker: TermMaker) -> Search:
+    """A search whose model's bodies are the likeliest beside its other terms, or one body in the place of some of them.
+
+    A constant or a spring that the model had at first has taken a part of a body's weight, a small body at a link
+    another, and the body what was left.
+    """
+    made, terms = _anew(search, maker), search.design.terms
+    links = {term.location: term for term in terms if term.effect.is_body}
+    for like in links.values():
+        chosen = made.model.chosen
+        bodies = [k for k in chosen if made.design.terms[k].effect.is_body]
+        weights = [
+            k
+            for k in chosen
+            if _like_weight(made.design.terms[k]) and made.design.terms[k].own in like.columns
+        ]
+        if not weights and len(bodies) < 2:
+            continue
+        for group in (weights, *([k] for k in weights)) if len(weights) > 1 else (weights,):
+            made = _in_place_of(made, maker, like, [*bodies, *group]) or made
+            if made.model.chosen != chosen:
+                break
+    return made
+
+
+def _in_place_of(search: Search, maker: TermMaker, like: Term, group: Sequence[int]) -> Search | None:
+    """One body at a link in the place of several terms; None where that says less than it spares."""
+    rest = [k for k in search.model.chosen if k not in group]
+    beside = Beside.of(fit(search.design, rest, search.model.weight, left_out=False))
+    one = body(beside, maker, like.effect, like.location)
+    if one is None:
+        return None
+    design = Design(search.design.rows, (*search.design.terms, one))
+    model = fit(design, (*rest, len(design.terms) - 1), search.model.weight)
+    spared = sum(price_of(search.design.terms[k], search.candidates) for k in group)
+    spared -= price_of(one, search.candidates)
+    if nats_between(search.model, model) <= -spared:
+        return None
+    return replace(search, design=design, model=model, rivals={}, merits={})
+
+
+def _like_weight(term: Term) -> bool:
+    """Whether a term is what the weight of a body may look like at one joint."""
+    spans = set(term.effect.spans)
+    return bool(term.effect.nameless) or (bool(spans) and spans <= {"q", "1"})
+
+
+def _anew(search: Search, maker: TermMaker) -> Search:
+    """The same model, each of its bodies the likeliest beside its other terms."""
+    terms = list(search.design.terms)
+    for k in search.model.chosen:
+        if terms[k].effect.is_body:
+            terms[k] = body(beside_others(search, k), maker, terms[k].effect, terms[k].location) or terms[k]
+    design = Design(search.design.rows, tuple(terms))
+    return replace(search, design=design, model=fit(design, search.model.chosen), rivals={}, merits={})
+
+
+def beside_others(search: Search, k: int) -> Beside:
+    """A model's other terms; smaller bodies may have patched up the first, rough form of the largest."""
+    model, terms = search.model, search.design.terms
+    bodies = [i for i in model.chosen if terms[i].effect.is_body]
+    left_out = set(bodies) if bodies and k == max(bodies, key=search.weight_of) else {k}
+    others = [i for i in model.chosen if i not in left_out]
+    return Beside.of(fit(model.design, others, model.weight, left_out=False))

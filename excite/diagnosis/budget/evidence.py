@@ -39,20 +39,32 @@ class Merit:
 def merit(without: Model, with_it: Model, term: Term, candidates: int) -> Merit:
     """What a term gains: in the company of all others, against what stays unexplained with it."""
     count = with_it.design.fitted.count
-    effective = with_it.share * count.sum()
+    share = with_it.share_beside(without)
+    effective = share * count.sum()
     old, new = without.predicted, with_it.predicted
     nats = 0.5 * effective * np.log(old.sum(axis=0) / new.sum(axis=0))
-    by_block = 0.5 * with_it.share * count[:, None] * np.log(old / new)
+    by_block = 0.5 * share * count[:, None] * np.log(old / new)
     own = term.own is not None
     steps = by_block[:, term.own] if own else by_block.sum(axis=1)
     spread = float(steps.std(ddof=1))
     steady = float(steps.mean()) / max(spread, 1e-12)
-    price = THRESHOLDS.price + 0.5 * np.log(max(candidates, 1)) + 0.5 * max(term.n_parameters - 1, 0)
     total = float(nats.sum())
     if own:
         # What acts on a joint has to show there.
         total = min(total, float(nats[term.own]) * 2.0) if len(term.columns) > 1 else total
-    return Merit(nats, steady, total - float(price))
+    return Merit(nats, steady, total - price_of(term, candidates))
+
+
+def price_of(term: Term, candidates: int) -> float:
+    """Nats that a term costs among so many effects and places that were tried."""
+    more = 0.5 * max(term.n_parameters - 1, 0)
+    return float(THRESHOLDS.price + 0.5 * np.log(max(candidates, 1)) + more)
+
+
+def nats_between(one: Model, other: Model) -> float:
+    """How many nats another model predicts left-out blocks better by, against what stays unexplained with it."""
+    effective = other.share_beside(one) * other.design.fitted.count.sum()
+    return float((0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0))).sum())
 
 
 def probability(score: float, rivals: Sequence[float]) -> float:

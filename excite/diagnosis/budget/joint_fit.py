@@ -57,6 +57,11 @@ class Model:
         """Effective part of the rows by the autocorrelation of what is left, ``(n_joints,)``."""
         return effective_share(self.residual, self.design.rows.block >= 0, self.design.rows.trial)
 
+    def share_beside(self, other: Model) -> Array:
+        """The same of what it has beside another model, or that beside it, ``(n_joints,)``."""
+        rows = self.design.rows
+        return effective_share(self.residual, rows.block >= 0, rows.trial, other.residual - self.residual)
+
     @property
     def terms(self) -> tuple[Term, ...]:
         """Its terms."""
@@ -152,15 +157,35 @@ def _left_total(grams: Grams, layout: Layout, x: Array) -> Array:
     return np.maximum(out, 1e-300)
 
 
-def effective_share(residual: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
-    """Effective part of the samples, ``(n_joints,)``: 1 / (1 + 2 Σ ρ) by initial positive sums (Geyer 1992, 3.3)."""
-    total = np.zeros((len(residual), _LAGS))
+def effective_share(
+    residual: Array, use: NDArray[np.bool_], trial: NDArray[np.int64], along: Array | None = None
+) -> Array:
+    """Effective part of the samples, ``(n_joints,)``: 1 / (1 + 2 Σ ρ) by initial positive sums (Geyer 1992, 3.3).
+
+    Of what is fitted ``along`` the samples only those parts of the rest count that look like it: 1 / (1 + 2 Σ ρ ρ'), ρ'
+    its own autocorrelation (Bartlett 1935). A slow rest tells little against a sign that changes.
+
+    Args:
+        residual: ``(n_joints, n_rows)`` what is left.
+        use: ``(n_rows,)`` rows that are fitted.
+        trial: ``(n_rows,)`` index of the trial.
+        along: ``(n_joints, n_rows)`` what was fitted; None for the mean.
+    """
+    rho = _autocorrelation(residual, use, trial)
+    pairs = rho[:, 0:-1:2] + rho[:, 1::2]
+    positive = np.cumprod(pairs > 0.0, axis=1)
+    if along is not None:
+        both = rho * _autocorrelation(along, use, trial)
+        pairs = both[:, 0:-1:2] + both[:, 1::2]
+    return 1.0 / np.maximum(2.0 * (pairs * positive).sum(axis=1) - 1.0, 1.0)
+
+
+def _autocorrelation(values: Array, use: NDArray[np.bool_], trial: NDArray[np.int64]) -> Array:
+    """Of rows that are fitted, ``(n_joints, n_lags)``."""
+    total = np.zeros((len(values), _LAGS))
     for k in np.unique(trial[use]):
-        r = residual[:, trial == k]
+        r = values[:, trial == k]
         f = np.fft.rfft(r, 2 * r.shape[1], axis=1)
         acf = np.fft.irfft(f.real**2 + f.imag**2, axis=1)[:, :_LAGS]
         total[:, : acf.shape[1]] += acf
-    rho = total / np.maximum(total[:, :1], 1e-300)
-    pairs = rho[:, 0:-1:2] + rho[:, 1::2]
-    positive = np.cumprod(pairs > 0.0, axis=1)
-    return 1.0 / np.maximum(2.0 * (pairs * positive).sum(axis=1) - 1.0, 1.0)
+    return total / np.maximum(total[:, :1], 1e-300)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,9 @@ def with_begun(modelled: Sequence[str]) -> tuple[str, ...]:
     return (*modelled, *(term.words[0] for term in _BEGUN if not term.asked(modelled)))
 
 
+Form = tuple[Effect, str, Theta]
+
+
 @dataclass(frozen=True, eq=False)
 class Library:
     """Makes the terms of a record.
@@ -36,10 +39,12 @@ class Library:
     Attributes:
         modelled: words of ``modelled`` in the log.
         effects: what may be named.
+        found: forms of effects with their places and non-linear parameters that another search has found.
     """
 
     modelled: tuple[str, ...]
     effects: tuple[Effect, ...]
+    found: tuple[Form, ...] = ()
 
     def begun(self, maker: TermMaker) -> list[Term]:
         """Friction and constants that the log does not call modelled."""
@@ -51,6 +56,10 @@ class Library:
             for term in missing:
                 effect = named[id(term)]
                 theta: Theta = ()
+                known = [f for f in self.found if f[0].term is term and f[1] == joint and f[0].along]
+                if known and (richer := maker.make(*known[0])) is not None:
+                    made.append(replace(richer, started=True))
+                    continue
                 if term is COULOMB:
                     sign = base.signs[j]
                     effect = effect.forms[0] if sign.bent else effect
@@ -73,9 +82,11 @@ class Library:
                     )
         return made
 
-    def candidates(self, maker: TermMaker, *, gears: bool = True) -> list[Term]:
+    def candidates(self, maker: TermMaker) -> list[Term]:
         """Every effect at every place where it can be told, at every point of its grid."""
-        made = (maker.make(effect, place, theta) for effect, place, theta in self._places(maker.context))
+        full = with_begun(self.modelled)
+        again = [form for form in self.found if form[0].offered(full) and not form[0].is_body]
+        made = (maker.make(*form) for form in (*self._places(maker.context), *again))
         return [term for term in made if term is not None]
 
     def bodies(self, context: Context) -> Iterable[tuple[Effect, str]]:

@@ -9,22 +9,22 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 
 def namable(budget: Budget) -> tuple[Named, ...]:
-    """Effects without a rival of another name that surely take more than a trifle of the gap at a place of theirs."""
-    return tuple(item for item in budget.named if _alone(item) and _surely(budget, item) >= THRESHOLDS.trifle)
+    """Effects without a rival of another name that surely take something, and more than a trifle, of a place's gap."""
+    return tuple(item for item in budget.named if _alone(item) and _clear(budget, item))
 
 
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     """Whether effects are what the gap is.
 
-    They are if they take most of it together; or most of what has structure, where the largest of all shares is one
-    of theirs; or if one surely takes most of what its own place has. One that stands clear at a quiet joint is no
-    answer to the gap of another.
+    They are if they take most of it together; or most of what has structure, where that is no trifle and the largest
+    share that follows anything is one of theirs; or if one surely takes most of what its own place has.
     """
     taken = sum(item.share for item in effects)
     if taken >= THRESHOLDS.most:
         return True
-    rest, largest = budget.rest, max((item.share for item in effects), default=0.0)
-    if taken >= THRESHOLDS.most * (1.0 - rest) and largest >= max(rest, *budget.follows.values(), 0.0):
+    largest = max((item.share for item in effects), default=0.0)
+    structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
+    if structured and largest >= max([*budget.follows.values(), 0.0]):
         return True
     return any(
         item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
@@ -35,8 +35,16 @@ def _alone(item: Named) -> bool:
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)
 
 
+def _clear(budget: Budget, item: Named) -> bool:
+    return any(s.share >= THRESHOLDS.trifle and s.interval90[0] > 0.0 for s in _of(budget, item))
+
+
 def _surely(budget: Budget, item: Named) -> float:
     """The lower end of the 90 % interval of what an effect takes of a channel, where that is most."""
-    shares: list[EffectShare] = [s for channel in budget.channels.values() for s in channel.effects]
-    mine = (s for s in shares if (s.effect, s.location) == (item.effect, item.location))
-    return max((s.interval90[0] for s in mine), default=0.0)
+    return max((s.interval90[0] for s in _of(budget, item)), default=0.0)
+
+
+def _of(budget: Budget, item: Named) -> list[EffectShare]:
+    """What an effect takes of each channel."""
+    shares = (s for channel in budget.channels.values() for s in channel.effects)
+    return [s for s in shares if (s.effect, s.location) == (item.effect, item.location)]

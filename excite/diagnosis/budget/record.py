@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.bodies import body
+from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
 from excite.diagnosis.budget.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.joint_fit import fit
-from excite.diagnosis.budget.library import Library, with_begun
+from excite.diagnosis.budget.library import Form, Library, with_begun
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
@@ -54,7 +54,11 @@ def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array)
 
 
 def model_of_gap(
-    full: Baseline, modelled: tuple[str, ...], effects: tuple[Effect, ...], floor: Array
+    full: Baseline,
+    modelled: tuple[str, ...],
+    effects: tuple[Effect, ...],
+    floor: Array,
+    forms: tuple[Form, ...] = (),
 ) -> Found:
     """Search for the model of a record's gap.
 
@@ -63,8 +67,9 @@ def model_of_gap(
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
+        forms: of effects that another search has found, tried along.
     """
-    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
+    library, rows = Library(modelled, effects, forms), rows_of(full, modelled, floor)
     maker = TermMaker(Context(full), full.strict)
     kept: list[Term] = []
     near: list[Term] = []
@@ -101,30 +106,10 @@ def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMake
     last.backward()
     merge(last)
     if any(term.effect.is_body for term in last.model.terms):
-        design = Design(design.rows, _bodies_again(last, maker))
-        model = fit(design, last.model.chosen)
-        last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
+        last = bodies_again(last, maker)
+        last.forward()
     last.backward()
     return last
-
-
-def _bodies_again(search: Search, maker: TermMaker) -> tuple[Term, ...]:
-    """The design's terms, its model's bodies the likeliest beside the others."""
-    terms = list(search.design.terms)
-    for k in search.model.chosen:
-        term = terms[k]
-        if term.effect.is_body:
-            terms[k] = body(_beside_others(search, k), maker, term.effect, term.location) or term
-    return tuple(terms)
-
-
-def _beside_others(search: Search, k: int) -> Beside:
-    """A model's other terms; smaller bodies may have patched up the first, rough form of the largest."""
-    model, terms = search.model, search.design.terms
-    bodies = [i for i in model.chosen if terms[i].effect.is_body]
-    left_out = set(bodies) if bodies and k == max(bodies, key=search.weight_of) else {k}
-    others = [i for i in model.chosen if i not in left_out]
-    return Beside.of(fit(model.design, others, model.weight, left_out=False))
 
 
 def _refined(
@@ -140,9 +125,11 @@ def _refined(
         term = terms[k]
         if term.started:
             kept.append(term)
+            near += [terms[tried.index] for tried in search.rivals.get(k, ())]
             continue
         own = TermMaker(now.without(k), full.strict)
-        beside = _beside_others(search, k)
+        beside = beside_others(search, k)
+        near += [terms[tried.index] for tried in search.rivals.get(k, ())]
         if term.effect.is_body:
             made = _bodies(library.bodies(own.context), beside, own)
             kept.append(next((t for t in made if t.key == term.key), term))

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.design import Design
-from excite.diagnosis.budget.evidence import Merit, merit
+from excite.diagnosis.budget.evidence import Merit, merit, nats_between, price_of
 from excite.diagnosis.budget.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import Screened, screened
 from excite.diagnosis.budget.thresholds import THRESHOLDS
@@ -143,11 +143,12 @@ class Search:
             here = merit(without, self.model, term, self.candidates)
             orphan = term.effect.friction and not self._rubs(others, term.location)
             tried = self._in_place_of(k, without)
-            best = max(tried, key=lambda t: t.merit.score, default=None)
+            ahead = {t.index: self._ahead(t, k) for t in tried}
+            best = max(tried, key=lambda t: ahead[t.index], default=None)
             keep = here.passes and not orphan and self._can_be(k, self.model.parameters(k))
             if best is not None and best.merit.passes:
                 simple = self.design.terms[best.index].n_parameters < term.n_parameters
-                gain = best.merit.score - here.score
+                gain = ahead[best.index]
                 better = gain > max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
                 alike = simple and gain > -THRESHOLDS.alike * here.score and self._same_place(best.index, k)
                 if not keep or better or alike:
@@ -159,7 +160,16 @@ class Search:
                 continue
             self.merits[k] = here
             width = max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
-            self.rivals[k] = [t for t in tried if t.merit.passes and t.merit.score > here.score - width]
+            alike = [t for t in tried if t.merit.passes and ahead[t.index] > -width]
+            self.rivals[k] = [t for t in alike if not self._richer(t.index, k)]
+
+    def _ahead(self, item: Tried, k: int) -> float:
+        """Nats that a model with another term has over the one with a term, their prices taken off.
+
+        Against what one and the same of them leaves: that of the worse may look more like noise.
+        """
+        cost = price_of(self.design.terms[item.index], self.candidates)
+        return nats_between(self.model, item.model) + price_of(self.design.terms[k], self.candidates) - cost
 
     def _in_place_of(self, k: int, without: Model) -> list[Tried]:
         """What else might stand in a term's place, fitted in full."""
@@ -176,6 +186,11 @@ class Search:
         """Whether two terms are at one place: the simpler one is preferred there, not a simpler one elsewhere."""
         one, other = self.design.terms[a], self.design.terms[b]
         return one.location == other.location
+
+    def _richer(self, a: int, b: int) -> bool:
+        """Whether one term is at another's place with more parameters: of two alike the simpler one is meant."""
+        more = self.design.terms[a].n_parameters > self.design.terms[b].n_parameters
+        return more and self._same_place(a, b)
 
     def instead(self, k: int, without: Model) -> list[int]:
         """Other effects with non-linear parameters that might stand in a term's place, likeliest first."""

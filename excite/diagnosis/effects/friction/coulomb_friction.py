@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from excite.arrays import Array
@@ -13,7 +15,11 @@ from excite.diagnosis.effects.friction.presliding import hysteretic_sign
 from excite.diagnosis.effects.note import Noted
 from excite.diagnosis.equations.friction_sign import WIDTHS
 from excite.diagnosis.equations.own_columns import COULOMB
+from excite.diagnosis.equations.play import behind_play
 
+# Rigid bodies' share of an axis' torque (root mean square) below which it carries no mass to speak of: less than 1e-5
+# on a friction damper whose moving parts are not part of the record.
+_MASSLESS = 0.02
 # A sign that changes over more than this share of a joint's speed (root mean square) is a slope: viscous friction.
 _SIGN = 0.25
 
@@ -23,7 +29,7 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     linear = (Parameter("level", "N·m", 0.0),)
-    searched = (Parameter("width", "rad/s", 5e-4, 0.1),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("width", "rad/s", 5e-4, 0.1),)
     confusable_with = ("stribeck", "load_dependent_friction", "viscous_friction")
     separating_motion = "slow reversals at constant speed"
     mujoco = "joint frictionloss"
@@ -31,7 +37,7 @@ class CoulombFriction(Effect):
 
     @property
     def richer(self) -> tuple[Effect, ...]:
-        return (CoulombBristles(),)
+        return (CoulombBristles(), CoulombBehindPlay())
 
     @property
     def forms(self) -> tuple[Effect, ...]:
@@ -56,11 +62,11 @@ class CoulombFriction(Effect):
 class CoulombBristles(CoulombFriction):
     """Coulomb friction that builds up over a deflection."""
 
-    searched = (Parameter("breakaway", "rad", 1e-4, 2e-2),)
+    searched: ClassVar[tuple[Parameter, ...]] = (Parameter("breakaway", "rad", 1e-4, 2e-2),)
 
     @property
     def richer(self) -> tuple[Effect, ...]:
-        return ()
+        return (CoulombBehindPlay(),)
 
     @property
     def forms(self) -> tuple[Effect, ...]:
@@ -82,3 +88,40 @@ class CoulombBristles(CoulombFriction):
     def in_mujoco(self, item: Sizes) -> Form:
         bends = BuildUp(item.value("breakaway"))
         return Form(coulomb=item.value("level"), notes=(Noted(PRESLIDING, item.location, bends),))
+
+
+class CoulombBehindPlay(CoulombBristles):
+    """The same behind play, on an axis that carries no mass: after a reversal nothing resists until it is used up.
+
+    A link that has mass flies through its play, which is a gear's law and not this one.
+    """
+
+    searched: ClassVar[tuple[Parameter, ...]] = (
+        *CoulombBristles.searched,
+        Parameter("width", "rad", 2e-4, 0.08),
+    )
+    along: ClassVar[dict[str, tuple[str, ...]]] = {"backlash": ("width",)}
+
+    @property
+    def richer(self) -> tuple[Effect, ...]:
+        return ()
+
+    def starts(self, theta: Theta) -> list[Theta]:
+        return [(d, w) for d in (5e-4, 1.5e-3) for w in (1.5e-3, 3e-3, 6e-3)]
+
+    def shape(self, context: Context, location: str, theta: Theta) -> Shape:
+        j, samples = context.row(location), context.baseline.samples
+        way = np.diff(context.q[:, j], prepend=0.0)
+        return Shape({j: behind_play(way, samples.starts, theta[1], theta[0])[:, None]})
+
+    def admissible(self, context: Context, location: str, theta: Theta, beta: Array) -> bool:
+        return _massless(context, context.row(location)) and super().admissible(
+            context, location, theta, beta
+        )
+
+
+def _massless(context: Context, j: int) -> bool:
+    """Whether a joint's rigid bodies ask for next to nothing of its torque."""
+    base = context.baseline
+    torque = base.samples.stacked("tau")[:, j]
+    return bool(np.mean(base.rigid[:, j] ** 2) <= _MASSLESS**2 * np.mean(torque**2))
