@@ -130,12 +130,7 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
     s = np.clip((time - motion.time[index])[:, None] / h, 0.0, 1.0)
     step = _increments(motion, robot)[index]
     v0, v1, a0, a1 = motion.v[index], motion.v[index + 1], motion.a[index], motion.a[index + 1]
-    # Quintic in s: d(0)=0, d(1)=step, d'=h v, d''=h² a at both ends.
-    c1, c2 = h * v0, 0.5 * h**2 * a0
-    r0 = step - c1 - c2
-    r1 = h * v1 - c1 - 2 * c2
-    r2 = h**2 * a1 - 2 * c2
-    c3, c4, c5 = 10 * r0 - 4 * r1 + 0.5 * r2, -15 * r0 + 7 * r1 - r2, 6 * r0 - 3 * r1 + 0.5 * r2
+    c1, c2, c3, c4, c5 = _quintic(h, step, v0, v1, a0, a1)
     d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
     v = (c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))) / h
     a = (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
@@ -145,6 +140,43 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
         q = motion.q[index] + d
     contacts = {name: flags[index] for name, flags in motion.contacts.items()}
     return replace(motion, time=np.asarray(time, dtype=float), q=q, v=v, a=a, contacts=contacts)
+
+
+def configuration_at(motion: Motion, robot: Robot, time: float) -> Array:
+    """Configuration at one time, the same as :func:`interpolate` gives, for searches that ask for one at a time.
+
+    Args:
+        motion: the motion.
+        robot: its robot.
+        time: [s], inside ``motion.time``.
+
+    Returns:
+        ``(nq,)`` [rad or m].
+    """
+    end = min(max(int(motion.time.searchsorted(time)), 1), motion.n_samples - 1)
+    start = end - 1
+    if time == motion.time[end]:
+        return np.asarray(motion.q[end])
+    h = motion.time[end] - motion.time[start]
+    s = min(max((time - motion.time[start]) / h, 0.0), 1.0)
+    if motion.floating:
+        step = pin.difference(robot.model, motion.q[start], motion.q[end])
+    else:
+        step = motion.q[end] - motion.q[start]
+    c1, c2, c3, c4, c5 = _quintic(
+        h, step, motion.v[start], motion.v[end], motion.a[start], motion.a[end]
+    )
+    d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+    return np.asarray(pin.integrate(robot.model, motion.q[start], d) if motion.floating else motion.q[start] + d)
+
+
+def _quintic(h: Array, step: Array, v0: Array, v1: Array, a0: Array, a1: Array) -> list[Array]:
+    """Coefficients of s … s⁵ with d(0) = 0, d(1) = step, d' = h v and d'' = h² a at both ends."""
+    c1, c2 = h * v0, 0.5 * (h * h) * a0
+    r0 = step - c1 - c2
+    r1 = h * v1 - c1 - 2 * c2
+    r2 = (h * h) * a1 - 2 * c2
+    return [c1, c2, 10 * r0 - 4 * r1 + 0.5 * r2, -15 * r0 + 7 * r1 - r2, 6 * r0 - 3 * r1 + 0.5 * r2]
 
 
 def closed_contacts(robot: Robot, motion: Motion) -> NDArray[np.bool_]:

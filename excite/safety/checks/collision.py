@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
 from typing import ClassVar
@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.motion.motion import interpolate
+from excite.motion.motion import configuration_at
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model, collision_shapes
 from excite.safety.checks.approach import approach_rates
@@ -129,35 +129,33 @@ class Distances:
         """Bound on how much each pair's distance can change between two times, ``(n,)`` [m]."""
         return self._reach[pairs] @ (self._travel_at(end) - self._travel_at(start))
 
+    @cached_property
+    def _travelled(self) -> dict[float, Array]:
+        """What :meth:`_travel_at` has been asked for: the search meets each instant in several intervals."""
+        return {}
+
     def _travel_at(self, time: float) -> Array:
-        grid = self.sweep.fine.time
-        k = int(np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2))
-        share = (time - grid[k]) / (grid[k + 1] - grid[k])
-        return np.asarray((1.0 - share) * self._travel[k] + share * self._travel[k + 1])
+        known = self._travelled.get(time)
+        if known is None:
+            grid = self.sweep.fine.time
+            k = min(max(int(grid.searchsorted(time, side="right")) - 1, 0), len(grid) - 2)
+            share = (time - grid[k]) / (grid[k + 1] - grid[k])
+            known = np.asarray((1.0 - share) * self._travel[k] + share * self._travel[k + 1])
+            self._travelled[time] = known
+        return known
 
     def at(self, time: float, pairs: NDArray[np.intp]) -> Array:
         """Distances of pairs at a time, ``(n,)`` [m], negative in penetration."""
         model_data, data = self._data
-        pin.updateGeometryPlacements(
-            self.sweep.robot.model, model_data, self.geometry, data, self._configuration(time)
-        )
+        robot = self.sweep.robot
+        q = configuration_at(self.sweep.fine, robot, time)
+        pin.updateGeometryPlacements(robot.model, model_data, self.geometry, data, q)
         return np.array([pin.computeDistance(self.geometry, data, int(pair)).min_distance for pair in pairs])
-
-    def _configuration(self, time: float) -> Array:
-        fine = self.sweep.fine
-        k = int(np.searchsorted(fine.time, time))
-        if k < len(fine.time) and fine.time[k] == time:
-            return np.asarray(fine.q[k])
-        part = slice(k - 1, k + 1)
-        interval = replace(
-            fine, time=fine.time[part], q=fine.q[part], v=fine.v[part], a=fine.a[part], contacts={}
-        )
-        return np.asarray(interpolate(interval, self.sweep.robot, np.array([time])).q[0])
 
     def midpoint(self, start: float, end: float) -> float:
         """A time between two others: a sample of the grid while there is one, else the middle."""
         grid = self.sweep.fine.time
-        first, last = np.searchsorted(grid, start, side="right"), np.searchsorted(grid, end)
+        first, last = int(grid.searchsorted(start, side="right")), int(grid.searchsorted(end))
         return float(grid[(first + last - 1) // 2]) if last > first else 0.5 * (start + end)
 
     def first_below(self, pair: int, required: float, time: float, distance: float) -> Violation:
