@@ -10,7 +10,7 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 def namable(budget: Budget) -> tuple[Named, ...]:
     """Effects without a rival of another name that surely take something, and more than a trifle, of a place's gap."""
-    return tuple(item for item in budget.named if _alone(item) and _clear(budget, item))
+    return tuple(item for item in budget.named if alone(item) and _clear(budget, item))
 
 
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
@@ -31,7 +31,8 @@ def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     )
 
 
-def _alone(item: Named) -> bool:
+def alone(item: Named) -> bool:
+    """Whether an effect has no rival of another name."""
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)
 
 
