@@ -16,16 +16,18 @@ def namable(budget: Budget) -> tuple[Named, ...]:
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     """Whether effects are what the gap is.
 
-    They are if they take most of it together; or most of what has structure, where that is no trifle and the largest
-    share that follows anything is one of theirs; or if one surely takes most of what its own place has.
+    They are if they take most of it together; or most of what has structure, where that is no trifle, the largest share
+    that follows anything is one of theirs, and that one takes most of what its place has; or if one surely takes most of
+    what its own place has.
     """
     taken = sum(item.share for item in effects)
     if taken >= THRESHOLDS.most:
         return True
-    largest = max((item.share for item in effects), default=0.0)
+    first = max(effects, key=lambda item: item.share, default=None)
     structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
-    if structured and largest >= max([*budget.follows.values(), 0.0]):
-        return True
+    if structured and first is not None and first.share >= max([*budget.follows.values(), 0.0]):
+        # Where the first effect's own place has more of something else, that is what it has.
+        return max((s.share for s in _of(budget, first)), default=0.0) >= THRESHOLDS.most
     return any(
         item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
     )
