@@ -17,8 +17,8 @@ def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     """Whether effects are what the gap is.
 
     They are if they take most of it together; or most of what has structure, where that is no trifle, the largest share
-    that follows anything is one of theirs, and that one takes most of what its place has; or if one surely takes most of
-    what its own place has.
+    that follows anything is one of theirs, and at its place no less than what has no name there; or if one surely takes
+    most of what its own place has.
     """
     taken = sum(item.share for item in effects)
     if taken >= THRESHOLDS.most:
@@ -27,9 +27,19 @@ def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
     if structured and first is not None and first.share >= max([*budget.follows.values(), 0.0]):
         # Where the first effect's own place has more of something else, that is what it has.
-        return max((s.share for s in _of(budget, first)), default=0.0) >= THRESHOLDS.most
+        return _leads(budget, first)
     return any(
         item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
+    )
+
+
+def _leads(budget: Budget, item: Named) -> bool:
+    """Whether an effect takes no less of a channel than what follows nothing, or has no name, there."""
+    return any(
+        s.share >= max([channel.rest, *(u.share for u in channel.unnamed)])
+        for channel in budget.channels.values()
+        for s in channel.effects
+        if (s.effect, s.location) == (item.effect, item.location)
     )
 
 
