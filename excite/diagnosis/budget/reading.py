@@ -25,9 +25,9 @@ def explained(budget: Budget, effects: Sequence[Named]) -> bool:
         return True
     first = max(effects, key=lambda item: item.share, default=None)
     structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
-    if structured and first is not None and first.share >= max([*budget.follows.values(), 0.0]):
-        # Where the first effect's own place has more of something else, that is what it has.
-        return _leads(budget, first)
+    structured = structured and first is not None and first.share >= max([*budget.follows.values(), 0.0])
+    if structured and first is not None and _leads(budget, first):
+        return True
     return any(
         item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
     )
