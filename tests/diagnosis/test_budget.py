@@ -10,8 +10,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from scipy.signal import lfilter
 
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
+from excite.diagnosis.budget.joint_fit import effective_share
 from excite.diagnosis.budget.made import budget_of
 from excite.diagnosis.budget.reading import explained, namable
 from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
@@ -26,6 +28,8 @@ from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.test_one_joint import URDF as AXIS
+from tests.diagnosis.test_one_joint import axis_header
 from tests.diagnosis.two_joints import COULOMB, RATE_HZ, URDF, VISCOUS, moved, two_joint_log
 from tests.reproduction import airbot_play_load, emps
 
@@ -215,9 +219,8 @@ def test_trials_of_another_machine_are_said_to_be(tmp_path: Path, judged: float,
     [
         ((0.6,), 0.0, True),  # most of it
         ((0.46,), 0.1, True),  # the largest share, and most of what follows anything
-        ((0.4,), 0.1, True),  # most of what follows anything, though more follows nothing
-        ((0.25, 0.2), 0.1, True),
-        ((0.08,), 0.0, False),  # a trifle of the whole
+        ((0.4,), 0.1, False),  # what follows nothing is larger, at its own place too
+        ((0.25, 0.2), 0.1, False),
         ((0.3,), 0.42, False),  # what has no name is larger
     ],
 )
@@ -230,6 +233,17 @@ def test_effects_are_the_gap_where_the_largest_share_is_theirs(shares, unnamed, 
     )
     assert namable(budget) == named
     assert explained(budget, named) is said
+
+
+def test_what_takes_most_of_its_own_place_is_the_gap_though_others_have_more_that_follows_nothing() -> None:
+    """A joint's friction by its load, and three joints that nothing explains: the joint's is what has structure."""
+    named = (Named("load_dependent_friction", "second", 0.2, 1.0, {}, 40.0),)
+    at = (EffectShare("load_dependent_friction", "second", 0.51, (0.2, 0.8)),)
+    channels = {
+        "first": ChannelBudget(0.01, 1.0, (), (), 1.0, 0.6),
+        "second": ChannelBudget(0.01, 1.0, at, (), 0.49, 0.4),
+    }
+    assert explained(Budget(channels, named), named)
 
 
 def test_joints_that_move_on_one_path_are_counted_as_one() -> None:
@@ -249,3 +263,62 @@ def test_of_an_arm_that_moves_in_unison_only_its_torque_scales_are_said(
     assert finding.figures["independent"] == pytest.approx(1.0, abs=0.1)
     assert finding.figures["torque_scale.joint4"] == pytest.approx(1.6, rel=0.1)
     assert finding.figures["torque_scale.joint5"] == pytest.approx(1.6, rel=0.1)
+
+
+def test_a_slow_rest_tells_little_against_what_changes_fast() -> None:
+    """Deviations of a slope fitted to what has a slow rest in it, by algebra: the sandwich ``c'Rc/(c'c)²``."""
+    rng, n, keep = np.random.default_rng(4), 20000, 0.9
+    rest = lfilter([1.0], [1.0, -keep], rng.normal(size=n))
+    lags = keep ** np.arange(60)
+    for fast in (np.sign(np.sin(2.0 * np.pi * np.arange(n) / 8.0 + 0.1)), np.sin(np.arange(n) / 400.0)):
+        own = np.array([fast[k:] @ fast[: n - k] for k in range(len(lags))]) / (fast @ fast)
+        exact = 1.0 / (1.0 + 2.0 * float(lags[1:] @ own[1:]))
+        share = effective_share(rest[None], np.ones(n, bool), np.zeros(n, np.int64), fast[None])
+        assert share[0] == pytest.approx(min(exact, 1.0), rel=0.25)
+
+
+def test_both_frictions_left_out_are_named_and_no_rivals(data_dir: Path, tmp_path: Path) -> None:
+    """Each alone takes most of the gap of a ball screw, and yet both are there."""
+    log = emps.emps_log(data_dir, tmp_path, 0.67)
+    log = replace(log, header=log.header.model_copy(update={"modelled": ("rigid_body", "torque_bias")}))
+    result = diagnose(log, budget=True)
+    values = {item.effect: next(iter(item.parameters.values())) for item in result.effects}
+    assert result.verdict == "effect" and set(values) == set(FRICTION[1:])
+    for name, published in (("coulomb_friction", 20.39), ("viscous_friction", 203.5)):
+        std = values[name].std
+        assert std is not None and abs(values[name].value - published) < 1.9 * std
+
+
+def test_play_before_friction_is_named_with_its_width(tmp_path: Path) -> None:
+    """A damper moved back and forth: nothing resists for 4 mm after a reversal, then friction builds up over 1 mm."""
+    rng, n = np.random.default_rng(7), 8000
+    t = np.arange(n) / 1000.0
+
+    def trial(name: str, role: str, size: float) -> Trial:
+        q = size * np.sin(2.0 * np.pi * 0.7 * t) + 0.3 * size * np.sin(2.0 * np.pi * 1.9 * t)
+        force, side, held, used = np.zeros(n), 0, 0.0, 0.0
+        for i, way in enumerate(np.diff(q)):
+            # A spring of 1 mm up to the level, and 4 mm of nothing where it lets go.
+            if side == 0:
+                used += way
+                side = 1 if used > 2e-3 else -1 if used < -2e-3 else 0
+                held = used - side * 2e-3 if side else 0.0
+            else:
+                held = float(np.clip(held + way, -1e-3, 1e-3))
+                if held * side <= 0.0:
+                    used, side, held = side * 2e-3 + held, 0, 0.0
+            force[i + 1] = 5000.0 * held / 1e-3
+        force += rng.normal(size=n)
+        return Trial(name=name, role=role, time=t, q=q[:, None], tau=force[:, None])
+
+    header = axis_header(1000, ("rigid_body_fixed",), ("long", "short"))
+    trials = (trial("long", "identification", 0.02), trial("short", "validation", 0.015))
+    urdf = AXIS.replace('"100"', '"1e-3"').replace('"1"', '"1e-6"')
+    result = diagnose(
+        load_log(save_log(Log(header, trials, robot_text=urdf), tmp_path / "damper")), budget=True
+    )
+    found = {item.effect: item.parameters for item in result.effects}
+    assert result.verdict == "effect" and set(found) == {"coulomb_friction", "backlash"}
+    assert found["coulomb_friction"]["level"].value == pytest.approx(5000.0, rel=0.03)
+    assert found["backlash"]["width"].value == pytest.approx(4e-3, rel=0.1)
+    assert result.gap.share_closed > 0.97

@@ -13,7 +13,13 @@ from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.locate import locate
 from excite.diagnosis.answer.result import Diagnosis, Rollout
 from excite.diagnosis.answer.shrink import gap_of
-from excite.diagnosis.arm.candidates import beside_others, candidate_of, listed_candidates, with_others_in_it
+from excite.diagnosis.arm.candidates import (
+    beside_others,
+    by_blocks,
+    candidate_of,
+    listed_candidates,
+    with_others_in_it,
+)
 from excite.diagnosis.arm.judged import Judged, judged_record
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.effects.context import Context
@@ -95,7 +101,7 @@ def diagnose_torques(
     effects = tuple(
         one
         for item, scored in zip(effects, attribution.accepted, strict=True)
-        for one in with_others_in_it(item, scored)
+        for one in with_others_in_it(by_blocks(item, found.budget), scored)
     )
     listed, n_tied = listed_candidates(attribution, judgement, gap, effects)
     # What does not repeat is a gap all the same: the map heeds the noise alone.

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.diagnosis.answer.budget import Budget, Named
-from excite.diagnosis.budget.reading import explained, namable
+from excite.diagnosis.budget.reading import alone, explained, namable
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.terms import Term
 from excite.diagnosis.effects.context import Context
@@ -44,18 +44,29 @@ def joined(
         return attribution, judgement
     there = {(item.effect, item.location) for item in budget.named}
     accepted = attribution.accepted
+    keys = {(item.name, item.location) for item in accepted}
+    together = [n for n in budget.named if n in named or (alone(n) and (n.effect, n.location) in keys)]
+    if len(together) > 1 and all(_is_there(item, there) for item in accepted):
+        # Sizes that were searched while the others were missing have stood in for them.
+        after = _with(attribution, (), together, found, scorer)
+        if after is not None and _loss(after) <= _loss(attribution):
+            return after, _judged(judgement, accepted, after, (), there, scorer)
     own = [k for k, item in enumerate(accepted) if _is_there(item, there)]
     near = [k for k, item in enumerate(accepted) if not _taken_for(item, named, budget)]
     for kept in (own, near):
         after = _with(attribution, kept, named, found, scorer)
         # What was found alone may say more than what the whole has in its place.
         if after is not None and (len(kept) == len(accepted) or _loss(after) <= _loss(attribution)):
-            return after, _judged(judgement, after, kept, there, scorer)
+            return after, _judged(judgement, accepted, after, kept, there, scorer)
     kept = list(range(len(accepted)))
     after = _with(attribution, kept, named, found, scorer)
     if after is None:
         return attribution, _both_there(judgement, attribution, there)
-    return after, _judged(judgement, after, kept, there, scorer)
+    return after, _judged(judgement, accepted, after, kept, there, scorer)
+
+
+def _key(item: Scored) -> tuple[str, str]:
+    return item.name, item.location
 
 
 def _is_there(item: Scored, there: Set[tuple[str, str]]) -> bool:
@@ -140,13 +151,15 @@ def _kept(
 
 def _judged(
     judgement: Judgement,
+    before: Sequence[Scored],
     after: Attribution,
     kept: Sequence[int],
     there: Set[tuple[str, str]],
     scorer: Scorer,
 ) -> Judgement:
     """The verdict with the effects that joined those ``kept``; rivals of the first one stay if it does."""
-    first, added = kept[:1] == [0], after.accepted[len(kept) :]
+    first, added = tuple(kept[:1]) == (0,), after.accepted[len(kept) :]
+    known = {_key(item): places for item, places in zip(before, judgement.tied, strict=False)}
     names = tuple(
         item.hypothesis.effect.second_name(after.final, item.location, item.hypothesis.fit) for item in added
     )
@@ -159,7 +172,10 @@ def _judged(
         verdict=verdict,
         rivals=judgement.rivals if first else (),
         twins=judgement.twins if first else (),
-        tied=(*(judgement.tied[k] for k in kept), *((item.location,) for item in added)),
+        tied=(
+            *(judgement.tied[k] for k in kept),
+            *(known.get(_key(item), (item.location,)) for item in added),
+        ),
         renamed=renamed,
         structured=structured_joints(after, scorer.spectral),
     )

@@ -85,9 +85,19 @@ class Library:
     def candidates(self, maker: TermMaker) -> list[Term]:
         """Every effect at every place where it can be told, at every point of its grid."""
         full = with_begun(self.modelled)
-        again = [form for form in self.found if form[0].offered(full) and not form[0].is_body]
-        made = (maker.make(*form) for form in (*self._places(maker.context), *again))
+        made = (maker.make(*form) for form in (*self._places(maker.context), *self._found_again(full)))
         return [term for term in made if term is not None]
+
+    def _found_again(self, full: Sequence[str]) -> list[Form]:
+        """What another search has found, but for forms with more columns than the plain one: those outbid others."""
+        plain = {effect.name: len(effect.linear) for effect in self.effects}
+        return [
+            form
+            for form in self.found
+            if form[0].offered(tuple(full))
+            and not form[0].is_body
+            and len(form[0].linear) <= plain.get(form[0].name, 0)
+        ]
 
     def bodies(self, context: Context) -> Iterable[tuple[Effect, str]]:
         """Every effect that is a body, at every link."""

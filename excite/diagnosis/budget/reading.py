@@ -10,28 +10,41 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 def namable(budget: Budget) -> tuple[Named, ...]:
     """Effects without a rival of another name that surely take something, and more than a trifle, of a place's gap."""
-    return tuple(item for item in budget.named if _alone(item) and _clear(budget, item))
+    return tuple(item for item in budget.named if alone(item) and _clear(budget, item))
 
 
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     """Whether effects are what the gap is.
 
-    They are if they take most of it together; or most of what has structure, where that is no trifle and the largest
-    share that follows anything is one of theirs; or if one surely takes most of what its own place has.
+    They are if they take most of it together; or most of what has structure, where that is no trifle, the largest share
+    that follows anything is one of theirs, and at its place no less than what has no name there; or if one surely takes
+    most of what its own place has.
     """
     taken = sum(item.share for item in effects)
     if taken >= THRESHOLDS.most:
         return True
-    largest = max((item.share for item in effects), default=0.0)
+    first = max(effects, key=lambda item: item.share, default=None)
     structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
-    if structured and largest >= max([*budget.follows.values(), 0.0]):
+    structured = structured and first is not None and first.share >= max([*budget.follows.values(), 0.0])
+    if structured and first is not None and _leads(budget, first):
         return True
     return any(
         item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
     )
 
 
-def _alone(item: Named) -> bool:
+def _leads(budget: Budget, item: Named) -> bool:
+    """Whether an effect takes no less of a channel than what follows nothing, or has no name, there."""
+    return any(
+        s.share >= max([channel.rest, *(u.share for u in channel.unnamed)])
+        for channel in budget.channels.values()
+        for s in channel.effects
+        if (s.effect, s.location) == (item.effect, item.location)
+    )
+
+
+def alone(item: Named) -> bool:
+    """Whether an effect has no rival of another name."""
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)
 
 

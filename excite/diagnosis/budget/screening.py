@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.budget.design import Design
 from excite.diagnosis.budget.joint_fit import Model
 
 # What is left of a column beside a model's own, as a share of its power, below which it is none.
@@ -66,3 +67,11 @@ def screened(model: Model, candidates: Sequence[int]) -> list[Screened]:
         nats = -0.5 * count * share * float(np.log(max(1.0 - gain / count, 1e-6)))
         found.append(Screened(k, joint, nats - 0.5 * term.n_parameters, x))
     return sorted(found, key=lambda item: -item.nats)
+
+
+def one_each(design: Design, ranking: Sequence[Screened]) -> list[Screened]:
+    """The best form of each effect at each place."""
+    found: dict[tuple[str, str], Screened] = {}
+    for item in ranking:
+        found.setdefault(design.terms[item.index].key, item)
+    return list(found.values())

@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.budget.design import Design
 from excite.diagnosis.budget.evidence import Merit, merit, nats_between, price_of
 from excite.diagnosis.budget.joint_fit import Model, fit
-from excite.diagnosis.budget.screening import Screened, screened
+from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.gear_effect import GearEffect
@@ -103,7 +103,7 @@ class Search:
         """Those that pass, best first."""
         ranking = screened(self.model, self.allowed(self.model))
         ranking = [item for item in ranking if self._can_be(item.index, item.x)]
-        ranking = _one_each(self.design, ranking)
+        ranking = one_each(self.design, ranking)
         for batch in range(_BATCHES):
             part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
             tried = [self.try_beside(self.model, item.index) for item in part]
@@ -178,7 +178,7 @@ class Search:
         joints = set(term.columns) if term.own is None else {term.own}
         ranking = screened(without, allowed)
         ranking = [item for item in ranking if self._can_be(item.index, item.x)]
-        near = [item for item in _one_each(self.design, ranking) if item.joint in joints]
+        near = [item for item in one_each(self.design, ranking) if item.joint in joints]
         made = [self.try_beside(without, item.index) for item in near[:_SWAPPED]]
         return [item for item in made if item is not None]
 
@@ -197,7 +197,7 @@ class Search:
         term = self.design.terms[k]
         allowed = [i for i in self.allowed(without) if self.design.terms[i].key != term.key]
         ranking = [s for s in screened(without, allowed) if self._can_be(s.index, s.x)]
-        near = [s.index for s in _one_each(self.design, ranking) if s.joint == term.own]
+        near = [s.index for s in one_each(self.design, ranking) if s.joint == term.own]
         return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
 
     def try_beside(self, without: Model, k: int) -> Tried | None:
@@ -248,11 +248,3 @@ class Search:
         for j, block in self.design.terms[k].columns.items():
             size += float(self.model.weight[j] * ((block @ x) ** 2).sum())
         return size
-
-
-def _one_each(design: Design, ranking: list[Screened]) -> list[Screened]:
-    """The best form of each effect at each place."""
-    found: dict[tuple[str, str], Screened] = {}
-    for item in ranking:
-        found.setdefault(design.terms[item.index].key, item)
-    return list(found.values())
