@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import redirect_stdout
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -24,24 +25,24 @@ def fitted_by_sysid(folder: Path) -> dict[str, Any]:
     The nominal MuJoCo model under the log's servo follows the log's commands; joints' damping, dry friction, rotor
     inertia and springs, masses and centres of mass of the links, bias of every torque, one delay of them all and,
     where bodies are given, every torque's gain are fitted by ``mujoco.sysid.optimize`` to positions and torques of the
-    first trial. The change that is largest is the one without which the fit's sum of squares grows most; terms that
-    the log calls modelled, and bodies where they are free, are the baseline's and not named. Its share of a joint is
-    what the torque's mean square there loses when it is put back to nominal, of what all of those that could be named
-    take.
+    first trial. The largest change is that of the parameters that are farthest from nominal in units of what their
+    covariance (``mujoco.sysid.calculate_intervals``) lets one expect; terms that the log calls modelled, and bodies
+    where they are free, are the baseline's and not named. Its share of a joint is what the torque's mean square there
+    loses when it is put back to nominal, of the sum of what those that could be named lose so one by one.
 
     Args:
         folder: of the log.
 
     Returns:
-        The answer; nothing is named where no change is worth its price in BIC.
+        The answer; nothing is named where no change leaves its 95 % interval.
 
     Raises:
         InputError: a library that mujoco.sysid needs is not installed.
         LogError: no log of an arm with torques and commands under a position servo whose gains are stated.
     """
     try:
-        from mujoco import sysid
-
+        # mypy would take the types of this part for those of all of mujoco.
+        sysid: Any = import_module("mujoco.sysid")
         optimize = sysid.optimize
     except (ImportError, AttributeError) as error:
         remedy = "pip install 'excite[sysid]'"
@@ -53,7 +54,7 @@ def fitted_by_sysid(folder: Path) -> dict[str, Any]:
     nominal = start.as_nominal_vector()
     # It prints a line an iteration, whatever it is told.
     with redirect_stdout(StringIO()):
-        fitted, _ = optimize(
+        fitted, solution = optimize(
             initial_params=start,
             residual_fn=fit.residual,
             optimizer="scipy_parallel_fd",
@@ -62,31 +63,30 @@ def fitted_by_sysid(folder: Path) -> dict[str, Any]:
             x_scale="jac",
         )
     best = fitted.as_vector()
-    groups = [group for group in fit.groups if fit.nameable(group)]
     full = fit.squares(best, fitted)
-    count = fit.count
-    gains = []
+    residuals = fit.residual(best, fitted)[0]
+    covariance, _ = sysid.calculate_intervals([r.ravel() for r in residuals], solution.jac)
+    groups = [group for group in fit.groups if fit.nameable(group)]
+    changes, lost = [], []
     for group in groups:
-        x = best.copy()
-        for name in group.names:
-            at = fit.where[name]
-            x[at] = nominal[at]
-        left = fit.squares(x, fitted)
-        price = len(group.names) * np.log(count) * full.sum() / count
-        gains.append((float((left - full).sum() - price), left - full))
+        at = fit.where[group.name]
+        change = best[at] - nominal[at]
+        changes.append(float(change @ np.linalg.pinv(covariance[at, at]) @ change) / len(change))
+        without = best.copy()
+        without[at] = nominal[at]
+        lost.append(np.maximum((fit.squares(without, fitted) - full)[log.robot.n_joints :], 0.0))
     effects = []
-    if gains and max(gain for gain, _ in gains) > 0.0:
-        k = int(np.argmax([gain for gain, _ in gains]))
-        n = log.robot.n_joints
-        taken = np.sum([np.maximum(lost[n:], 0.0) for _, lost in gains], axis=0)
-        for joint, lost, total in zip(log.robot.joint_names, gains[k][1][n:], taken, strict=True):
-            share = float(lost / total) if total > 0.0 else 0.0
+    # What is within its 95 % interval has not changed.
+    if groups and max(changes) > 1.96**2:
+        k = int(np.argmax(changes))
+        taken = np.sum(lost, axis=0)
+        for joint, own, total in zip(log.robot.joint_names, lost[k], taken, strict=True):
             effects.append(
                 {
                     "effect": groups[k].effect,
                     "location": groups[k].location,
                     "channel": joint,
-                    "share": min(max(share, 0.0), 1.0),
+                    "share": float(own / total) if total > 0.0 else 0.0,
                 }
             )
     return {"schema": "excite.blind_answer/1", "program": "mujoco.sysid, largest change", "effects": effects}

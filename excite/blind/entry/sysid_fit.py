@@ -20,11 +20,11 @@ _STEP_S = 2e-3
 
 @dataclass(frozen=True)
 class Group:
-    """Parameters that stand for one effect at one place."""
+    """A parameter of mujoco.sysid, its numbers one effect at one place."""
 
     effect: str
     location: str
-    names: tuple[str, ...]
+    name: str
 
 
 class TrialFit:
@@ -71,7 +71,6 @@ class TrialFit:
         # Where springs rest.
         self.rest = trial.q.mean(axis=0)
         self.spread = log.torque(trial).std(axis=0)
-        self.count = 0
 
     def nameable(self, group: Group) -> bool:
         """Whether a change of it is part of the gap and not of the baseline."""
@@ -87,7 +86,7 @@ class TrialFit:
             at = made.size
             made.add(parameter)
             self.where[parameter.name] = slice(at, made.size)
-            self.groups.append(Group(effect, location, (parameter.name,)))
+            self.groups.append(Group(effect, location, parameter.name))
 
         for j, name in enumerate(self.joints):
             size = float(self.spread[j]) + 1e-3
@@ -116,7 +115,6 @@ class TrialFit:
         """Sum of squares of positions, then torques, by joint, ``(2·n_joints,)``."""
         n = len(self.joints)
         residuals = self.residual(x, parameters)[0][0]
-        self.count = residuals.size
         by_sensor = np.asarray(residuals).reshape(-1, 2 * n)
         total = (by_sensor**2).sum(axis=0)
         return np.concatenate([total[0::2], total[1::2]])

@@ -1,0 +1,76 @@
+"""The plain entries find a plain effect in a log, and the command writes what they say."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import excite.blind.arm
+from excite.blind.case import build_case
+from excite.blind.draw import Draft
+from excite.blind.entry.mujoco_sysid import fitted_by_sysid
+from excite.blind.hidden import HiddenEffect
+from excite.cli.main import app
+from excite.errors import LogError
+from excite.json_document import write_json
+from excite.logs.files import save_log
+
+
+@pytest.fixture(scope="module")
+def biased(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, HiddenEffect]]:
+    """A folder of one case, trials of three seconds, whose only effect is a torque's bias; and that effect."""
+    folder = tmp_path_factory.mktemp("blind")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(excite.blind.arm, "TRIAL_S", 3.0)
+        plan = Draft("jaco2", "single", (("torque_bias", "plain"),), True, 1.0, (), False)
+        log, answer = build_case(plan, np.random.default_rng(8))
+    save_log(log, folder / "cases" / "case_000")
+    document = {"schema": "excite.blind/1", "seed": 8, "cases": {"case_000": answer.to_json()}}
+    write_json(document, folder / "cases-answers.json")
+    yield folder, answer.effects[0]
+
+
+def test_the_command_enters_and_scores_what_is_fitted_alone(biased: tuple[Path, HiddenEffect]) -> None:
+    folder, hidden = biased
+    cases, entry = str(folder / "cases"), folder / "alone"
+    options = ["--method", "alone", "--jobs", "1", "--out", str(entry)]
+    found = CliRunner().invoke(app, ["blind", "enter", cases, *options])
+    assert found.exit_code == 0, found.output
+    answer = json.loads((entry / "case_000.json").read_text())
+    named = {(item["effect"], item["location"]) for item in answer["effects"]}
+    assert named == {("torque_bias", hidden.location)}
+    shares = {item["channel"]: item["share"] for item in answer["effects"]}
+    # The noise is counted too; of the other joints a bias takes nothing.
+    assert shares.pop(hidden.location) > 0.9
+    assert max(abs(share) for share in shares.values()) < 0.1
+    scored = CliRunner().invoke(app, ["blind", "score", cases, "--entry", str(entry), "--json"])
+    figures = json.loads(scored.stdout)["figures"]
+    assert (figures["single_named"], figures["single_placed"], figures["firm_wrong"]) == (1.0, 1.0, 0.0)
+    assert figures["seconds_median"] > 0.0
+
+
+@pytest.mark.slow
+def test_mujocos_own_toolbox_names_a_bias(biased: tuple[Path, HiddenEffect]) -> None:
+    folder, hidden = biased
+    answer = fitted_by_sysid(folder / "cases" / "case_000")
+    assert {(item["effect"], item["location"]) for item in answer["effects"]} == {
+        ("torque_bias", hidden.location)
+    }
+
+
+def test_a_log_without_torques_is_refused_in_one_line(
+    biased: tuple[Path, HiddenEffect], tmp_path: Path
+) -> None:
+    case = tmp_path / "case"
+    case.mkdir()
+    for file in (biased[0] / "cases" / "case_000").iterdir():
+        (case / file.name).write_bytes(file.read_bytes())
+    header = case / "log.yaml"
+    header.write_text(header.read_text().replace("torque: motor_side", "torque: none"))
+    with pytest.raises(LogError, match="no log of such an arm"):
+        fitted_by_sysid(case)
