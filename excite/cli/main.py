@@ -31,12 +31,11 @@ from excite.cli import (  # noqa: E402
     model,
     plan,
     rank,
-    report,
     robots,
     schema,
     simulate,
-    view,
 )
+from excite.cli.pages import report, view  # noqa: E402
 from excite.cli.records import capture, convert, init_log  # noqa: E402
 from excite.cli.session.command_help import HelpfulCommand, MethodsCommand  # noqa: E402
 from excite.cli.session.failure import (  # noqa: E402

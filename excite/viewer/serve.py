@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import redirect_stdout
 
 from excite.errors import InputError
+from excite.viewer.stage import Stage
 from excite.viewer.thing import Thing
 
 # Of a browser's picture.
@@ -27,10 +28,9 @@ def serve(thing: Thing, port: int, ready: Callable[[str], None], *, seconds: flo
         InputError: viser is not installed.
     """
     try:
-        import viser  # lazy: viser
+        import viser
     except ImportError as error:
         raise InputError("excite view needs the package viser", remedy="pip install 'excite[viz]'") from error
-    from excite.viewer.stage import Stage  # lazy: pinocchio
 
     # viser says on stdout where it serves, which is where results stand.
     with redirect_stdout(sys.stderr):

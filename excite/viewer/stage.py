@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _BODY, _GHOST, _TOUCHING = (158, 172, 186), (213, 94, 0), (204, 41, 41)
 _OPACITY = 0.35
+_AWAY = 3.0
 
 
 class Stage:
@@ -49,6 +50,16 @@ class Stage:
         self._collisions = _collisions(self.robot)
         self._add_handles()
         self.choose(self.clip.title)
+        self._look()
+
+    def _look(self) -> None:
+        """From the front, a little from the left and from above, as far away as three times the robot's size."""
+        places = np.array([place.translation for place in self._data.oMi][1:])
+        centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+        away = _AWAY * max(float(np.ptp(places, axis=0).max()), 0.2)
+        camera = self.server.initial_camera
+        camera.look_at = tuple(centre)
+        camera.position = tuple(centre + away * np.array([0.77, 0.6, 0.22]))
 
     def _add_ground(self) -> None:
         table = self.robot.description.collision.table_height
@@ -119,7 +130,9 @@ class Stage:
             self.select(self.joint or self._widest())
 
     def _widest(self) -> str:
-        joints = self.clip.q[:, self.robot.n_base_q :]
+        """The joint in which robot and ghost differ most, or that moves farthest."""
+        other = 0.0 if self.clip.ghost is None else self.clip.ghost[1]
+        joints = (self.clip.q - other)[:, self.robot.n_base_q :]
         return self.robot.joint_names[int(np.ptp(joints, axis=0).argmax())]
 
     def show(self, time: float) -> None:
@@ -145,7 +158,8 @@ class Stage:
             for body, mesh in self.meshes:
                 mesh.color = _TOUCHING if body.link in self.touching else _BODY
             names = ", ".join(sorted(self.touching))
-            self.said.content = f"too near to each other: {names}" if names else "no two bodies too near"
+            said = f"too near to each other: {names}" if names else "no two bodies too near"
+            self.said.content = said if self._collisions is not None else "no geometry to tell what touches"
 
     def _near(self, q: Array) -> frozenset[str]:
         if self._collisions is None:

@@ -15,6 +15,7 @@ from excite.report.data import (
     ConditioningComparison,
     ForceComparison,
     MassComparison,
+    PathComparison,
     ReportData,
     save_report_data,
 )
@@ -90,6 +91,18 @@ def sample_data(robot: Robot) -> ReportData:
             names, before, after, 18200.0, 212.0, "one motion", "6 chosen motions"
         ),
         gap=trial(),
+        path=sample_path(robot),
+    )
+
+
+def sample_path(robot: Robot) -> PathComparison:
+    """A trial, a simulator that strays in the last joint, and one with effects that strays a tenth as far."""
+    motion = sample_motion(robot, 0)
+    measured = motion.joint_positions()
+    stray = np.zeros_like(measured)
+    stray[:, -1] = 0.3 * np.sin(motion.time)
+    return PathComparison(
+        "trial_05", robot.joint_names, motion.time, measured, measured + stray, measured + 0.1 * stray
     )
 
 

@@ -26,22 +26,6 @@ def scene(robot: Robot) -> dict[str, Any]:
         ``bodies``: see :class:`~excite.report.replay.bodies.Body`. ``feet``: ``name``, ``joint``, and corners of the
         ``sole`` in its frame. ``ground``: its height [m], null where there is none.
     """
-    model = robot.model
-    joints = []
-    for index in range(1, model.njoints):
-        placement = model.jointPlacements[index]
-        joint: dict[str, Any] = {
-            "name": str(model.names[index]),
-            "parent": int(model.parents[index]),
-            "xyz": _rounded(placement.translation),
-            "quat": _rounded(pin.Quaternion(placement.rotation).coeffs()),
-        }
-        if model.joints[index].nq == 1:
-            slide, turn = _axes(model, index)
-            joint |= {"turn": _rounded(turn), "slide": _rounded(slide)}
-        else:
-            joint["free"] = True
-        joints.append(joint)
     parts = [
         {
             "link": body.link,
@@ -58,7 +42,27 @@ def scene(robot: Robot) -> dict[str, Any]:
     ]
     table = robot.description.collision.table_height
     ground = 0.0 if robot.floating else table
-    return {"joints": joints, "bodies": parts, "feet": feet, "ground": ground}
+    return {"joints": joint_tree(robot.model), "bodies": parts, "feet": feet, "ground": ground}
+
+
+def joint_tree(model: pin.Model) -> list[dict[str, Any]]:
+    """The part ``joints`` of :func:`scene`: of joints with one coordinate, and a free base."""
+    joints = []
+    for index in range(1, model.njoints):
+        placement = model.jointPlacements[index]
+        joint: dict[str, Any] = {
+            "name": str(model.names[index]),
+            "parent": int(model.parents[index]),
+            "xyz": _rounded(placement.translation),
+            "quat": _rounded(pin.Quaternion(placement.rotation).coeffs()),
+        }
+        if model.joints[index].nq == 1:
+            slide, turn = _axes(model, index)
+            joint |= {"turn": _rounded(turn), "slide": _rounded(slide)}
+        else:
+            joint["free"] = True
+        joints.append(joint)
+    return joints
 
 
 def _axes(model: pin.Model, index: int) -> tuple[Array, Array]:

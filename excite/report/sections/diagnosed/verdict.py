@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from excite.report.conclusion import VERDICTS
 from excite.report.folder import Document, Findings
 from excite.report.html import paragraph, tile
-from excite.report.sections.answer import VERDICTS
 from excite.report.sections.section import Section
 
 # An interval that begins below this part of the share closed contradicts it at first sight.

@@ -1,0 +1,1 @@
+"""Commands that show what was found: as a page, in the browser."""

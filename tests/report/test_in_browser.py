@@ -1,0 +1,103 @@
+"""Pages in a browser: no word on the console, no request, nothing cut off, and the robot where pinocchio has it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.motion.files import load_motion
+from excite.report.page import report
+from excite.report.replay.tracks import FRAMES_HZ
+from excite.robot.loading import load_robot
+from tests.report.chromium import PROGRAM, Chromium
+from tests.report.sample import sample_folder
+
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return report(sample_folder(tmp_path_factory.mktemp("results"), load_robot("ur10"), n_motions=2))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Chromium]:
+    chromium = Chromium()
+    yield chromium
+    chromium.close()
+
+
+@pytest.mark.parametrize("width", [1400, 400])
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_is_said_asked_for_or_cut_off(width: int, dark: bool, page: Path, browser: Chromium) -> None:
+    browser.open(page, width, dark=dark)
+    browser.wait("window.replays && replays.length === 1")
+    browser.ask("Promise.all(replays.map((one) => one.ready)).then(() => 1)")
+    for number in range(browser.ask("document.querySelectorAll('.interactive').length")):
+        holder = f"document.querySelectorAll('.interactive')[{number}]"
+        browser.ask(f"{holder}.scrollIntoView()")
+        browser.wait(f"{holder}.classList.contains('ready')")
+    assert browser.said == []
+    assert browser.ask("replays[0].failed") is None
+    assert browser.ask("document.documentElement.scrollWidth") <= width
+    shown = "[...document.querySelectorAll('.plot, .replay-bar > *, .tile')]"
+    assert browser.ask(f"{shown}.filter((one) => one.getBoundingClientRect().right > innerWidth).length") == 0
+
+
+def test_the_robot_moves_as_pinocchio_says(page: Path, browser: Chromium) -> None:
+    robot = load_robot("ur10")
+    browser.open(page, 1000)
+    browser.wait("window.replays && replays.length === 1")
+    browser.ask("replays[0].ready.then(() => 1)")
+    motion = load_motion(page.parent / "motions" / "motion_01.parquet", robot).resampled(robot, FRAMES_HZ)
+    browser.ask("replays[0].choose(1).then(() => 1)")
+    data = robot.model.createData()
+    for row in (0, 41, motion.n_samples - 1):
+        browser.ask(f"replays[0].show({float(motion.time[row] - motion.time[0]) + 1e-4})")
+        matrices = browser.ask("replays[0].body.joints.map((one) => one.matrix.toArray())")
+        pin.forwardKinematics(robot.model, data, motion.q[row])
+        for ours, theirs in zip(matrices, data.oMi, strict=True):
+            np.testing.assert_allclose(np.reshape(ours, (4, 4)).T, theirs.homogeneous, atol=2e-3)
+    margin = browser.ask("replays[0].bars.map((one) => one.margin.name)")
+    assert margin[0] == "joint_position_rad" and "self_collision_m" in margin
+
+
+def test_it_plays_to_the_end_and_one_cursor_runs_over_all_plots(page: Path, browser: Chromium) -> None:
+    browser.open(page, 1000)
+    browser.wait("window.replays && replays.length === 1")
+    browser.ask("replays[0].ready.then(() => 1)")
+    browser.ask("replays[0].show(Number(replays[0].scrub.max) - 0.2), replays[0].play(true)")
+    browser.wait("!replays[0].playing")
+    assert browser.ask("replays[0].clock === Number(replays[0].scrub.max)")
+    assert browser.ask("replays[0].button.textContent") == "Play"
+    browser.ask("replays[0].drawn[0].over.scrollIntoView({block: 'center'})")
+    box = browser.ask("(({x, y}) => [x, y])(replays[0].drawn[0].over.getBoundingClientRect())")
+    browser.move_mouse(box[0] + 100, box[1] + 20)
+    browser.wait("replays[0].drawn[0].cursor.idx > 0")
+    cursors = browser.ask("replays[0].drawn.map((one) => one.cursor.idx)")
+    assert len(cursors) >= 8 and len(set(cursors)) == 1 and cursors[0] > 0
+
+
+def test_tables_sort_by_their_numbers(page: Path, browser: Chromium) -> None:
+    browser.open(page, 1000)
+    browser.ask("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    table = "document.querySelector('#masses table')"
+    browser.ask(f"{table}.tHead.rows[0].cells[2].click()")
+    values = browser.ask(f"[...{table}.tBodies[0].rows].map((row) => Number(row.cells[2].dataset.v))")
+    assert values == sorted(values) and len(set(values)) > 3
+    browser.ask(f"{table}.tHead.rows[0].cells[2].click()")
+    assert browser.ask(f"{table}.tHead.rows[0].cells[2].getAttribute('aria-sort')") == "descending"
+    assert browser.ask(f"{table}.tFoot.rows[0].cells[0].textContent") == "all"
+
+
+def test_on_paper_the_drawings_stand_still(page: Path, browser: Chromium) -> None:
+    browser.open(page, 1000, media="print")
+    browser.wait("window.replays && replays.length === 1")
+    browser.ask("replays[0].ready.then(() => 1)")
+    shown = "getComputedStyle(document.querySelector('#motions .{}')).display"
+    assert browser.ask(shown.format("still")) == "block"
+    assert browser.ask(shown.format("replay")) == "none"

@@ -1,0 +1,174 @@
+"""What a page's replay holds is the motion: poses, balance, nearest bodies and margins, by pinocchio and the check."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from excite.motion.collection import load_motions
+from excite.report.replay.bodies import CELLS, bodies, merged
+from excite.report.replay.packed import packed, packed_indices, unpacked
+from excite.report.replay.scene import joint_tree, scene
+from excite.report.replay.solids import solid_triangles
+from excite.report.replay.tracks import FRAMES_HZ, Tracks, tracks
+from excite.report.replay.trial import trial_frames
+from excite.robot.loading import load_robot
+from excite.robot.robot import Robot
+from excite.safety.check import check_motion
+from tests.report.kinematics import poses
+
+
+@pytest.fixture(scope="module", params=["ur10", "g1"])
+def watched(request) -> tuple[Robot, Tracks]:
+    robot = load_robot(request.param)
+    return robot, tracks(robot, load_motions(request.param)[0])
+
+
+def test_packed_numbers_are_those_that_were_packed():
+    rng = np.random.default_rng(0)
+    values = np.cumsum(rng.normal(size=(400, 3)), axis=0) * [1e-6, 1.0, 1e4]
+    values[17, 1] = np.nan
+    values = np.column_stack([values, np.full(400, 2.5)])
+    again = unpacked(json.loads(json.dumps(packed(values))))
+    assert np.isnan(again[17, 1]) and np.isnan(again).sum() == 1
+    error = np.nanmax(np.abs(again - values), axis=0)
+    assert (error <= 0.51 * np.nanmax(values - np.nanmin(values, axis=0), axis=0) / 65534).all()
+    numbers = rng.integers(0, 65535, (50, 2))
+    np.testing.assert_array_equal(unpacked(packed_indices(numbers)), numbers)
+
+
+def test_poses_of_all_links_are_pinocchios(watched):
+    robot, shown = watched
+    page, tree = json.loads(json.dumps(shown.to_json())), json.loads(json.dumps(scene(robot)))
+    q, time = unpacked(page["q"]), unpacked(page["time"])[:, 0]
+    motion = load_motions(robot.name)[0].resampled(robot, FRAMES_HZ)
+    np.testing.assert_allclose(time, motion.time - motion.time[0], atol=1e-3)
+    data = robot.model.createData()
+    for row in range(0, len(q), 29):
+        pin.forwardKinematics(robot.model, data, motion.q[row])
+        for ours, theirs in zip(poses(tree, q[row]), data.oMi, strict=True):
+            np.testing.assert_allclose(ours, theirs.homogeneous, atol=5e-4)
+
+
+def test_joints_that_slide_or_lie_askew_are_pinocchios_too():
+    pin.seed(5)
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Random(), "root")
+    for kind in (
+        pin.JointModelRevoluteUnaligned(np.array([1.0, 2.0, -3.0]) / np.sqrt(14.0)),
+        pin.JointModelPY(),
+        pin.JointModelPrismaticUnaligned(np.array([3.0, 0.0, 4.0]) / 5.0),
+        pin.JointModelRX(),
+    ):
+        joint = model.addJoint(joint, kind, pin.SE3.Random(), kind.shortname())
+    tree, data, q = joint_tree(model), model.createData(), pin.neutral(model)
+    q = pin.integrate(model, q, np.linspace(0.3, 1.2, model.nv))
+    pin.forwardKinematics(model, data, q)
+    for ours, theirs in zip(poses({"joints": tree}, q), data.oMi, strict=True):
+        np.testing.assert_allclose(ours, theirs.homogeneous, atol=1e-5)
+
+
+def test_margins_over_time_come_down_to_those_of_the_check(watched):
+    robot, shown = watched
+    verdict = check_motion(robot, load_motions(robot.name)[0]).margins
+    for margin in shown.margins:
+        least, checked = float(np.nanmin(margin.values)), getattr(verdict, margin.name)
+        room = float(np.nanmax(margin.values)) - least
+        # The check looks between the frames too: it finds no more, and little less.
+        assert checked - 1e-6 <= least <= checked + 0.1 * room + 2e-3, margin.name
+    assert {m.name for m in shown.margins} >= {"joint_torque_nm", "self_collision_m"}
+    assert ("zmp_m" in {m.name for m in shown.margins}) is bool(robot.feet)
+
+
+def test_the_line_between_the_nearest_bodies_is_as_long_as_they_are_apart(watched):
+    robot, shown = watched
+    (margin,) = (m for m in shown.margins if m.name == "self_collision_m")
+    data = robot.model.createData()
+    for row in range(0, shown.motion.n_samples, 30):
+        pin.forwardKinematics(robot.model, data, shown.motion.q[row])
+        ends = [
+            data.oMi[int(joint)].act(point)
+            for joint, point in zip(shown.closest[row], shown.points[row].reshape(2, 3), strict=True)
+        ]
+        assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(margin.values[row], abs=1e-5)
+
+
+def test_the_centre_of_mass_is_pinocchios(watched):
+    robot, shown = watched
+    com = unpacked(shown.to_json()["com"])
+    for row in (0, len(com) // 2, len(com) - 1):
+        expected = pin.centerOfMass(robot.model, robot.model.createData(), shown.motion.q[row])
+        np.testing.assert_allclose(com[row], expected, atol=1e-4)
+
+
+def test_fewer_triangles_are_the_same_body():
+    corners, triangles = solid_triangles("sphere", (0.5,))
+    for _ in range(4):  # Finer and finer.
+        middles = (corners[triangles] + corners[np.roll(triangles, -1, axis=1)]) / 2.0
+        n = len(corners) + np.arange(3 * len(triangles)).reshape(-1, 3)
+        corners = np.vstack([corners, middles.reshape(-1, 3)])
+        a, b, c = triangles.T
+        triangles = np.vstack(
+            [
+                np.column_stack(t)
+                for t in ((a, n[:, 0], n[:, 2]), (n[:, 0], b, n[:, 1]), (n[:, 2], n[:, 1], c), n.T)
+            ]
+        )
+    fewer, left = merged(corners, triangles)
+    assert len(left) < 0.5 * len(triangles) and left.max() < len(fewer)
+    assert np.abs(np.ptp(fewer, axis=0) - np.ptp(corners, axis=0)).max() < 2.0 / CELLS
+    assert _volume(fewer, left) == pytest.approx(_volume(corners, triangles), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "volume"),
+    [
+        ("box", (1.0, 2.0, 3.0), 6.0),
+        ("cylinder", (0.5, 2.0), np.pi / 2),
+        ("sphere", (0.5,), np.pi / 6),
+        ("capsule", (0.5, 2.0), np.pi / 6 + np.pi / 2),
+    ],
+)
+def test_solids_are_closed_and_face_outwards(kind, size, volume):
+    assert _volume(*solid_triangles(kind, size)) == pytest.approx(volume, rel=0.15)
+
+
+def _volume(corners, triangles) -> float:
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def test_a_robot_without_geometry_has_rods(ur10_bones):
+    found = bodies(ur10_bones)
+    assert {body.joint for body in found} >= {2, 3}
+    assert max(float(np.abs(body.corners).max()) for body in found) < 1.0
+
+
+@pytest.fixture
+def ur10_bones() -> Robot:
+    robot = load_robot("ur10")
+    # Another hash, so that its shapes are not those that are kept.
+    urdf = robot.urdf.replace(".stl", ".gone").replace(".dae", ".gone")
+    return replace(robot, urdf=urdf, hash="without meshes")
+
+
+def test_a_trial_has_its_robot_and_its_ghost(g1):
+    time = np.linspace(3.0, 5.0, 500)
+    joints = g1.joint_names[3:7]
+    measured = np.sin(time[:, None] * [1.0, 2.0, 3.0, 4.0]) * 0.1
+    base = np.tile([0.0, 0, 0.8, 0, 0, 0, 1.0], (500, 1))
+    base[:, 0] = time
+    frames = trial_frames(g1, "one", time, measured, joints, base=base, ghost=("told", measured + 0.1))
+    page = frames.to_json()
+    q, ghost = unpacked(page["q"]), unpacked(page["ghost"]["q"])
+    assert q.shape == (61, g1.model.nq)
+    np.testing.assert_allclose(
+        q[:, 10:14], np.column_stack([np.interp(frames.time + 3, time, c) for c in measured.T]), atol=1e-5
+    )
+    np.testing.assert_allclose(ghost[:, 10:14] - q[:, 10:14], 0.1, atol=1e-5)
+    np.testing.assert_allclose(q[:, 0], frames.time + 3.0, atol=5e-3)
+    np.testing.assert_allclose(q[:, 14:], np.tile(g1.rest[14:], (61, 1)), atol=1e-9)
