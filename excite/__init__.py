@@ -6,6 +6,9 @@ The verbs below are loaded on first use, so that ``import excite`` costs nothing
 >>> robot = excite.load_robot("g1")
 >>> robot.n_joints
 29
+
+The verbs, and what they take and give, are here; the rest is in groups: ``excite.robots``, ``recordings``, ``methods``,
+``models``, ``loads``, ``people`` and ``catalogue``.
 """
 
 from __future__ import annotations
@@ -14,6 +17,8 @@ import importlib
 import sys
 from types import ModuleType
 from typing import Any
+
+from excite.namespaces import SPACES, groups
 
 __version__ = "0.1.0"
 
@@ -24,15 +29,11 @@ _PUBLIC = {
     "Robot": "excite.robot.robot",
     "load_robot": "excite.robot.bringing",
     "bundled_robots": "excite.robot.catalogue",
-    "robot_summaries": "excite.robot.summary",
-    "scaffold_description": "excite.robot.scaffold.description",
-    "write_scaffold": "excite.robot.scaffold.files",
     "Motion": "excite.motion.motion",
     "load_motion": "excite.motion.files",
     "load_motions": "excite.motion.collection",
     "save_motion": "excite.motion.files",
     "plan": "excite.campaign.plan",
-    "SeriesSettings": "excite.campaign.candidates.series",
     "check": "excite.campaign.check",
     "rank": "excite.campaign.rank",
     "export_motion": "excite.export.export",
@@ -41,56 +42,25 @@ _PUBLIC = {
     "Log": "excite.logs.log",
     "load_log": "excite.logs.files",
     "save_log": "excite.logs.files",
-    "import_recordings": "excite.logs.recordings",
-    "robot_for_log": "excite.logs.robot",
-    "join_logs": "excite.logs.joined",
     "write_simulator_model": "excite.export.simulators.write",
     "identify": "excite.identification.identify",
     "Identification": "excite.identification.result",
-    "save_findings": "excite.campaign.findings",
-    "identify_sessions": "excite.identification.sessions.compare",
-    "split_sessions": "excite.identification.sessions.split",
-    "write_ranges": "excite.identification.sessions.compare",
-    "identify_drive_gains": "excite.identification.load.drive_gains",
-    "identify_load": "excite.identification.load.drive_gains",
-    "weigh_load": "excite.identification.load.weighing",
-    "momentum_residual": "excite.identification.momentum_observer",
     "write_models": "excite.export.models.write",
-    "write_urdf": "excite.export.models.urdf",
-    "write_mjcf": "excite.export.models.mjcf",
-    "load_bounds": "excite.identification.physical.bounds_file",
-    "write_bounds_template": "excite.identification.physical.bounds_template",
-    "EstimatorSettings": "excite.identification.estimators.settings",
-    "estimator_settings": "excite.identification.estimators.method_settings",
-    "method_summaries": "excite.identification.estimators.summary",
-    "estimate_torque_delay": "excite.identification.alignment",
-    "explain_signals": "excite.identification.explanation",
-    "save_signal_figure": "excite.report.plots.signals",
-    "ProblemSettings": "excite.rows.settings",
-    "Subject": "excite.human.subject",
-    "MeasureSettings": "excite.human.measure",
-    "measure_person": "excite.human.measure",
-    "write_person": "excite.human.measure",
-    "identify_person": "excite.human.identified",
-    "added_mass": "excite.human.identified",
-    "identify_wearing": "excite.human.weight.worn_weight",
     "doctor": "excite.doctor.doctor",
     "convert": "excite.conversion.convert",
-    "write_header": "excite.conversion.init_log",
     "capture": "excite.campaign.capture",
-    "file_schema": "excite.campaign.schemas",
-    "Chart": "excite.doctor.examine",
     "Finding": "excite.finding",
     "diagnose": "excite.diagnosis.diagnose",
     "Diagnosis": "excite.diagnosis.answer.result",
-    "effect_summaries": "excite.diagnosis.answer.effect_summary",
     "campaign": "excite.campaign.loop",
-    "CampaignSettings": "excite.campaign.settings",
     "report": "excite.report.page",
     "demo": "excite.campaign.demo",
 }
 
-__all__ = ["__version__", *_PUBLIC]
+# Names of groups are reached without their group too, as they were before there were groups.
+_GROUPED = {name: space for space, names in SPACES.items() for name in names}
+
+__all__ = ["__version__", *_PUBLIC, *SPACES]
 
 
 class _Package(ModuleType):
@@ -105,9 +75,12 @@ class _Package(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Package
+globals().update(groups())
 
 
 def __getattr__(name: str) -> Any:
+    if name in _GROUPED:
+        return getattr(globals()[_GROUPED[name]], name)
     if name not in _PUBLIC:
         raise AttributeError(f"module 'excite' has no attribute {name!r}")
     value = getattr(importlib.import_module(_PUBLIC[name]), name)

@@ -63,11 +63,11 @@ def _formats() -> Iterable[tuple[str, str, str]]:
 
 
 def _methods() -> Iterable[tuple[str, str, str]]:
-    return ((one.name, one.title, one.use) for one in excite.method_summaries())
+    return ((one.name, one.title, one.use) for one in excite.catalogue.method_summaries())
 
 
 def _effects(base: str) -> Iterable[tuple[str, str, str, str]]:
-    for one in excite.effect_summaries():
+    for one in excite.catalogue.effect_summaries():
         if one.base == base:
             yield one.form, one.law, one.looks_like, one.told_apart_by
 

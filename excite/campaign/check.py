@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from excite.errors import InputError
@@ -15,10 +15,11 @@ from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.verdict import Verdict, check_document
+from excite.shown import Row, Tabled
 
 
-@dataclass(frozen=True)
-class CheckReport:
+@dataclass(frozen=True, repr=False)
+class CheckReport(Tabled):
     """Verdicts on several motions.
 
     Attributes:
@@ -28,6 +29,21 @@ class CheckReport:
 
     verdicts: tuple[Verdict, ...]
     assumed: tuple[Assumed, ...] = ()
+
+    tables = ("motions", "violations")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`: verdict and smallest margins of each motion, or everything violated."""
+        if table == "motions":
+            return [
+                {"motion": one.motion, "safe": one.safe, **asdict(one.margins), "reason": one.reason}
+                for one in self.verdicts
+            ]
+        return [
+            {"motion": one.motion, **asdict(violation)}
+            for one in self.verdicts
+            for violation in one.violations
+        ]
 
     @property
     def safe(self) -> bool:
@@ -40,10 +56,14 @@ class CheckReport:
         return {**check_document(self.verdicts), "assumed": assumed}
 
     def summary(self) -> str:
-        """One line a motion, the total, and what the verdicts rest on."""
+        """A line a motion with its smallest margins below it, the total, and what the verdicts rest on."""
         unsafe = sum(not verdict.safe for verdict in self.verdicts)
         total = f"all {len(self.verdicts)} safe" if not unsafe else f"{unsafe} of {len(self.verdicts)} unsafe"
-        lines = [*(verdict.summary() for verdict in self.verdicts), total]
+        lines = []
+        for verdict in self.verdicts:
+            margins = verdict.margins_in_words() if verdict.readable else ""
+            lines += [verdict.summary(), *([f"  margins: {margins}"] if margins else [])]
+        lines.append(total)
         if self.assumed:
             named = ", ".join(dict.fromkeys(one.what for one in self.assumed))
             lines.append(f"as far as what was assumed of the robot holds: {named}")

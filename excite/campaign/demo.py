@@ -17,13 +17,14 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.report.page import report
 from excite.robot.loading import load_robot
+from excite.shown import Shown
 
 ROBOT = "g1"
 _SETTINGS = CampaignSettings(n_candidates=116, target_rsd=15.0, max_iterations=2)
 
 
-@dataclass(frozen=True, eq=False)
-class Demo:
+@dataclass(frozen=True, eq=False, repr=False)
+class Demo(Shown):
     """What the demo did.
 
     Attributes:

@@ -19,6 +19,7 @@ from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_seed
 from excite.robot.robot import Robot
+from excite.shown import Shown
 from excite.simulation.effects.registry import inject as inject_effects
 from excite.simulation.replay import Replay
 from excite.simulation.simulate import run_experiment
@@ -29,8 +30,8 @@ from excite.simulation.virtual_robot import VirtualRobot, changed_robot, nominal
 _TRUTH_STREAM, _NOISE_STREAM = 1, 2
 
 
-@dataclass(frozen=True, eq=False)
-class Experiment:
+@dataclass(frozen=True, eq=False, repr=False)
+class Experiment(Shown):
     """A log of a virtual robot, and the truth that a real one would keep to itself.
 
     Attributes:

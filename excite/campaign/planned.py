@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,12 +23,13 @@ from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 from excite.report.data import ReportData, save_report_data
 from excite.robot.robot import Robot
+from excite.shown import Row, Tabled
 
 SCHEMA = "excite.plan/1"
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Tabled):
     """Motions that were found safe and chosen because they excite the parameters.
 
     Attributes:
@@ -60,6 +61,29 @@ class Plan:
     load: float | None = None
     target_rsd: float = TARGET_RSD
     before: tuple[Motion, ...] = ()
+
+    tables = ("motions", "segments", "base_parameters", "rejected")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`.
+
+        The chosen motions, condition numbers by segment, what is to be expected of each base parameter (none where the
+        sensors' noise is not stated), or how many candidates were refused for what.
+        """
+        if table == "motions":
+            return [
+                {
+                    "motion": item.motion,
+                    "segments": item.segments,
+                    "duration_s": self.pool.entries[item.index].duration_s,
+                }
+                for item in self.selection.selected
+            ]
+        if table == "segments":
+            return [{"segment": s.segment, "condition": s.condition} for s in self.conditioning.segments]
+        if table == "rejected":
+            return [{"reason": reason, "candidates": n} for reason, n in sorted(self.rejected.items())]
+        return [] if self.outlook is None else [one.to_json() for one in self.outlook.parameters]
 
     @property
     def accepted(self) -> OnDisk[Motion]:

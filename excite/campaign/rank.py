@@ -14,6 +14,7 @@ from excite.motion.motion import Motion
 from excite.progress import Progress, silent
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.robot import Robot
+from excite.shown import Row, Tabled
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class RankedMotion:
     conditioning: Conditioning
 
 
-@dataclass(frozen=True)
-class RankReport:
+@dataclass(frozen=True, repr=False)
+class RankReport(Tabled):
     """Motions from the best to the worst, and all of them together.
 
     Attributes:
@@ -44,6 +45,27 @@ class RankReport:
     robot: str
     motions: tuple[RankedMotion, ...]
     together: Conditioning
+
+    tables = ("motions", "segments")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`: each motion alone, best first, or its condition number by segment."""
+        if table == "motions":
+            return [
+                {
+                    "motion": item.motion,
+                    "duration_s": item.duration_s,
+                    "rank": item.conditioning.rank,
+                    "condition": item.conditioning.full,
+                    "log_det": item.conditioning.log_det,
+                }
+                for item in self.motions
+            ]
+        return [
+            {"motion": item.motion, "segment": one.segment, "condition": one.condition}
+            for item in self.motions
+            for one in item.conditioning.segments
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """The ``excite.rank/1`` document; ``conditioning`` as in ``excite.plan/1``."""

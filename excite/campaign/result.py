@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from excite.campaign.expected.forecast import Forecast
 from excite.campaign.targets import Miss
 from excite.excitation.conditioning import Conditioning
 from excite.identification.result import Identification
+from excite.shown import Row, Tabled
 
 SCHEMA = "excite.campaign/1"
 
@@ -44,8 +46,8 @@ class Iteration:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Campaign:
+@dataclass(frozen=True, eq=False, repr=False)
+class Campaign(Tabled):
     """A campaign, finished or waiting for a recording.
 
     Attributes:
@@ -65,6 +67,31 @@ class Campaign:
     conditioning: Conditioning | None
     awaits: Path | None = None
     expected: Forecast | None = None
+
+    tables = ("targets", "iterations")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`: relative standard deviations by iteration, or the iterations."""
+        if table == "targets":
+            return [
+                {
+                    "iteration": number,
+                    "parameter": name,
+                    "rsd_percent": rsd,
+                    "met": rsd <= self.target_rsd,
+                }
+                for number, item in enumerate(self.iterations, start=1)
+                for name, rsd in item.rsd_percent.items()
+            ]
+        return [
+            {
+                "iteration": number,
+                "n_motions": item.n_motions,
+                "seconds": item.seconds,
+                "n_missed": len(item.missed),
+            }
+            for number, item in enumerate(self.iterations, start=1)
+        ]
 
     @property
     def missed(self) -> tuple[Miss, ...]:

@@ -10,6 +10,7 @@ import typer
 import excite
 from excite.claim import claimed
 from excite.cli.session.command_help import METHOD_HELP
+from excite.cli.session.completion import one_of
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -21,7 +22,7 @@ from excite.cli.session.options import (
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
 from excite.cli.session.refused import refusals_shown
 from excite.cli.session.workers import workers
-from excite.identification.estimators.registry import DEFAULT_METHOD
+from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
 
 if TYPE_CHECKING:
     from excite.campaign.result import Campaign
@@ -38,7 +39,9 @@ def command(
         float, typer.Option("--target-rsd", min=0.0, help="Relative standard deviation to reach [percent].")
     ] = 15.0,
     max_iterations: Annotated[int, typer.Option("--max-iterations", min=1, help="Iterations at most.")] = 3,
-    method: Annotated[str, typer.Option("--method", help=METHOD_HELP)] = DEFAULT_METHOD,
+    method: Annotated[
+        str, typer.Option("--method", help=METHOD_HELP, autocompletion=one_of(ESTIMATORS))
+    ] = DEFAULT_METHOD,
     on_robot: Annotated[
         bool,
         typer.Option(

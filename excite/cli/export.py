@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 import excite
+from excite.cli.session.completion import one_of
 from excite.cli.session.options import JobsOption, JsonOption, MotionArgument, OutOption, SeedOption
 from excite.cli.session.output import command_line, emit
 from excite.export.registry import EXPORTERS
@@ -22,7 +23,9 @@ def command(
     format_name: Annotated[
         str,
         typer.Option(
-            "--format", help=f"One of {', '.join(EXPORTERS)} (docs/formats.md says what reads each)."
+            "--format",
+            help=f"One of {', '.join(EXPORTERS)} (docs/formats.md says what reads each).",
+            autocompletion=one_of(EXPORTERS),
         ),
     ],
     rate_hz: Annotated[

@@ -11,13 +11,14 @@ import typer
 import excite
 from excite.atomic import all_or_nothing
 from excite.cli.session.command_help import METHOD_HELP
+from excite.cli.session.completion import one_of
 from excite.cli.session.failure import of_error
 from excite.cli.session.options import JobsOption, JsonOption, OutOption, RobotArgument, SeedOption
 from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
 from excite.cli.session.segment_options import AsymmetricOption, MassRangeOption, segment_settings
 from excite.errors import InputError
-from excite.identification.estimators.registry import DEFAULT_METHOD
+from excite.identification.estimators.registry import DEFAULT_METHOD, ESTIMATORS
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
@@ -30,7 +31,9 @@ NAME = "identify"
 def command(
     robot: RobotArgument,
     logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Log folders (excite.log/1).")],
-    method: Annotated[str, typer.Option("--method", help=METHOD_HELP)] = DEFAULT_METHOD,
+    method: Annotated[
+        str, typer.Option("--method", help=METHOD_HELP, autocompletion=one_of(ESTIMATORS))
+    ] = DEFAULT_METHOD,
     total_mass: Annotated[
         float | None, typer.Option("--total-mass", min=0.0, help="Weighed mass of the robot [kg].")
     ] = None,

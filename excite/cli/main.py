@@ -38,6 +38,7 @@ from excite.cli import (  # noqa: E402
 from excite.cli.pages import report, view  # noqa: E402
 from excite.cli.records import capture, convert, init_log  # noqa: E402
 from excite.cli.session.command_help import HelpfulCommand, MethodsCommand  # noqa: E402
+from excite.cli.session.completion import asked_to_complete  # noqa: E402
 from excite.cli.session.failure import (  # noqa: E402
     EXIT_BAD_INPUT,
     EXIT_USAGE,
@@ -60,7 +61,6 @@ app = typer.Typer(
     name="excite",
     help="Design, check, run and evaluate the experiments that identify a robot's dynamics.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -121,6 +121,8 @@ def program() -> NoReturn:
             stream.reconfigure(errors="backslashreplace")
     handle_signals()
     try:
+        if asked_to_complete():
+            app(prog_name="excite")
         main()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import excite
+from excite.cli.session.completion import one_of
 from excite.cli.session.options import JobsOption, JsonOption, ModelOutOption, SeedOption
 from excite.cli.session.output import emit
 from excite.export.simulators.registry import MODEL_FORMATS
@@ -41,6 +42,7 @@ def command(
         typer.Option(
             "--format",
             help=f"One of {', '.join(MODEL_FORMATS)} (docs/simulators.md: what each holds, in which units).",
+            autocompletion=one_of(MODEL_FORMATS),
         ),
     ],
     out: ModelOutOption,
@@ -64,7 +66,13 @@ def command(
 ) -> None:
     """Write the identified robot for a simulator, with proof that each parameter arrives, and what is lost."""
     written = excite.write_simulator_model(result, format_name, out, robot=robot, template=template)
-    emit("" if as_json else _text(written), written.to_json(), as_json=as_json)
+    main = written.folder / written.files[0]
+    emit(
+        "" if as_json else _text(written),
+        written.to_json(),
+        as_json=as_json,
+        then=f"open {main} in your simulator; {written.folder / 'changes.csv'} has all that changed",
+    )
 
 
 def _text(written: SimulatorModel) -> str:

@@ -13,13 +13,14 @@ from excite.finding import Finding, merged, worst_first
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
+from excite.shown import Shown
 from excite.threads import one_blas_thread
 
 SCHEMA = "excite.doctor/1"
 
 
-@dataclass(frozen=True, eq=False)
-class Chart:
+@dataclass(frozen=True, eq=False, repr=False)
+class Chart(Shown):
     """What the doctor found and made of a log.
 
     Attributes:

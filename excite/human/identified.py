@@ -23,12 +23,13 @@ from excite.logs.files import load_log
 from excite.logs.log import Log
 from excite.robot.loading import load_robot
 from excite.robot.shapes.com_box import com_boxes
+from excite.shown import Shown
 
 IDENTIFIED = "human_identified"
 
 
-@dataclass(frozen=True, eq=False)
-class IdentifiedPerson:
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedPerson(Shown):
     """What identification says of a person.
 
     Attributes:

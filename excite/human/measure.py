@@ -33,6 +33,7 @@ from excite.logs.files import save_log
 from excite.logs.log import Log
 from excite.progress import Progress, silent
 from excite.reading.number import check_number
+from excite.shown import Shown
 from excite.threads import one_blas_thread
 
 # People move below 20 Hz; a filter far below what they do leaves nothing of it [Hz].
@@ -78,8 +79,8 @@ class MeasureSettings:
             check_number(mass, f"segment_mass.{segment}", *_SEGMENT_KG, "kg")
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredPerson:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredPerson(Shown):
     """A person as measured.
 
     Attributes:

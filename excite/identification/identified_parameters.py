@@ -11,6 +11,7 @@ from excite.arrays import Array
 from excite.identification.inertia import FILE_ORDER
 from excite.identification.judgement.uncertainty import ParameterUncertainty
 from excite.identification.problem import IdentificationProblem
+from excite.regressor.columns import PARAMETERS
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,24 @@ class IdentifiedParameters:
             "drive_parameters": self.by_drive(),
             "unmeasured": list(self.unmeasured),
         }
+
+    def rows(self, uncertainty: ParameterUncertainty | None) -> list[dict[str, Any]]:
+        """A row for each parameter of each link, about its joint's frame [SI]; ``std`` is None where not known."""
+        n = len(self.inertial)
+        std = [None] * n if uncertainty is None else [float(value) for value in uncertainty.std[:n]]
+        share = [None] * n if uncertainty is None else [float(value) for value in uncertainty.determined[:n]]
+        return [
+            {
+                "link": link,
+                "parameter": name,
+                "nominal": float(self.nominal[10 * k + j]),
+                "value": float(self.inertial[10 * k + j]),
+                "std": std[10 * k + j],
+                "determined": share[10 * k + j],
+            }
+            for k, link in enumerate(self.links)
+            for j, name in enumerate(PARAMETERS)
+        ]
 
     def _standard_parameters(self, uncertainty: ParameterUncertainty | None) -> dict[str, Any]:
         columns = {"": self.inertial, "nominal": self.nominal}

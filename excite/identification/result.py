@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from excite.identification.judgement.validation import ChannelFit
 from excite.identification.parameter_statistics import BaseParameter, ParameterStatistics
 from excite.identification.result_text import fit_table, mass_change
 from excite.identification.solution import Solution
+from excite.shown import Row, Tabled
 
 SCHEMA = "excite.identification/1"
 
@@ -29,8 +31,8 @@ _BLOCKS = (
 ).split()
 
 
-@dataclass(frozen=True, eq=False)
-class Identification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(Tabled):
     """Identified parameters, their quality, and how well they predict.
 
     What is asked for most stands here under its own name too; the rest is in the parts.
@@ -50,6 +52,23 @@ class Identification:
     statistics: ParameterStatistics
     judgement: Judgement
     findings: tuple[Finding, ...]
+
+    tables = ("parameters", "base", "essential", "drives", "fit", "validation")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`.
+
+        Inertial parameters of all links beside the model's (about joint frames, SI), base or essential parameters,
+        parameters of drives, or how well channels are predicted on trials of either kind.
+        """
+        if table == "parameters":
+            return self.identified.rows(self.uncertainty)
+        if table in ("base", "essential"):
+            return [asdict(one) for one in (self.base if table == "base" else self.essential)]
+        if table == "drives":
+            return [{"parameter": name, "value": v} for name, v in self.identified.by_drive().items()]
+        fits = self.fit if table == "fit" else self.validation
+        return [{"channel": name, **asdict(one)} for name, one in fits.items()]
 
     @property
     def method(self) -> str:

@@ -166,6 +166,9 @@ class Trial:
     repeats: str | None = None
     cleaning: Cleaning = field(default_factory=Cleaning)
 
+    def __repr__(self) -> str:
+        return f"Trial({self.name!r}, {self.role}, {self.n_samples} samples, {self.q.shape[-1]} joints)"
+
     @property
     def n_samples(self) -> int:
         """Number of samples."""
@@ -216,6 +219,13 @@ class Log:
         entries = {Path(entry.file).stem: entry for entry in self.header.trials}
         trials = tuple(_as_stated(trial, entries.get(trial.name)) for trial in self.trials)
         object.__setattr__(self, "trials", trials)
+
+    def __repr__(self) -> str:
+        seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in self.trials if trial.n_samples)
+        return (
+            f"Log({self.header.robot!r}, {self.header.base} base, {len(self.header.joints)} joints, "
+            f"{len(self.trials)} trials, {seconds:.0f} s)"
+        )
 
     def role(self, role: str) -> tuple[Trial, ...]:
         """The trials of one role."""

@@ -73,7 +73,7 @@ def import_recordings(mapping: Mapping[str, Any] | Path, folder: Path, robot_tex
     """Read recordings whose columns somebody else named as a log, to identify from or to save.
 
     >>> import excite
-    >>> log = excite.import_recordings(Path("map.yaml"), Path("recordings"))  # doctest: +SKIP
+    >>> log = excite.recordings.import_recordings(Path("map.yaml"), Path("recordings"))  # doctest: +SKIP
     >>> excite.identify("ur10", log)  # doctest: +SKIP
 
     with, in ``map.yaml``::

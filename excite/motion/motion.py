@@ -68,6 +68,12 @@ class Motion:
     contacts: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     metadata: MotionMetadata = field(default_factory=MotionMetadata)
 
+    def __repr__(self) -> str:
+        return (
+            f"Motion({self.name!r}, {self.robot}, {len(self.joint_names)} joints, {self.n_samples} samples, "
+            f"{self.duration:.1f} s)"
+        )
+
     @property
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""

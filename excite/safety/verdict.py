@@ -59,6 +59,14 @@ class Margins:
     zmp_m: float | None = None
 
 
+_IN_WORDS = {
+    "joint_position_rad": ("position", "rad"),
+    "joint_velocity_rad_s": ("velocity", "rad/s"),
+    "joint_acceleration_rad_s2": ("acceleration", "rad/s²"),
+    "joint_torque_nm": ("torque", "N·m"),
+    "self_collision_m": ("bodies apart", "m"),
+    "zmp_m": ("zero-moment point inside", "m"),
+}
 MARGIN_FIELDS = tuple(field.name for field in fields(Margins))
 
 
@@ -111,6 +119,17 @@ class Verdict:
             "not_applicable": list(self.not_applicable),
             "violations": [asdict(violation) for violation in self.violations],
         }
+
+    def margins_in_words(self) -> str:
+        """The smallest margins in one line; of sliding joints they are metres and newtons."""
+        said = []
+        for name, (what, unit) in _IN_WORDS.items():
+            value = getattr(self.margins, name)
+            if value is not None:
+                said.append(f"{what} {value:.3g} {unit}")
+            elif name not in self.not_applicable:
+                said.append(f"{what} not computed")
+        return ", ".join(said)
 
     def summary(self) -> str:
         """One line for a person."""

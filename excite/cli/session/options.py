@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from excite.claim import claimed
+from excite.cli.session.completion import robots
 from excite.errors import InputError
 from excite.parallel.jobs import check_jobs
 
@@ -41,7 +42,12 @@ def _possible(jobs: int | None) -> int | None:
 
 
 RobotArgument = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="Bundled robot (see `excite robots`) or path to a robot.yaml.")
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="Bundled robot (see `excite robots`) or path to a robot.yaml.",
+        autocompletion=robots,
+    ),
 ]
 MotionArgument = Annotated[
     list[Path],

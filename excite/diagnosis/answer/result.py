@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from excite.diagnosis.answer.budget import Budget
@@ -12,10 +12,24 @@ from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.robot_changes import RobotChanges
+<<<<<<< HEAD
 from excite.diagnosis.answer.rollout_path import RolloutPath
 from excite.diagnosis.answer.tables import budget_table, effect_table, gap_table, trivial_table
+=======
+from excite.diagnosis.answer.tables import (
+    budget_rows,
+    budget_table,
+    candidate_row,
+    effect_table,
+    fault_entry,
+    fault_lines,
+    gap_table,
+    trivial_table,
+)
+>>>>>>> h-sim
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
+from excite.shown import Row, Tabled
 
 SCHEMA = "excite.diagnosis/1"
 Verdict = Literal["effect", "none", "ambiguous", "unknown"]
@@ -83,8 +97,8 @@ class NextExperiment:
         return {"why": self.why, "separates": list(self.separates), "motion": self.motion}
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Tabled):
     """Where the gap lies, which effect causes it, how far it shrinks.
 
     Attributes:
@@ -127,6 +141,25 @@ class Diagnosis:
     changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
     curves: Curves | None = field(default=None, compare=False, repr=False)
 
+    tables = ("candidates", "gap", "where", "budget", "findings")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`.
+
+        Candidates, likeliest first; the gap of each channel before and after; where it lies; what takes which share of
+        it; or what the doctor found in the record.
+        """
+        if table == "candidates":
+            accepted = {(item.effect, item.location) for item in self.effects}
+            return [candidate_row(item, accepted) for item in self.candidates]
+        if table == "gap":
+            return [{"channel": name, **asdict(item)} for name, item in self.gap.per_channel.items()]
+        if table == "where":
+            return [item.to_json() for item in self.where]
+        if table == "budget":
+            return [] if self.budget is None else budget_rows(self.budget)
+        return [fault_entry(item) for item in self.faults]
+
     @property
     def ambiguous_with(self) -> tuple[Candidate, ...]:
         """Candidates that the data cannot tell apart; empty unless the verdict is ``ambiguous``."""
@@ -150,7 +183,7 @@ class Diagnosis:
                 "where": [item.to_json() for item in self.where],
                 "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
                 "sentence": self.sentence(),
-                "log": [_fault(item) for item in self.faults],
+                "log": [fault_entry(item) for item in self.faults],
                 "findings": [
                     {"code": item.kind, "where": item.where, "message": item.text, **item.to_json()}
                     for item in self.faults
@@ -197,14 +230,9 @@ class Diagnosis:
         lines += trivial_table(self.trivial)
         if self.next_experiment is not None:
             lines += ["", f"next: {self.next_experiment.why}"]
-        lines += _fault_lines(self.faults)
+        lines += fault_lines(self.faults)
         lines += [f"note: {text}" for text in self.warnings]
         return "\n".join(lines)
-
-
-def _fault_lines(faults: Sequence[Finding]) -> list[str]:
-    """One line a finding of the doctor."""
-    return [f"log: {item.text} ({item.remedy}{'; repaired' if item.repaired else ''})" for item in faults]
 
 
 def _follows(item: Where) -> bool:
@@ -220,14 +248,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value
-
-
-def _fault(item: Finding) -> dict[str, Any]:
-    """A finding in the form of the document's ``log``."""
-    return {
-        "kind": item.kind,
-        "where": item.where,
-        "what": item.text,
-        "cause": item.remedy,
-        "repaired": item.repaired,
-    }

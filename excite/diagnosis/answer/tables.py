@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate, in_words, measured
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.trivial import TrivialErrors
+from excite.finding import Finding
 
 _LISTED = 6
 
@@ -41,6 +43,36 @@ def budget_table(budget: Budget) -> list[str]:
             lines.append(f"{name:{width}}  {100 * other.share:4.0f}%  {'':10}  {what}")
         lines.append(f"{name:{width}}  {100 * channel.rest:4.0f}%  {'':10}  the rest")
     return lines
+
+
+def budget_rows(budget: Budget) -> list[dict[str, Any]]:
+    """A row for each share of each channel's gap above its noise floor; the shares of a channel add up to one."""
+    rows: list[dict[str, Any]] = []
+    for name, channel in budget.channels.items():
+        for item in channel.effects:
+            low, high = item.interval90
+            what = {"effect": item.effect, "location": item.location, "follows": None}
+            rows.append({"channel": name, **what, "share": item.share, "low90": low, "high90": high})
+        rest = [(other.follows, other.share) for other in channel.unnamed] + [("the rest", channel.rest)]
+        for follows, share in rest:
+            what = {"effect": None, "location": None, "follows": follows}
+            rows.append({"channel": name, **what, "share": share, "low90": None, "high90": None})
+    return rows
+
+
+def candidate_row(item: Candidate, accepted: set[tuple[str, str | None]]) -> dict[str, Any]:
+    """A row of the table of candidates."""
+    return {
+        "effect": item.effect,
+        "location": item.location,
+        "accepted": (item.effect, item.location) in accepted,
+        "evidence": item.evidence,
+        "share_closed": item.share_closed,
+        "probability": item.probability,
+        "parameters": ", ".join(
+            f"{name} {one.value:.4g} {one.unit}" for name, one in item.parameters.items()
+        ),
+    }
 
 
 def trivial_table(errors: Mapping[str, TrivialErrors]) -> list[str]:
@@ -88,3 +120,19 @@ def _line(item: Candidate, standing: str) -> str:
         f"{item.effect:24} {item.location or '':24} {standing:9} {item.evidence:9.1f} "
         f"{100 * item.share_closed:6.0f}%  {values}"
     )
+
+
+def fault_lines(faults: Sequence[Finding]) -> list[str]:
+    """One line a finding of the doctor."""
+    return [f"log: {item.text} ({item.remedy}{'; repaired' if item.repaired else ''})" for item in faults]
+
+
+def fault_entry(item: Finding) -> dict[str, Any]:
+    """A finding in the form of the document's ``log``."""
+    return {
+        "kind": item.kind,
+        "where": item.where,
+        "what": item.text,
+        "cause": item.remedy,
+        "repaired": item.repaired,
+    }

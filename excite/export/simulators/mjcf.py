@@ -86,8 +86,9 @@ def model_spec(subject: Subject) -> mujoco.MjSpec:
     import mujoco
 
     own = identified_drives(subject.robot, subject.found)
-    servo = {name: subject.servo(name) for name in ("kp", "kd", "torque_limit")}
-    spec = build_spec(subject.robot, subject.parameters, replace(own, **servo), World())
+    kp, kd, limit = (subject.servo(name) for name in ("kp", "kd", "torque_limit"))
+    drives = replace(own, kp=kp, kd=kd, torque_limit=limit)
+    spec = build_spec(subject.robot, subject.parameters, drives, World())
     late = subject.servo("delay")
     for name, constant in zip(subject.robot.joint_names, late, strict=True):
         if np.isfinite(constant):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,14 @@ from excite.export.simulators.registry import MODEL_FORMATS
 from excite.export.simulators.result import read_subject
 from excite.export.simulators.subject import Lost
 from excite.json_document import write_json
+from excite.shown import Row, Tabled
 
 SCHEMA = "excite.model/1"
 CHANGES, LOST, DOCUMENT = "changes.csv", "lost.csv", "model.json"
 
 
-@dataclass(frozen=True)
-class SimulatorModel:
+@dataclass(frozen=True, repr=False)
+class SimulatorModel(Tabled):
     """A robot that was written for a simulator.
 
     Attributes:
@@ -45,6 +47,20 @@ class SimulatorModel:
     lost: tuple[Lost, ...]
     notes: tuple[str, ...]
     proof: Proof
+
+    tables = ("changes", "lost")
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`: all parameters before and after, or what the format has no place for."""
+        if table == "changes":
+            return [row.to_json() for row in self.changes]
+        return [asdict(item) for item in self.lost]
+
+    def summary(self) -> str:
+        """What was written, proved and lost, in one line."""
+        lost = f", {len(self.lost)} lost" if self.lost else ""
+        where = self.folder / self.files[0]
+        return f"{self.robot} as {self.format} in {where}: {self.proof.felt} parameters proved{lost}"
 
     def to_json(self) -> dict[str, Any]:
         """The document ``excite.model/1``; names of files are relative to the folder."""

@@ -28,11 +28,12 @@ from excite.logs.log import Log
 from excite.regressor.base_parameters import BaseParameters, base_parameters
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
+from excite.shown import Shown
 from excite.threads import one_blas_thread
 
 
-@dataclass(frozen=True, eq=False)
-class Sessions:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sessions(Shown):
     """Base parameters of every session and of all together.
 
     Attributes:

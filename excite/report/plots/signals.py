@@ -38,7 +38,7 @@ def save_signal_figure(trace: SignalTrace, path: Path) -> Path:
     """Write the figure as a PNG; appears only when complete.
 
     Args:
-        trace: what :func:`excite.explain_signals` found.
+        trace: what :func:`excite.recordings.explain_signals` found.
         path: the PNG to write.
 
     Returns:

@@ -95,7 +95,7 @@ def _single_moments(moments: Array) -> Array:
     others = float(single.astype(float).sum() - single[largest])
     while float(single[largest]) >= others > 0.0:
         single[largest] = np.nextafter(single[largest], np.float32(0.0))
-    return single
+    return single.astype(float)
 
 
 def _joint(joint: Joint, name: str, paths: list[str]) -> Prim:
