@@ -12,10 +12,7 @@ from excite.diagnosis.answer.candidate import Candidate, in_words, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.robot_changes import RobotChanges
-<<<<<<< HEAD
 from excite.diagnosis.answer.rollout_path import RolloutPath
-from excite.diagnosis.answer.tables import budget_table, effect_table, gap_table, trivial_table
-=======
 from excite.diagnosis.answer.tables import (
     budget_rows,
     budget_table,
@@ -26,7 +23,6 @@ from excite.diagnosis.answer.tables import (
     gap_table,
     trivial_table,
 )
->>>>>>> h-sim
 from excite.diagnosis.answer.trivial import TrivialErrors
 from excite.finding import Finding
 from excite.shown import Row, Tabled
