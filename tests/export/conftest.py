@@ -25,7 +25,9 @@ def judged_once() -> Iterator[None]:
     def remembered(robot: Robot, motion: Motion, *, neighbours: Mapping[str, Motion]) -> Verdict:
         arrays = (motion.time, motion.q, motion.v, motion.a, *motion.contacts.values())
         said = (robot.hash, motion.robot, motion.joint_names, tuple(motion.contacts), motion.metadata)
-        key = repr((said, [(a.shape, a.dtype) for a in arrays])).encode() + b"".join(a.tobytes() for a in arrays)
+        key = repr((said, [(a.shape, a.dtype) for a in arrays])).encode() + b"".join(
+            a.tobytes() for a in arrays
+        )
         if set(neighbours) - {motion.name}:
             return check_motion(robot, motion, neighbours=neighbours)
         if key not in known:
