@@ -25,11 +25,14 @@ manual: $(VENV)/.ready
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d out/manual/.doctrees docs out/manual
 	@echo "out/manual/index.html"
 
+# Each worker starts with a part of the tests that stand together, whose fixtures are then made once.
+PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+
 test: $(VENV)/.ready
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(PYTEST)
 
 test-fast: $(VENV)/.ready
-	$(BIN)/python -m pytest -n $(JOBS) -m "not slow"
+	$(PYTEST) -m "not slow"
 
 test-all: test reproduce
 

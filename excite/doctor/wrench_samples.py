@@ -121,15 +121,20 @@ class WrenchSamples:
             away = poses.point(sensor.joint, sensor.placement.translation) - poses.translation[:, 1]
             lever = np.einsum("nij,nj->ni", back, away)
             found[:, s, :3, :3] = found[:, s, 3:, 3:] = turn
-            found[:, s, 3:, :3] = np.cross(lever[:, :, None], turn, axis=1)
+            x, y, z = (lever[:, i, None] for i in range(3))
+            # Written out: np.cross takes as long as all the rest, some hundred times a log.
+            found[:, s, 3, :3] = y * turn[:, 2] - z * turn[:, 1]
+            found[:, s, 4, :3] = z * turn[:, 0] - x * turn[:, 2]
+            found[:, s, 5, :3] = x * turn[:, 1] - y * turn[:, 0]
         return found
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of what the nominal bodies leave of each channel's power, ``(6,)``."""
         key = reading.motion_key()
+        q, v, a = self.motion(reading)
         if key not in self._models:
-            self._models[key] = inverse_dynamics(self._tree(reading), *self.motion(reading))[:, :6]
-        rest = (self.measured(reading, self.motion(reading)[0]) - self._models[key]) / self.scale
+            self._models[key] = inverse_dynamics(self._tree(reading), q, v, a)[:, :6]
+        rest = (self.measured(reading, q) - self._models[key]) / self.scale
         return 0.5 * np.log(np.maximum((rest**2).mean(axis=0), FLOOR))
 
     def judged(self, reading: Reading) -> Array:

@@ -169,11 +169,11 @@ def configuration_at(motion: Motion, robot: Robot, time: float) -> Array:
         step = pin.difference(robot.model, motion.q[start], motion.q[end])
     else:
         step = motion.q[end] - motion.q[start]
-    c1, c2, c3, c4, c5 = _quintic(
-        h, step, motion.v[start], motion.v[end], motion.a[start], motion.a[end]
-    )
+    c1, c2, c3, c4, c5 = _quintic(h, step, motion.v[start], motion.v[end], motion.a[start], motion.a[end])
     d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
-    return np.asarray(pin.integrate(robot.model, motion.q[start], d) if motion.floating else motion.q[start] + d)
+    return np.asarray(
+        pin.integrate(robot.model, motion.q[start], d) if motion.floating else motion.q[start] + d
+    )
 
 
 def _quintic(h: Array, step: Array, v0: Array, v1: Array, a0: Array, a1: Array) -> list[Array]:

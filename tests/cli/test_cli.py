@@ -12,7 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
+from typer.testing import CliRunner
 
+from excite.cli.main import _run, app
 from excite.logs.vocabulary import EFFECTS
 
 COMMANDS = "robots effects init-robot plan check rank export simulate identify campaign report demo".split()
@@ -44,9 +46,9 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help_and_the_common_options(command: str, tmp_path: Path) -> None:
-    done = excite(command, "--help", cwd=tmp_path)
-    assert done.returncode == 0
+def test_every_command_has_help_and_the_common_options(command: str) -> None:
+    done = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"})
+    assert done.exit_code == 0
     for option in ("--json", "--seed", "--jobs", "--out"):
         assert option in done.stdout
 
@@ -115,7 +117,9 @@ def test_an_unsafe_motion_ends_with_1_and_says_where(planned: Path, tmp_path: Pa
     assert ("joint_position", "elbow_joint") in {(item["kind"], item["where"]) for item in violations}
 
 
-def test_bad_input_is_one_line_and_4(planned: Path, tmp_path: Path) -> None:
+def test_bad_input_is_one_line_and_4(
+    planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     source = next((planned / "plan" / "motions").glob("*.parquet"))
     table = parquet.read_table(source)
     columns = {name: table[name].to_numpy().copy() for name in table.column_names}
@@ -141,12 +145,14 @@ def test_bad_input_is_one_line_and_4(planned: Path, tmp_path: Path) -> None:
         ("report", "no_such_folder"),
         ("init-robot", "missing.urdf"),
     ]
+    monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.iterdir())
     for case in cases:
-        done = excite(*case, "--out", "out", cwd=tmp_path)
-        assert done.returncode == 4, (case, done.returncode, done.stderr[-500:])
-        assert done.stdout == "" and done.stderr.count("\n") == 1, (case, done.stderr)
-        assert done.stderr.startswith("excite: ")
+        code = _run([*map(str, case), "--out", "out"])
+        said = capfd.readouterr()
+        assert code == 4, (case, code, said.err[-500:])
+        assert said.out == "" and said.err.count("\n") == 1, (case, said.err)
+        assert said.err.startswith("excite: ")
     assert sorted(tmp_path.iterdir()) == before, "something half-written was left behind"
 
 

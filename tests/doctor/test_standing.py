@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from excite.logs.log import Log
 from excite.motion.collection import load_motions
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
-from tests.doctor.standing_illnesses import STANDING_ILLNESSES, force_unit
+from tests.doctor.standing_illnesses import STANDING_ILLNESSES
 
 MOTIONS = Path(__file__).resolve().parents[2] / "motion_library" / "g1" / "motions"
 # Turned wrenches of an exchanged foot are two mistakes, and both are said.
@@ -33,6 +35,12 @@ def log(g1: Robot) -> Log:
     return excite.simulate(g1, load_motions(MOTIONS, g1), seed=5).log
 
 
+@pytest.fixture(scope="module")
+def examined(g1: Robot, log: Log) -> Callable[[str, int], Chart]:
+    """What is found in the log made ill; several tests read of one illness."""
+    return lru_cache(lambda name, strength: examine(g1, STANDING_ILLNESSES[name].change(log, strength)))
+
+
 def spoiling(chart: Chart) -> set[str]:
     return {item.kind for item in chart.findings if item.severity in {"fatal", "spoils"}}
 
@@ -43,16 +51,18 @@ def test_a_healthy_log_raises_no_alarm(g1: Robot, log: Log) -> None:
 
 @pytest.mark.parametrize("strength", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", STANDING_ILLNESSES)
-def test_an_illness_is_named(g1: Robot, log: Log, name: str, strength: int) -> None:
+def test_an_illness_is_named(examined: Callable[[str, int], Chart], name: str, strength: int) -> None:
     illness = STANDING_ILLNESSES[name]
-    found = spoiling(examine(g1, illness.change(log, strength)))
+    found = spoiling(examined(name, strength))
     assert illness.kind in found
     assert found <= COMPANY.get(name, {illness.kind})
 
 
 @pytest.mark.parametrize("name", ["axes exchanged", "force unit", "base quaternion"])
-def test_what_is_mended_is_the_healthy_log(g1: Robot, log: Log, name: str) -> None:
-    mended = examine(g1, STANDING_ILLNESSES[name].change(log, 1)).log
+def test_what_is_mended_is_the_healthy_log(
+    examined: Callable[[str, int], Chart], log: Log, name: str
+) -> None:
+    mended = examined(name, 1).log
     for was, now in zip(log.trials, mended.trials, strict=True):
         assert was.base is not None and now.base is not None
         np.testing.assert_allclose(now.base, was.base, atol=1e-9)
@@ -75,5 +85,5 @@ def test_a_weight_in_no_unit_is_said_and_left(g1: Robot, log: Log) -> None:
     np.testing.assert_allclose(chart.log.trials[0].wrenches[sensor], heavy.trials[0].wrenches[sensor])
 
 
-def test_a_known_unit_leaves_no_doubt(g1: Robot, log: Log) -> None:
-    assert examine(g1, force_unit(log, 0)).doubts == frozenset()
+def test_a_known_unit_leaves_no_doubt(examined: Callable[[str, int], Chart]) -> None:
+    assert examined("force unit", 0).doubts == frozenset()

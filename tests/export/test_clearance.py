@@ -20,6 +20,8 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.safety.check import check_file, check_motion
 
+pytestmark = pytest.mark.usefixtures("judged_once")
+
 
 @pytest.fixture(scope="module")
 def arm() -> Robot:

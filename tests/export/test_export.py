@@ -24,6 +24,8 @@ from tests.export.person import drawn_body, person_robot, standing_still
 from tests.export.test_clearance import runs
 from tests.safety.motions import smooth, standing_motion
 
+pytestmark = pytest.mark.usefixtures("judged_once")
+
 
 @pytest.fixture(scope="module")
 def motion(g1: Robot) -> Motion:

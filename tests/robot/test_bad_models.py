@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import excite.robot.shapes.mesh_files
 from excite.errors import ExciteError, RobotError
-from excite.export.models.mjcf_bodies import compiled
+from excite.export.models.mjcf_compiled import compiled
 from excite.export.models.mjcf_template import read_mjcf
 from excite.robot.catalogue import example_robot_data
 from excite.robot.mjcf.conversion import convert_mjcf

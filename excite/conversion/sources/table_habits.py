@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from dataclasses import dataclass
 
 from excite.conversion.columns.unit_words import UNITS
@@ -171,8 +172,12 @@ def _is_unit(cell: str) -> bool:
 
 def _unique(names: list[str]) -> list[str]:
     found: list[str] = []
+    # How many of those found have a name, or begin with it and a tilde: some files have ten thousands of columns.
+    taken: Counter[str] = Counter()
     for name in names:
         name = name or f"column{len(found) + 1}"
-        again = 1 + sum(other == name or other.startswith(f"{name}~") for other in found)
-        found.append(name if again == 1 else f"{name}~{again}")
+        again = 1 + taken[name]
+        name = name if again == 1 else f"{name}~{again}"
+        found.append(name)
+        taken.update([name, *(name[: mark.start()] for mark in re.finditer("~", name))])
     return found

@@ -13,7 +13,8 @@ from excite.arrays import Array
 from excite.atomic import atomic_path
 from excite.errors import NoSolutionError
 from excite.export.models.bodies import changed_segments
-from excite.export.models.mjcf_bodies import compiled, difference, segment_bodies
+from excite.export.models.mjcf_bodies import difference, segment_bodies
+from excite.export.models.mjcf_compiled import compiled
 from excite.export.models.mjcf_template import read_template, template_names
 from excite.export.models.parameters import Found
 from excite.export.models.urdf import TOLERANCE

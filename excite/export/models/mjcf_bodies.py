@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,8 +15,6 @@ from excite.export.models.bodies import Member, moved_pseudo
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
 from excite.export.models.verification import random_states
 from excite.identification.inertia import pseudo_inertia_matrices
-from excite.reading.child import in_child
-from excite.robot.mjcf.conversion import COMPILE_MEMORY_GB, COMPILE_SECONDS
 from excite.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -25,52 +22,6 @@ if TYPE_CHECKING:
 
 # How far apart frames of one body may lie in the file and in the robot from one posture to another [m, rad].
 _SAME_FRAME = 1e-4
-
-
-def compiled(content: bytes, template: Path | None) -> mujoco.MjModel:
-    """Compile a text as if it stood where ``template`` stands: somebody else's, in a process of its own."""
-    if template is None:
-        return compile_text(content, None)
-    folder = template.resolve().parent
-    return in_child(
-        "excite.export.models.mjcf_bodies:compile_text",
-        content,
-        folder,
-        template,
-        source=template,
-        seconds=COMPILE_SECONDS,
-        memory_gb=COMPILE_MEMORY_GB,
-    )
-
-
-def compile_text(content: bytes, folder: Path | None, source: object = "written model") -> mujoco.MjModel:
-    """Compile a text in this process; paths in it are relative to ``folder``."""
-    import mujoco
-
-    try:
-        spec = mujoco.MjSpec.from_string(content.decode("utf-8"))
-        if folder is not None:
-            # MuJoCo writes warnings to a file in the current folder.
-            mujoco.set_mju_user_warning(lambda _: None)
-            _drop_missing_files(spec, folder)
-        return spec.compile()
-    except (ValueError, OSError, RuntimeError) as error:
-        raise InputError(
-            f"MuJoCo refuses it ({' '.join(str(error).split())})",
-            source=source,
-            remedy="check that it loads in MuJoCo's viewer, with its meshes beside it",
-        ) from error
-
-
-def _drop_missing_files(spec: mujoco.MjSpec, folder: Path) -> None:
-    """Make paths absolute, and leave out shapes whose files are not there: inertials are what counts here."""
-    meshes = folder / spec.meshdir
-    spec.meshdir, spec.texturedir = str(meshes), str(folder / spec.texturedir)
-    missing = {mesh.name for mesh in spec.meshes if mesh.file and not (meshes / mesh.file).is_file()}
-    for geom in [geom for geom in spec.geoms if geom.meshname in missing]:
-        spec.delete(geom)
-    for mesh in [mesh for mesh in spec.meshes if mesh.name in missing]:
-        spec.delete(mesh)
 
 
 @dataclass(frozen=True, eq=False)

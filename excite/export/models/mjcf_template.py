@@ -12,7 +12,8 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.export.models.bodies import Member, changed_segments, split_segment
-from excite.export.models.mjcf_bodies import compiled, difference, segment_bodies
+from excite.export.models.mjcf_bodies import difference, segment_bodies
+from excite.export.models.mjcf_compiled import compiled
 from excite.export.models.mujoco_places import MujocoNames, robot_names
 from excite.export.models.parameters import Found
 from excite.export.models.verification import held_joints

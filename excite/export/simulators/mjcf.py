@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.export.models.mjcf import exact_text, identified_drives
-from excite.export.models.mjcf_bodies import compile_text, compiled
+from excite.export.models.mjcf_compiled import compile_text, compiled
 from excite.export.models.mjcf_template import template_names
 from excite.export.models.mujoco_places import MujocoNames, mujoco_places
 from excite.export.models.verification import States, mujoco_torques
