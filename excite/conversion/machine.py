@@ -62,7 +62,7 @@ def load_machine(name_or_path: str | Path) -> Machine:
     gravity = np.asarray(robot.model.gravity.linear, dtype=float)
     return Machine(
         name=robot.name,
-        joints=robot.joint_names,
+        joints=robot.driven_names,
         lower=np.asarray(robot.limits.position_lower, dtype=float),
         upper=np.asarray(robot.limits.position_upper, dtype=float),
         torque=np.asarray(robot.limits.torque, dtype=float),

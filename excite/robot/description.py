@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
 from excite.reading.yaml_document import read_yaml
+from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock
 from excite.robot.per_joint import (
     Accelerations,
     Block,
@@ -166,6 +167,8 @@ class RobotDescription(Block):
     model: ModelFile
     base: Base
     locked_joints: dict[str, JointValue] = Field(default_factory=dict)
+    loops: tuple[LoopBlock, ...] = ()
+    couplings: tuple[CouplingBlock, ...] = ()
     posture: PostureBlock
     limits: LimitsBlock
     feet: tuple[FootBlock, ...] = ()
@@ -181,6 +184,7 @@ class RobotDescription(Block):
     def _consistent(self) -> RobotDescription:
         _once([foot.name for foot in self.feet], "feet")
         _once([sensor.name for sensor in self.sensors.wrench], "sensors.wrench")
+        _once([block.name for block in (*self.loops, *self.couplings)], "loops and couplings")
         feet = {foot.name for foot in self.feet}
         for sensor in self.sensors.wrench:
             if sensor.foot not in feet:

@@ -122,8 +122,13 @@ def run_experiment(
         for trial, start in zip(trials, starts, strict=False)
     )
     dated = tuple(_dated(trial, header) for trial, header in zip(trials, headers, strict=True))
-    log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=virtual.robot.urdf)
+    log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=_model_text(virtual.robot))
     return SimulatedRuns(log, tuple(replays))
+
+
+def _model_text(robot: Robot) -> str:
+    """The nominal model that a log brings along: a URDF, which says nothing of loops, or the whole description."""
+    return robot.urdf if robot.mechanism is None else portable_description(robot)
 
 
 def _dated(trial: Trial, header: TrialHeader) -> Trial:
