@@ -61,10 +61,11 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     fingerprint = _fingerprint(description, model_path, root)
     model = _build_model(root, description, model_path)
     joint_names = tuple(list(model.names)[2 if description.base in FREE_BASES else 1 :])
-    check_joints(description, joint_names, path)
+    couplings = (*description.couplings, *followers(root, model_path))
+    passive = {name for block in (*description.loops, *couplings) for name in block.passive}
+    check_joints(description, joint_names, path, frozenset(passive))
     segments = read_segments(model, description, path)
     upright = _upright(model, description, joint_names)
-    couplings = (*description.couplings, *followers(root, model_path))
     carrying = [link_placement(model, foot.link, path, "feet")[0] for foot in description.feet]
     mechanism = read_mechanism(model, description.loops, couplings, upright, carrying, path)
     if mechanism is not None:

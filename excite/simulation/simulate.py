@@ -14,6 +14,8 @@ from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.robot.loading import portable_description
+from excite.robot.robot import Robot
 from excite.simulation.replay import Replay, watched_run
 from excite.simulation.sensing import log_header, sense
 from excite.simulation.virtual_robot import VirtualRobot

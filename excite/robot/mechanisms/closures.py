@@ -213,6 +213,6 @@ def end_velocity(data: pin.Data, joint: int, placement: pin.SE3) -> Array:
 def end_acceleration(data: pin.Data, joint: int, placement: pin.SE3) -> Array:
     """Acceleration of a frame's origin and its angular acceleration, world axes, ``(6,)``."""
     velocity, acceleration = placement.actInv(data.v[joint]), placement.actInv(data.a[joint])
-    linear = acceleration.linear + np.cross(velocity.angular, velocity.linear)
+    linear = acceleration.linear + pin.skew(velocity.angular) @ velocity.linear
     turned = data.oMi[joint].rotation @ placement.rotation
     return np.concatenate([turned @ linear, turned @ acceleration.angular])

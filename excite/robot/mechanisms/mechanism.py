@@ -85,9 +85,18 @@ class Mechanism:
         Raises:
             MotionError: a loop cannot be closed, or its joints do not follow from the motors.
         """
-        q = self.closed(q)
-        v = self.velocities(q, v)
-        return q, v, self.accelerations(q, v, a)
+        data, still, driven = self.model.createData(), np.zeros(self.model.nv), self.driven
+        q, v, a = (np.array(values, dtype=float) for values in (q, v, a))
+        columns, before = self._coordinates, self.rest
+        for i in range(len(q)):
+            before = q[i] = self._reached(data, before, q[i], columns, i)
+            # Closing has left the joints' Jacobians in the data.
+            jacobian = self._jacobian(q[i], data)
+            inverse = self._inverse(jacobian, i)
+            v[i, self.passive] = -inverse @ (jacobian[:, driven] @ v[i, driven])
+            pin.forwardKinematics(self.model, data, q[i], v[i], still)
+            a[i, self.passive] = -inverse @ (jacobian[:, driven] @ a[i, driven] + self._drift(q[i], v[i], data))
+        return q, v, a
 
     def velocities(self, q: Array, v: Array) -> Array:
         """Velocities ``(n, nv)`` of which the passive ones follow from the others, at closed ``q`` ``(n, nq)``."""
@@ -99,7 +108,7 @@ class Mechanism:
         out, driven = np.array(a, dtype=float), self.driven
         for i in range(len(q)):
             pin.forwardKinematics(self.model, data, q[i], v[i], still)
-            drift = np.concatenate([closure.drift(q[i], v[i], data) for closure in self.closures])
+            drift = self._drift(q[i], v[i], data)
             pin.computeJointJacobians(self.model, data, q[i])
             jacobian = self._jacobian(q[i], data)
             out[i, self.passive] = -self._inverse(jacobian, i) @ (jacobian[:, driven] @ a[i, driven] + drift)
@@ -241,6 +250,9 @@ class Mechanism:
 
     def _gap(self, q: Array, data: pin.Data) -> Array:
         return np.concatenate([closure.gap(q, data) for closure in self.closures])
+
+    def _drift(self, q: Array, v: Array, data: pin.Data) -> Array:
+        return np.concatenate([closure.drift(q, v, data) for closure in self.closures])
 
     def _jacobian(self, q: Array, data: pin.Data) -> Array:
         return np.vstack([closure.jacobian(self.model, q, data) for closure in self.closures])

@@ -173,7 +173,7 @@ def _driven(model: mujoco.MjModel) -> set[int]:
     driven: set[int] = set()
     for actuator in range(model.nu):
         target = int(model.actuator_trnid[actuator, 0])
-        kind = model.actuator_trntype[actuator]
+        kind = mujoco.mjtTrn(int(model.actuator_trntype[actuator]))
         if kind == mujoco.mjtTrn.mjTRN_TENDON:
             joints = [joint for joint, _ in tendon_joints(model, target)]
             driven |= set([joint for joint in joints if joint not in followers][:1])

@@ -172,6 +172,10 @@ def draft(
         },
         "assumed": [one.model_dump() for one in (*assumed, *more, *noise)],
     }
+    follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
+    for block in (*limits.values(), sensors.get("noise_torque"), *content["controller"].values()):
+        if isinstance(block, dict) and "joints" in block:
+            block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
     return content
 
 
