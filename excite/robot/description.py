@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from excite.errors import RobotError
 from excite.reading.yaml_document import read_yaml
 from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock
+from excite.robot.mechanisms.transmissions import TransmissionBlock
 from excite.robot.per_joint import (
     Accelerations,
     Block,
@@ -169,6 +170,7 @@ class RobotDescription(Block):
     locked_joints: dict[str, JointValue] = Field(default_factory=dict)
     loops: tuple[LoopBlock, ...] = ()
     couplings: tuple[CouplingBlock, ...] = ()
+    transmissions: tuple[TransmissionBlock, ...] = ()
     posture: PostureBlock
     limits: LimitsBlock
     feet: tuple[FootBlock, ...] = ()
@@ -185,6 +187,7 @@ class RobotDescription(Block):
         _once([foot.name for foot in self.feet], "feet")
         _once([sensor.name for sensor in self.sensors.wrench], "sensors.wrench")
         _once([block.name for block in (*self.loops, *self.couplings)], "loops and couplings")
+        _once([block.name for block in self.transmissions], "transmissions")
         feet = {foot.name for foot in self.feet}
         for sensor in self.sensors.wrench:
             if sensor.foot not in feet:

@@ -18,9 +18,10 @@ from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
+from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
 from excite.robot.mechanisms.drives import without_motors
 from excite.robot.mechanisms.reading import followers, read_mechanism
-from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
+from excite.robot.mechanisms.transmissions import add_motors, closures_of
 from excite.robot.robot import Foot, Robot
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import Stated, read_urdf
@@ -59,15 +60,20 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     urdf = read_urdf(model_path, _stated(description))
     root = ElementTree.fromstring(urdf)
     fingerprint = _fingerprint(description, model_path, root)
+    if description.transmissions:
+        add_motors(root, description.transmissions, path)
+        urdf = ElementTree.tostring(root, encoding="unicode")
     model = _build_model(root, description, model_path)
     joint_names = tuple(list(model.names)[2 if description.base in FREE_BASES else 1 :])
-    couplings = (*description.couplings, *followers(root, model_path))
-    passive = {name for block in (*description.loops, *couplings) for name in block.passive}
+    rods, gears = closures_of(description.transmissions)
+    loops = (*description.loops, *rods)
+    couplings = (*description.couplings, *followers(root, model_path), *gears)
+    passive = {name for block in (*loops, *couplings) for name in block.passive}
     check_joints(description, joint_names, path, frozenset(passive))
     segments = read_segments(model, description, path)
     upright = _upright(model, description, joint_names)
     carrying = [link_placement(model, foot.link, path, "feet")[0] for foot in description.feet]
-    mechanism = read_mechanism(model, description.loops, couplings, upright, carrying, path)
+    mechanism = read_mechanism(model, loops, couplings, upright, carrying, path)
     if mechanism is not None:
         upright = mechanism.rest
         description = without_motors(description, joint_names, mechanism, model)

@@ -120,8 +120,9 @@ class Robot:
 
     Configurations follow pinocchio: ``q`` is ``[base x y z qx qy qz qw, joints…]`` for a floating base
     and ``[joints…]`` for a fixed one; ``v`` and ``a`` start with the base's twist and its derivative
-    (linear, angular; in the base frame). The joints stand in the order of ``joint_names``, one
-    coordinate each; those without a motor (``passive``) follow from the others. Inertial parameters ``phi`` are ten per segment in pinocchio's order
+    (linear, angular; in the base frame). The joints stand in the order of ``joint_names``, one coordinate each;
+    those without a motor (``passive``) follow from the others. Inertial parameters ``phi`` are ten per segment in
+    pinocchio's order
     ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``, about the joint frame's origin.
 
     Attributes:
@@ -174,7 +175,7 @@ class Robot:
 
     @cached_property
     def closing(self) -> Mechanism | None:
-        """The mechanism by which a motion's planning closes it: of legs, cranks and rods follow from what the foot does.
+        """The mechanism by which planning closes it: of legs, cranks and rods follow from what the foot does.
 
         Where the loops of legs have as many other joints as they determine, these move in place of the passive ones.
         """
@@ -186,7 +187,9 @@ class Robot:
     @property
     def driven_names(self) -> tuple[str, ...]:
         """Joints with a motor, in model order: those that are commanded and logged."""
-        return tuple(name for name, follows in zip(self.joint_names, self.passive, strict=True) if not follows)
+        return tuple(
+            name for name, follows in zip(self.joint_names, self.passive, strict=True) if not follows
+        )
 
     @property
     def n_base_q(self) -> int:

@@ -48,7 +48,8 @@ class CouplingBlock(Block):
 
     name: Name
     joints: Annotated[
-        dict[str, Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=4)]], Field(min_length=2)
+        dict[str, Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=4)]],
+        Field(min_length=2),
     ]
     offset: JointValue = 0.0
     passive: tuple[Name, ...] = ()

@@ -123,9 +123,7 @@ class Rod(Closure):
 
     def jacobian(self, model: pin.Model, q: Array, data: pin.Data) -> Array:
         """Along the rod."""
-        ends = [
-            end_jacobian(model, data, *end)[:3] for end in zip(self.joints, self.placements, strict=True)
-        ]
+        ends = [end_jacobian(model, data, *end)[:3] for end in zip(self.joints, self.placements, strict=True)]
         return np.asarray(self._across(data) @ (ends[1] - ends[0]) / self.length)[None]
 
     def drift(self, q: Array, v: Array, data: pin.Data) -> Array:
@@ -136,7 +134,9 @@ class Rod(Closure):
         return np.array([(speed @ speed + self._across(data) @ rate) / self.length])
 
     def _across(self, data: pin.Data) -> Array:
-        first, second = (data.oMi[j].act(m.translation) for j, m in zip(self.joints, self.placements, strict=True))
+        first, second = (
+            data.oMi[j].act(m.translation) for j, m in zip(self.joints, self.placements, strict=True)
+        )
         return np.asarray(second - first)
 
 

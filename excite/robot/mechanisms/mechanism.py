@@ -95,7 +95,9 @@ class Mechanism:
             inverse = self._inverse(jacobian, i)
             v[i, self.passive] = -inverse @ (jacobian[:, driven] @ v[i, driven])
             pin.forwardKinematics(self.model, data, q[i], v[i], still)
-            a[i, self.passive] = -inverse @ (jacobian[:, driven] @ a[i, driven] + self._drift(q[i], v[i], data))
+            a[i, self.passive] = -inverse @ (
+                jacobian[:, driven] @ a[i, driven] + self._drift(q[i], v[i], data)
+            )
         return q, v, a
 
     def velocities(self, q: Array, v: Array) -> Array:

@@ -136,7 +136,11 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     for joint, value in closures.still.items():
         model.jnt_limited[joint] = 1
         model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
-    loose = tendon_driven(model) - set().union(*closures.passive.values(), set()) - set().union(*closures.held.values(), set())
+    loose = (
+        tendon_driven(model)
+        - set().union(*closures.passive.values(), set())
+        - set().union(*closures.held.values(), set())
+    )
     # What one motor drives through a tendon is one freedom where equalities tie it together.
     many = {j for group in tendon_groups(model) for j in group & loose if len(group & loose) > 1}
     _hold(model, many, "joints that one motor drives together through a tendon", notes)
@@ -234,4 +238,3 @@ def _hold(model: mujoco.MjModel, joints: set[int], which: str, notes: list[str])
         model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
     names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in held[:6])
     notes.append(f"{which} are held still ({names}{', …' if len(held) > 6 else ''})")
-

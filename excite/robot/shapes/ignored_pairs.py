@@ -66,7 +66,9 @@ def review_pairs(
     search = search or PairSearch(robot)
     margin = robot.description.collision.margin
     near = search.distances(robot.rest if rest is None else search.posture(rest))
-    random = np.array([search.distances(q) for q in search.drawn(rng, n_random)]).reshape(n_random, len(search.pairs))
+    random = np.array([search.distances(q) for q in search.drawn(rng, n_random)]).reshape(
+        n_random, len(search.pairs)
+    )
     at_rest: list[tuple[str, str]] = []
     always: list[tuple[str, str]] = []
     never: list[tuple[str, str]] = []

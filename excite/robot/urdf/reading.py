@@ -47,7 +47,8 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
     """Read a URDF, check it, and rewrite it so that every reader understands it alike.
 
     Mesh paths become absolute where the file is found; locked joints, and mimic joints that follow a
-    locked one, become fixed at their value (other mimic joints keep their ``mimic`` element); continuous joints become revolute within the limits that
+    locked one, become fixed at their value (other mimic joints keep their ``mimic`` element);
+    continuous joints become revolute within the limits that
     ``stated`` gives, so that each joint has one coordinate.
 
     Args:

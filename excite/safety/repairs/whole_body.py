@@ -47,7 +47,8 @@ class WholeBody(Repair):
         return Balancer(self.robot) if self.robot.feet else None
 
     def repair(self, draft: Draft) -> Draft | Rejection:
-        """A draft with a path; or ``unreachable``, ``mechanism``, ``joint_position``, ``self_collision``, ``foot_ground``."""
+        """A draft with a path; or ``unreachable``, ``mechanism``, ``joint_position``, ``self_collision`` or
+        ``foot_ground``."""
         outcome = self._attempt(draft)
         for smaller in shrunk(draft.candidate):
             if isinstance(outcome, Draft):

@@ -10,9 +10,9 @@ import pinocchio as pin
 import pytest
 
 from excite.errors import MotionError
-from excite.robot.mechanisms.mechanism import Mechanism, mechanism
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
 from excite.robot.mechanisms.closures import Loop
+from excite.robot.mechanisms.mechanism import Mechanism, mechanism
 
 # A crank, a coupler and a rocker whose end meets the ground again: three hinges, one of them driven.
 FOUR_BAR = """<mujoco model="four_bar"><compiler angle="radian"/><worldbody><body name="base">
@@ -173,6 +173,8 @@ def test_what_no_loop_determines_is_named() -> None:
 
 def test_a_loop_out_of_reach_is_named() -> None:
     closed = _mechanism(_compiled(FOUR_BAR))
-    far = Loop("far", closed.closures[0].joints, (closed.closures[0].placements[0], pin.SE3(np.eye(3), np.ones(3))))
+    far = Loop(
+        "far", closed.closures[0].joints, (closed.closures[0].placements[0], pin.SE3(np.eye(3), np.ones(3)))
+    )
     with pytest.raises(MotionError, match=r"loops\.far"):
         replace(closed, closures=(far,)).closed(np.zeros((1, 3)))

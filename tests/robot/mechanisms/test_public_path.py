@@ -1,4 +1,4 @@
-"""Mechanisms as people bring them: an MJCF or URDF in, motions, logs and parameters out, against MuJoCo's constraints."""
+"""Mechanisms as people bring them: a model in, motions, logs and parameters out, against MuJoCo's constraints."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from excite.safety.filter import filter_candidate
 from excite.simulation.simulate import run_experiment
 from excite.simulation.virtual_robot import changed_robot
 from tests.robot.mechanisms.test_closed_loops import ANKLE, FOUR_BAR, _compiled, _simulated
-from tests.robot.small import ELBOW_LIMIT, spoiled
+from tests.robot.small import ARM, ELBOW_LIMIT, spoiled
 
 # The four-bar with shapes, a crank that turns half a turn, and motors' limits.
 _SHAPES = {
-    'name="crank" axis="0 1 0"/>': '<geom type="box" size=".01 .01 .03" pos="0 0 .05" mass="0"/>',
-    'name="coupler" axis="0 1 0"/>': '<geom type="box" size=".1 .01 .01" pos=".125 0 .02" mass="0"/>',
-    'name="rocker" axis="0 1 0"/>': '<geom type="box" size=".01 .01 .05" pos="0 0 -.06" mass="0"/>',
+    "crank": '<geom type="box" size=".01 .01 .03" pos="0 0 .05" mass="0"/>',
+    "coupler": '<geom type="box" size=".1 .01 .01" pos=".125 0 .02" mass="0"/>',
+    "rocker": '<geom type="box" size=".01 .01 .05" pos="0 0 -.06" mass="0"/>',
 }
 
 
@@ -38,9 +38,7 @@ def shaped_four_bar() -> str:
     text = FOUR_BAR.replace('<motor joint="crank"/>', '<motor joint="crank" ctrlrange="-9 9"/>')
     text = text.replace('name="crank" axis="0 1 0"/>', 'name="crank" axis="0 1 0" range="-0.6 0.6"/>', 1)
     for joint, geom in _SHAPES.items():
-        text = text.replace(joint.replace('"0 1 0"/>', '"0 1 0"'), joint.replace('"0 1 0"/>', '"0 1 0"'))
-        place = text.index(joint.split(" ")[0])
-        end = text.index("/>", place) + 2
+        end = text.index("/>", text.index(f'<joint name="{joint}"')) + 2
         text = text[:end] + geom + text[end:]
     return text
 
@@ -128,9 +126,11 @@ def test_a_mimic_joint_moves_with_its_master(tmp_path: Path) -> None:
         values[:, 1] = -0.5 * values[:, 0]
     q[:, 1] += 0.1
     assert robot.mechanism is not None
-    for mine, wanted in zip(robot.mechanism.completed(q * [1, 0], v * [1, 0], a * [1, 0]), (q, v, a), strict=True):
+    for mine, wanted in zip(
+        robot.mechanism.completed(q * [1, 0], v * [1, 0], a * [1, 0]), (q, v, a), strict=True
+    ):
         np.testing.assert_allclose(mine, wanted, atol=1e-9)
-    model = mujoco.MjModel.from_xml_string(spoiled('<joint name="mount" type="fixed">', '<joint name="mount" type="fixed">'))
+    model = mujoco.MjModel.from_xml_string(ARM)
     data, tau = mujoco.MjData(model), np.zeros((20, 2))
     for i in range(20):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[i], v[i], a[i]
@@ -145,14 +145,16 @@ def test_a_mimic_joint_moves_with_its_master(tmp_path: Path) -> None:
 def test_mimic_faults_name_the_joint(tmp_path: Path) -> None:
     text = spoiled(ELBOW_LIMIT, ELBOW_LIMIT + MIMIC)
     file = write_scaffold(_written(text, tmp_path), tmp_path / "robot").description
-    (tmp_path / "model.urdf").write_text(text.replace('joint="shoulder" multiplier', 'joint="gone" multiplier'))
+    (tmp_path / "model.urdf").write_text(
+        text.replace('joint="shoulder" multiplier', 'joint="gone" multiplier')
+    )
     with pytest.raises(RobotError, match=r"joint 'elbow'/mimic: follows joint 'gone', which is not there"):
         load_described(file)
 
 
 def test_passive_joints_that_no_loop_determines_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "model.urdf"
-    file.write_text(spoiled("", "") if False else spoiled(ELBOW_LIMIT, ELBOW_LIMIT))
+    file.write_text(ARM, encoding="utf-8")
     description = write_scaffold(file, tmp_path / "robot").description
     content = yaml.safe_load(description.read_text())
     loop = {
