@@ -11,7 +11,7 @@ import pinocchio as pin
 from excite.errors import LogError, RobotError
 from excite.logs.bare_urdf import bare_description
 from excite.logs.header import header_path, read_header
-from excite.logs.header_blocks import SensorHeader
+from excite.logs.header_blocks import FootHeader, SensorHeader
 from excite.logs.log import Log, LogHeader
 from excite.robot.catalogue import bundled_robots
 from excite.robot.links import link_placement
@@ -191,6 +191,14 @@ def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSe
         excludes_links=header.excludes,
         noise_force=header.noise_force or 0.0,
         noise_moment=header.noise_moment or 0.0,
+    )
+
+
+def foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
+    """The robot's feet as ``log.yaml`` has them."""
+    blocks = {block.name: block for block in robot.description.feet}
+    return tuple(
+        FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole, radius=f.radius) for f in robot.feet
     )
 
 

@@ -7,9 +7,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.logs.header_blocks import FootHeader, ImuHeader, TrialHeader
+from excite.logs.header_blocks import ImuHeader, TrialHeader
 from excite.logs.log import LogHeader, Trial
-from excite.logs.robot import sensor_headers
+from excite.logs.robot import foot_headers, sensor_headers
 from excite.motion.motion import Motion
 from excite.robot.joint_values import per_joint
 from excite.robot.links import link_placement
@@ -131,17 +131,10 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
         base_link=robot.base_link if robot.floating else None,
         wrench="on_robot_in_sensor_frame" if robot.sensors else None,
         sensors=sensor_headers(robot) if robot.sensors else (),
-        feet=() if robot.measures_contacts else _foot_headers(robot),
+        feet=() if robot.measures_contacts else foot_headers(robot),
         imu=_imu_header(robot),
         modelled=tuple(modelled),
         trials=trials,
-    )
-
-
-def _foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
-    blocks = {block.name: block for block in robot.description.feet}
-    return tuple(
-        FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole, radius=f.radius) for f in robot.feet
     )
 
 
