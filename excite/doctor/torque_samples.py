@@ -209,7 +209,9 @@ class TorqueSamples:
 
 
 def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
-    """Samples at which some joint moves, thinned out; None where no trial can be used."""
+    """Samples at which some joint moves, thinned out; None where no trial can be used, and of mechanisms."""
+    if robot.mechanism is not None:
+        return None
     robot, settings = robot_in_log(robot, log.header, log.folder), ProblemSettings()
     filters = settings.filters(floating=False)
     filters = replace(filters, kinematics_cutoff_hz=filters.cutoff_hz)
@@ -239,9 +241,7 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
         joints,
         np.array([robot.n_base_v + robot.joint_index(name) for name in joints]),
         np.array([joints.index(name) for name in log.header.torque_joints]),
-        q[some],
-        v[some],
-        a[some],
+        *(values[some] for values in (q, v, a)),
         np.concatenate(torques),
         rows[some],
         ends[some, 0],

@@ -19,6 +19,7 @@ from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import FREE_BASES, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
+from excite.robot.mechanisms.blocks import TieBlock
 from excite.robot.mechanisms.drives import without_motors
 from excite.robot.mechanisms.reading import followers, read_mechanism
 from excite.robot.mechanisms.transmissions import add_motors, closures_of
@@ -68,7 +69,8 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     rods, gears = closures_of(description.transmissions)
     loops = (*description.loops, *rods)
     couplings = (*description.couplings, *followers(root, model_path), *gears)
-    passive = {name for block in (*loops, *couplings) for name in block.passive}
+    ties: tuple[TieBlock, ...] = (*loops, *couplings)
+    passive = {name for block in ties for name in block.passive}
     check_joints(description, joint_names, path, frozenset(passive))
     segments = read_segments(model, description, path)
     upright = _upright(model, description, joint_names)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.robot.description import FREE_BASES, RobotDescription
-from excite.robot.mechanisms.mechanism import Mechanism, limb_columns
+from excite.robot.mechanisms.building import limb_columns
+from excite.robot.mechanisms.mechanism import Mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,28 +169,20 @@ class Robot:
     @cached_property
     def passive(self) -> NDArray[np.bool_]:
         """Which joints no motor drives, ``(n_joints,)``; they follow from the others."""
-        flags = np.zeros(self.n_joints, dtype=bool)
-        if self.mechanism is not None:
-            flags[self.mechanism.passive - self.n_base_v] = True
-        return flags
+        columns = () if self.mechanism is None else self.mechanism.passive - self.n_base_v
+        return np.isin(np.arange(self.n_joints), columns)
 
     @cached_property
     def closing(self) -> Mechanism | None:
-        """The mechanism by which planning closes it: of legs, cranks and rods follow from what the foot does.
-
-        Where the loops of legs have as many other joints as they determine, these move in place of the passive ones.
-        """
+        """The mechanism by which planning closes it: cranks and rods of legs follow from the foot where they can."""
         if self.mechanism is None or not self.feet:
             return self.mechanism
-        legs = limb_columns(self.model, [foot.joint for foot in self.feet])
-        return self.mechanism.following_from(legs)
+        return self.mechanism.following_from(limb_columns(self.model, [foot.joint for foot in self.feet]))
 
     @property
     def driven_names(self) -> tuple[str, ...]:
         """Joints with a motor, in model order: those that are commanded and logged."""
-        return tuple(
-            name for name, follows in zip(self.joint_names, self.passive, strict=True) if not follows
-        )
+        return tuple(str(name) for name in np.array(self.joint_names)[~self.passive])
 
     @property
     def n_base_q(self) -> int:
@@ -243,18 +236,7 @@ class Robot:
         raise UnknownNameError("foot", name, [foot.name for foot in self.feet])
 
     def on_motors(self, q: Array, forces: Array) -> Array:
-        """Generalised forces of the tree of joints as motors and base have to exert them, at closed ``q`` ``(n, nq)``.
-
-        Args:
-            q: ``(n, nq)`` configurations.
-            forces: ``(n, nv)`` or ``(n, nv, k)``.
-
-        Returns:
-            The same shape: ``forces`` itself where every joint has a motor, else zero for those without one.
-
-        Raises:
-            MotionError: a mechanism is at a singular position.
-        """
+        """Forces of the tree ``(n, nv)`` or ``(n, nv, k)`` as motors and base exert them, at closed ``q``."""
         return forces if self.mechanism is None else self.mechanism.on_motors(q, forces)
 
     def parameter_columns(self, segment: int) -> slice:

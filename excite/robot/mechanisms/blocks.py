@@ -18,19 +18,23 @@ class LoopEnd(Block):
     rpy: Rotation3 = (0.0, 0.0, 0.0)
 
 
-class LoopBlock(Block):
+class TieBlock(Block):
+    """What ties joints together; ``passive`` names those of them that no motor drives and nobody logs."""
+
+    name: Name
+    passive: tuple[Name, ...] = ()
+    source: Source
+
+
+class LoopBlock(TieBlock):
     """Two links that meet beside their tree: in a point, as at a rod's ball, rigidly, or over a rod.
 
     A ``rod`` without mass holds two points at their distance in the model's zero posture, or at ``length``.
-    ``passive`` names joints of the loop that no motor drives and nobody logs; they follow from the others.
     """
 
-    name: Name
     kind: Literal["point", "weld", "rod"] = "point"
     ends: Annotated[tuple[LoopEnd, ...], Field(min_length=2, max_length=2)]
     length: Length | None = None
-    passive: tuple[Name, ...] = ()
-    source: Source
 
     @model_validator(mode="after")
     def _rod(self) -> LoopBlock:
@@ -39,21 +43,18 @@ class LoopBlock(Block):
         return self
 
 
-class CouplingBlock(Block):
+class CouplingBlock(TieBlock):
     """Joints that move together, as gears, belts and tendons make them: ``Σ p(q) = offset``.
 
     ``joints`` gives each joint's ``p``: a factor, or factors of q, q², q³ and q⁴. A URDF's ``<mimic>`` is such a
     coupling and need not be repeated.
     """
 
-    name: Name
     joints: Annotated[
         dict[str, Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=4)]],
         Field(min_length=2),
     ]
     offset: JointValue = 0.0
-    passive: tuple[Name, ...] = ()
-    source: Source
 
     @model_validator(mode="after")
     def _moves(self) -> CouplingBlock:

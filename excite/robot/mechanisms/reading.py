@@ -12,9 +12,10 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import MotionError, RobotError
 from excite.robot.links import link_placement
-from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock
+from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock, TieBlock
+from excite.robot.mechanisms.building import mechanism
 from excite.robot.mechanisms.closures import Closure, Coupling, Loop, Rod
-from excite.robot.mechanisms.mechanism import Mechanism, mechanism
+from excite.robot.mechanisms.mechanism import Mechanism
 from excite.robot.urdf.numbers import numbers
 
 
@@ -74,7 +75,7 @@ def read_mechanism(
         RobotError: a joint or link is not there, several blocks have one name, or the passive joints do not follow
             from the others.
     """
-    blocks = (*loops, *couplings)
+    blocks: tuple[TieBlock, ...] = (*loops, *couplings)
     if not blocks:
         return None
     closures: list[Closure] = [_loop(model, block, path) for block in loops]
@@ -101,7 +102,7 @@ def read_mechanism(
         ) from error
 
 
-def _field(block: LoopBlock | CouplingBlock) -> str:
+def _field(block: TieBlock) -> str:
     return f"{'loops' if isinstance(block, LoopBlock) else 'couplings'}.{block.name}"
 
 

@@ -130,13 +130,20 @@ def closures_of(
     for block in blocks:
         passive = block.joints
         for motor in block.motors:
-            said = {"name": f"{block.name}.{motor.name}", "passive": passive, "source": block.source}
+            name = f"{block.name}.{motor.name}"
             if motor.rod is not None and motor.crank is not None:
                 end = LoopEnd(link=crank_link(motor), xyz=motor.crank)
-                loops.append(LoopBlock(kind="rod", ends=(end, motor.rod), **said))
+                loops.append(
+                    LoopBlock(
+                        name=name, kind="rod", ends=(end, motor.rod), passive=passive, source=block.source
+                    )
+                )
             else:
                 ratios = {joint: -ratio for joint, ratio in motor.ratios.items()}
-                couplings.append(CouplingBlock(joints={motor.name: 1.0, **ratios}, **said))
+                joints = {motor.name: 1.0, **ratios}
+                couplings.append(
+                    CouplingBlock(name=name, joints=joints, passive=passive, source=block.source)
+                )
             passive = ()
     return tuple(loops), tuple(couplings)
 

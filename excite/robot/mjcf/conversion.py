@@ -15,7 +15,8 @@ from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
-from excite.robot.mjcf.closures import BlockWriter, mimics, read_closures
+from excite.robot.mjcf.closure_blocks import BlockWriter
+from excite.robot.mjcf.closures import mimics, read_closures
 from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven, tendon_groups
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.torques import torque_limits

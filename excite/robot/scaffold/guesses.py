@@ -118,7 +118,7 @@ def drawn_posture(robot: Robot, rng: np.random.Generator) -> Array:
     """A random configuration within the limits ``(nq,)``, the base at rest and a mechanism closed."""
     lower, upper = robot.limits.position_lower, robot.limits.position_upper
     if robot.mechanism is not None:
-        return robot.mechanism.drawn(rng, lower, upper, 1)[0]
+        return np.asarray(robot.mechanism.drawn(rng, lower, upper, 1)[0])
     q = robot.rest.copy()
     q[robot.n_base_q :] = rng.uniform(lower, upper)
     return np.asarray(q)

@@ -11,8 +11,9 @@ import pytest
 
 from excite.errors import MotionError
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
+from excite.robot.mechanisms.building import mechanism
 from excite.robot.mechanisms.closures import Loop
-from excite.robot.mechanisms.mechanism import Mechanism, mechanism
+from excite.robot.mechanisms.mechanism import Mechanism
 
 # A crank, a coupler and a rocker whose end meets the ground again: three hinges, one of them driven.
 FOUR_BAR = """<mujoco model="four_bar"><compiler angle="radian"/><worldbody><body name="base">
