@@ -210,14 +210,12 @@ class TorqueSamples:
 
 def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
     """Samples at which some joint moves, thinned out; None where no trial can be used, and of mechanisms."""
-    if robot.mechanism is not None:
-        return None
     robot, settings = robot_in_log(robot, log.header, log.folder), ProblemSettings()
     filters = settings.filters(floating=False)
     filters = replace(filters, kinematics_cutoff_hz=filters.cutoff_hz)
     source = JointRows(robot, log.header, settings, filters, ())
     parts, torques, starts, rate, end = [], [], [], 0.0, 0
-    for trial in log.role("identification"):
+    for trial in log.role("identification") if robot.mechanism is None else ():
         try:
             k = trial_kinematics(robot, log.header, trial, settings, filters)
             torque = forces_on_grid(trial.time, source.torque(trial), k.time)
@@ -241,7 +239,9 @@ def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
         joints,
         np.array([robot.n_base_v + robot.joint_index(name) for name in joints]),
         np.array([joints.index(name) for name in log.header.torque_joints]),
-        *(values[some] for values in (q, v, a)),
+        q[some],
+        v[some],
+        a[some],
         np.concatenate(torques),
         rows[some],
         ends[some, 0],

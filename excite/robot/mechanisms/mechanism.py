@@ -17,6 +17,9 @@ from excite.arrays import Array
 from excite.errors import MotionError
 from excite.robot.mechanisms.closing import SINGULAR, ClosedTree
 
+# A random configuration out of reach is tried again at this share of its way from rest.
+_PULLED = 0.6
+
 
 @dataclass(frozen=True, eq=False)
 class Mechanism(ClosedTree):
@@ -108,19 +111,15 @@ class Mechanism(ClosedTree):
         first = self.model.nq - len(lower)
         out = np.empty((n, self.model.nq))
         for i in range(n):
-            wanted = rng.uniform(lower, upper)
-            share = 1.0
+            way, share = np.zeros(self.model.nq), 1.0
+            way[first:] = rng.uniform(lower, upper) - self.rest[first:]
             while True:
-                q = self.rest.copy()
-                q[first:] += share * (wanted - q[first:])
                 try:
-                    q = self._reached(data, self.rest, q, columns, i)
-                    self.motion_maps(q[None])
+                    out[i] = self._reached(data, self.rest, self.rest + share * way, columns, i)
+                    self.motion_maps(out[i : i + 1])
+                    break
                 except MotionError:
-                    share *= 0.7
-                    continue
-                out[i] = q
-                break
+                    share *= _PULLED
         return out
 
     def following_from(self, given: NDArray[np.int64]) -> Mechanism:

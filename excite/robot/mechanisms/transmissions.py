@@ -140,7 +140,7 @@ def closures_of(
                 )
             else:
                 ratios = {joint: -ratio for joint, ratio in motor.ratios.items()}
-                joints = {motor.name: 1.0, **ratios}
+                joints: dict[str, float | tuple[float, ...]] = {motor.name: 1.0, **ratios}
                 couplings.append(
                     CouplingBlock(name=name, joints=joints, passive=passive, source=block.source)
                 )
