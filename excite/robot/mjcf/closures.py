@@ -140,7 +140,7 @@ def _passive(model: mujoco.MjModel, jacobian: Array, joints: set[int]) -> tuple[
     def rank(which: list[int]) -> int:
         return int(np.linalg.matrix_rank(columns[:, which], tol=SINGULAR * scale)) if which else 0
 
-    driven = _driven(model)
+    driven = driven_joints(model)
     loose = [k for k, joint in enumerate(order) if joint not in driven]
     whole = rank(list(range(len(order))))
     if not model.nu:
@@ -156,8 +156,8 @@ def _passive(model: mujoco.MjModel, jacobian: Array, joints: set[int]) -> tuple[
     return "", {order[k] for k in loose}
 
 
-def _driven(model: mujoco.MjModel) -> set[int]:
-    """Joints with an actuator; of those that one drives together through a tendon, the first that follows no other."""
+def driven_joints(model: mujoco.MjModel) -> set[int]:
+    """Joints with an actuator; of those that one drives together through a tendon, the first that is left for it."""
     import mujoco
 
     followers = {
@@ -170,8 +170,8 @@ def _driven(model: mujoco.MjModel) -> set[int]:
         target = int(model.actuator_trnid[actuator, 0])
         kind = mujoco.mjtTrn(int(model.actuator_trntype[actuator]))
         if kind == mujoco.mjtTrn.mjTRN_TENDON:
-            joints = [joint for joint, _ in tendon_joints(model, target)]
-            driven |= set([joint for joint in joints if joint not in followers][:1])
+            joints = {joint for joint, _ in tendon_joints(model, target)}
+            driven |= set(sorted(joints - followers - driven)[:1])
         elif kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
             driven.add(target)
     return driven

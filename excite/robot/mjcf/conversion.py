@@ -16,8 +16,8 @@ from excite.errors import InputError, RobotError
 from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.closure_blocks import BlockWriter
-from excite.robot.mjcf.closures import mimics, read_closures
-from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven, tendon_groups
+from excite.robot.mjcf.closures import driven_joints, mimics, read_closures
+from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_groups
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.torques import torque_limits
 from excite.robot.mjcf.trees import robot_root
@@ -137,17 +137,15 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     for joint, value in closures.still.items():
         model.jnt_limited[joint] = 1
         model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
-    loose = (
-        tendon_driven(model)
-        - set().union(*closures.passive.values(), set())
-        - set().union(*closures.held.values(), set())
-    )
+    known = driven_joints(model).union(*closures.passive.values(), *closures.held.values())
     # What one motor drives through a tendon is one freedom where equalities tie it together.
-    many = {j for group in tendon_groups(model) for j in group & loose if len(group & loose) > 1}
+    many = {joint for group in tendon_groups(model) if group - known for joint in group}
     _hold(model, many, "joints that one motor drives together through a tendon", notes)
     writer = UrdfWriter(model, bodies, mimics(model, closures), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
     blocks = BlockWriter(model, closures, writer.joint_name, writer.link_name, writer.anchors)
+    if model.jnt_stiffness.any():
+        notes.append("springs of joints (stiffness) are left out: torques predicted there lack them")
     if model.dof_armature[6 if root else 0 :].any():
         notes.append("rotor inertia (armature) is not in the URDF; put it under drives in robot.yaml")
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"

@@ -42,13 +42,8 @@ def excluded_pairs(
     return tuple(pairs)
 
 
-def tendon_driven(model: mujoco.MjModel) -> set[int]:
-    """Joints that an actuator drives through a tendon, together with others."""
-    return set().union(*tendon_groups(model), set())
-
-
 def tendon_groups(model: mujoco.MjModel) -> list[set[int]]:
-    """The same, actuator by actuator."""
+    """Joints that an actuator drives through a tendon, together with others, actuator by actuator."""
     import mujoco
 
     groups = []
