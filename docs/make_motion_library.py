@@ -71,6 +71,10 @@ RECIPES = {
     "g1": Recipe(60, 55.0, 25.0),
     "hrp2like": Recipe(60, 55.0, 25.0),
     "talos": Recipe(60, 55.0, 25.0),
+    "so101": Recipe(24, 60.0, 30.0),
+    "go2": Recipe(24, 55.0, 30.0),
+    "g1_no_ft": Recipe(24, 55.0, 25.0),
+    "g1_suspended": Recipe(24, 60.0, 25.0),
 }
 
 

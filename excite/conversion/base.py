@@ -11,7 +11,7 @@ from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Column, Recording
-from excite.logs.robot import sensor_headers
+from excite.logs.robot import foot_headers, sensor_headers
 
 _FRAME = "on_robot_in_sensor_frame"
 
@@ -42,6 +42,11 @@ def base_fields(
         fields |= {"base": "floating", "wrench": _FRAME, "sensors": sensors}
         because = "a base pose and contact wrenches were logged"
         found.facts.append(("wrench", _FRAME, "what ankle sensors and plates say after their drivers"))
+    feet = [] if machine.robot is None else foot_headers(machine.robot)
+    feet = [foot for foot in feet if f"contact.{foot.name}" in present]
+    if feet and not sensors and "feet" not in stated:
+        fields |= {"base": "floating", "feet": [foot.model_dump() for foot in feet]}
+        because = "a base pose and contact flags were logged"
     if "base" not in stated:
         found.facts.append(("base", fields["base"], because))
     return fields

@@ -17,7 +17,7 @@ from excite.conversion.clean_rows import whole_rows
 from excite.conversion.guess import guess
 from excite.conversion.guesses import Guesses, Question, UnclearError
 from excite.conversion.header import log_header
-from excite.conversion.machine import Machine, load_machine
+from excite.conversion.machine import Machine, at_joints, load_machine
 from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
@@ -112,6 +112,8 @@ def convert(
     stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
     machine = load_machine(robot)
     recordings = _recordings(sources)
+    if recordings[0].said.get("linkages") == "joints":
+        machine = at_joints(machine)
     found = guess(recordings[0], machine, stated)
     if found.questions:
         raise UnclearError(_weighed(found.questions, sources, robot, stated), recordings[0].source)

@@ -72,7 +72,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
         chosen |= _without_names(found, recording, machine, joints, {c for c in left if c not in named})
     _add(found, chosen)
     add_base(found, recording, left, machine, mapping)
-    _ask_for_doubts(found, recording)
+    _ask_for_doubts(found, recording, machine)
     ask_for_positions(found, recording, machine)
     ask_for_torques(found, groups, mapping)
     ask_for_base(found, recording, machine, mapping)
@@ -215,9 +215,14 @@ def seconds_of(stream: Stream, found: Guesses) -> Array | None:
     return stream.time
 
 
-def _ask_for_doubts(found: Guesses, recording: Recording) -> None:
-    """What the format says of columns that do not hold what their place says, unless a map states them."""
-    guessed = {item.source for item in found.mapped if not item.stated}
+def _ask_for_doubts(found: Guesses, recording: Recording, machine: Machine) -> None:
+    """What the format says of columns that do not hold what their place says, unless a map states them or the robot has
+    such motors."""
+    guessed = {
+        item.source
+        for item in found.mapped
+        if not item.stated and item.target.partition(".")[2] not in machine.motors
+    }
     for doubt in recording.said.get("doubts", ()):
         if guessed & set(doubt.columns):
             found.ask(doubt.what, doubt.line)

@@ -19,8 +19,6 @@ from excite.errors import LogError
 from excite.logs.header import check_header
 from excite.logs.log import LogHeader
 
-_ROBOT_FILE = "robot.urdf"
-
 
 def log_header(
     cuts: Sequence[Cut], found: Guesses, machine: Machine, stated: Map, recordings: Sequence[Recording]
@@ -34,7 +32,7 @@ def log_header(
     rate = 1.0 / float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
     content: dict[str, Any] = {
         "schema": "excite.log/1",
-        "robot": _ROBOT_FILE,
+        "robot": machine.file,
         "base": "fixed",
         "gravity": list(machine.gravity),
         "rate_hz": float(f"{rate:.5g}"),

@@ -10,7 +10,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.reading.file import read_text
 from excite.reading.xml_document import MAX_XML_BYTES
-from excite.robot.loading import load_robot
+from excite.robot.loading import load_robot, portable_description
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import parse_urdf
@@ -29,7 +29,7 @@ class Machine:
         floating: whether the base is free.
         base_link: the root link.
         gravity: ``(3,)`` in the world frame [m/s²].
-        text: of the URDF.
+        text: of the URDF, or of a robot.yaml where a URDF does not say all of it.
         robot: the robot with its limits, None for a bare URDF.
     """
 
@@ -50,6 +50,17 @@ class Machine:
         """Number of joints."""
         return len(self.joints)
 
+    @property
+    def file(self) -> str:
+        """Name of the model's file in a log."""
+        return "robot.urdf" if self.robot is None or self.robot.mechanism is None else "robot.yaml"
+
+    @property
+    def motors(self) -> frozenset[str]:
+        """Motors of transmissions, which move joints together."""
+        blocks = () if self.robot is None else self.robot.description.transmissions
+        return frozenset(motor.name for block in blocks for motor in block.motors)
+
 
 def load_machine(name_or_path: str | Path) -> Machine:
     """A bundled robot, a ``robot.yaml``, or a bare URDF; raises RobotError."""
@@ -57,20 +68,36 @@ def load_machine(name_or_path: str | Path) -> Machine:
     if path.suffix == ".urdf":
         return _of_urdf(path)
     robot = load_robot(name_or_path)
-    base = robot.n_base_v
-    slides = np.array([_slides(robot.model, base + k) for k in range(robot.n_joints)])
+    return _of_robot(robot, robot.driven_names)
+
+
+def at_joints(machine: Machine) -> Machine:
+    """The machine as a recording has it that speaks of joints where transmissions have motors."""
+    robot = machine.robot
+    if robot is None:
+        return machine
+    there = {
+        motor.name: joint
+        for block in robot.description.transmissions
+        for motor, joint in zip(block.motors, block.joints, strict=True)
+    }
+    return _of_robot(robot, tuple(there.get(name, name) for name in machine.joints))
+
+
+def _of_robot(robot: Robot, joints: tuple[str, ...]) -> Machine:
+    places = [robot.joint_index(name) for name in joints]
     gravity = np.asarray(robot.model.gravity.linear, dtype=float)
     return Machine(
         name=robot.name,
-        joints=robot.joint_names,
-        lower=np.asarray(robot.limits.position_lower, dtype=float),
-        upper=np.asarray(robot.limits.position_upper, dtype=float),
-        torque=np.asarray(robot.limits.torque, dtype=float),
-        slides=slides,
+        joints=joints,
+        lower=np.asarray(robot.limits.position_lower, dtype=float)[places],
+        upper=np.asarray(robot.limits.position_upper, dtype=float)[places],
+        torque=np.asarray(robot.limits.torque, dtype=float)[places],
+        slides=np.array([_slides(robot.model, robot.n_base_v + place) for place in places]),
         floating=robot.floating,
         base_link=robot.base_link,
         gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
-        text=robot.urdf,
+        text=robot.urdf if robot.mechanism is None else portable_description(robot),
         robot=robot,
     )
 

@@ -56,6 +56,13 @@ def diagnose(
     rng = np.random.default_rng(check_seed(seed))
     loaded = log if isinstance(log, Log) else load_log(log, robot)
     robot = robot or nominal_robot(loaded)
+    if robot.mechanism is not None:
+        raise InputError(
+            "has joints that no motor drives, and effects are not told apart through loops and couplings",
+            source=robot.source,
+            field="loops" if robot.description.loops else "couplings",
+            remedy="identify it, or hold these joints still under locked_joints and record the others",
+        )
     if loaded.header.base == "fixed" and not loaded.role("identification"):
         raise LogError(
             "has no identification trial", field="trials", remedy="give one the role identification"

@@ -209,13 +209,13 @@ class TorqueSamples:
 
 
 def torque_samples(robot: Robot, log: Log) -> TorqueSamples | None:
-    """Samples at which some joint moves, thinned out; None where no trial can be used."""
+    """Samples at which some joint moves, thinned out; None where no trial can be used, and of mechanisms."""
     robot, settings = robot_in_log(robot, log.header, log.folder), ProblemSettings()
     filters = settings.filters(floating=False)
     filters = replace(filters, kinematics_cutoff_hz=filters.cutoff_hz)
     source = JointRows(robot, log.header, settings, filters, ())
     parts, torques, starts, rate, end = [], [], [], 0.0, 0
-    for trial in log.role("identification"):
+    for trial in log.role("identification") if robot.mechanism is None else ():
         try:
             k = trial_kinematics(robot, log.header, trial, settings, filters)
             torque = forces_on_grid(trial.time, source.torque(trial), k.time)

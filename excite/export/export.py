@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from excite.atomic import all_or_nothing
 from excite.errors import InputError, MotionError, OtherRobotError, UnsafeMotionError
@@ -205,9 +207,21 @@ def _read(file: Path, robot: Robot) -> Motion:
         ) from error
 
 
+def _commanded(robot: Robot, motion: Motion) -> Motion:
+    """The motion of the joints that have a motor; others follow."""
+    if robot.mechanism is None:
+        return motion
+    base, kept = robot.n_base_v, ~robot.passive
+    free = np.ones(base, dtype=bool)
+    v, q = np.concatenate([free, kept]), np.concatenate([np.ones(robot.n_base_q, dtype=bool), kept])
+    return replace(
+        motion, joint_names=robot.driven_names, q=motion.q[:, q], v=motion.v[:, v], a=motion.a[:, v]
+    )
+
+
 def _write(exporter: Exporter, cleared: Cleared, path: Path) -> Path:
     path = exporter.destination(path)
-    exporter.write(cleared.motion, path)
+    exporter.write(cleared.motion if exporter.whole else _commanded(exporter.robot, cleared.motion), path)
     if cleared.reason is not None:
         beside = path.with_name(path.name + ".unsafe.json")
         write_json({"schema": SCHEMA, "motions": [Exported(path, cleared).to_json(path.parent)]}, beside)

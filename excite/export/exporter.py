@@ -25,6 +25,7 @@ class Exporter(ABC):
         rates_hz: rates that the controller runs at, the usual one first; empty where it takes any.
         readable: whether ``excite check`` reads what is written; not so of formats that hold no motion any more.
         exact: whether it reads the very numbers, of all of q, v and a.
+        whole: whether joints that no motor drives are written, too, as a simulator needs them.
         holds_base: whether pose, twist and acceleration of a free base, and contacts, are written too.
         robot: the robot whose motions are written.
         values: values of the settings.
@@ -45,6 +46,7 @@ class Exporter(ABC):
     readable: ClassVar[bool] = True
     exact: ClassVar[bool] = True
     holds_base: ClassVar[bool] = True
+    whole: ClassVar[bool] = False
 
     def __init__(self, robot: Robot, given: Mapping[str, object] | None = None) -> None:
         self.robot = robot

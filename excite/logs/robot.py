@@ -11,11 +11,12 @@ import pinocchio as pin
 from excite.errors import LogError, RobotError
 from excite.logs.bare_urdf import bare_description
 from excite.logs.header import header_path, read_header
-from excite.logs.header_blocks import SensorHeader
+from excite.logs.header_blocks import FootHeader, SensorHeader
 from excite.logs.log import Log, LogHeader
 from excite.robot.catalogue import bundled_robots
 from excite.robot.links import link_placement
 from excite.robot.loading import build_robot, load_robot
+from excite.robot.mechanisms.mechanism import Mechanism
 from excite.robot.robot import Robot, WrenchSensor
 
 
@@ -79,7 +80,8 @@ def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) ->
         source: file to name in errors.
 
     Returns:
-        A robot that differs in ``model.gravity`` and ``sensors`` only; one that hangs stands on no feet.
+        A robot that differs in ``model.gravity`` and ``sensors`` only, and in which of a mechanism's joints follow from
+        which; one that hangs stands on no feet.
 
     Raises:
         LogError: base, joints, base link or sensors do not fit the robot.
@@ -94,12 +96,30 @@ def robot_in_log(robot: Robot, header: LogHeader, source: Path | None = None) ->
                 field="joints",
                 remedy="it has " + ", ".join(robot.joint_names),
             )
+    if robot.mechanism is not None:
+        robot = replace(robot, mechanism=_logged(robot.mechanism, robot, header, source))
     model = robot.model.copy()
     model.gravity.linear = np.array(header.gravity)
     sensors = tuple(_sensor(robot, sensor, source) for sensor in header.sensors)
     if header.base == "suspended":
         return replace(robot, model=model, sensors=(), feet=())
     return replace(robot, model=model, sensors=sensors)
+
+
+def _logged(mechanism: Mechanism, robot: Robot, header: LogHeader, source: Path | None) -> Mechanism:
+    """The mechanism by what a log has of it: its motors, or the joints that these move, from which the rest follows."""
+    columns = np.array([robot.n_base_v + robot.joint_index(name) for name in header.joints], dtype=np.int64)
+    found = mechanism.following_from(columns)
+    both = np.intersect1d(found.passive, columns)
+    if len(both):
+        name = robot.joint_names[int(both[0]) - robot.n_base_v]
+        raise LogError(
+            f"says where joint {name!r} is, and it follows from others that it has, too",
+            source=source,
+            field="joints",
+            remedy="leave it out, or the motors that move it",
+        )
+    return found
 
 
 def base_offset(robot: Robot, header: LogHeader, source: Path | None = None) -> pin.SE3:
@@ -171,6 +191,14 @@ def _sensor(robot: Robot, header: SensorHeader, source: Path | None) -> WrenchSe
         excludes_links=header.excludes,
         noise_force=header.noise_force or 0.0,
         noise_moment=header.noise_moment or 0.0,
+    )
+
+
+def foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
+    """The robot's feet as ``log.yaml`` has them."""
+    blocks = {block.name: block for block in robot.description.feet}
+    return tuple(
+        FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole, radius=f.radius) for f in robot.feet
     )
 
 

@@ -12,6 +12,7 @@ import pyarrow.csv
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from excite.arrays import Array
 from excite.arrow_columns import arrow_table
 from excite.atomic import atomic_path
 from excite.errors import MotionError
@@ -113,8 +114,9 @@ def _document(motion: Motion, digest: str) -> dict[str, Any]:
 def load_motion(path: Path, robot: Robot) -> Motion:
     """Read a motion of a robot, from a file of ``excite.motion/1`` or of a format that somebody else wrote.
 
-    Every command reads motions here (:data:`~excite.motion.readers.registry.READERS`). Joints may stand in any order.
-    Velocities and accelerations that are not there are those of a cubic spline through what is.
+    Every command reads motions here (:data:`~excite.motion.readers.registry.READERS`). Joints may stand in any order;
+    those that no motor drives may be left out, and are then where the others hold them. Velocities and accelerations
+    that are not there are those of a cubic spline through what is.
 
     Args:
         path: a file, or the folder of a ROS 2 bag.
@@ -126,19 +128,21 @@ def load_motion(path: Path, robot: Robot) -> Motion:
     Raises:
         OtherRobotError: it names another robot, and joints that this one lacks.
         MotionError: unreadable, wrong schema, missing columns, NaN, a column with too many axes, unsorted time, joints
-            that the robot lacks.
+            that the robot lacks, a mechanism that cannot be closed.
     """
     path = Path(path)
     raw = read_motion(path, robot.joint_names)
     said = _said(raw.metadata, path)
     columns = numeric_columns(raw.columns, path)
+    joints = _joints_in(columns, robot)
     check_joints(columns, robot, path, "" if said is None else said.robot)
     check_time(columns, path)
     digest = content_hash(columns) if said is not None and said.content_hash else ""
-    columns = with_derivatives(columns, robot.joint_names, path)
-    joints = robot.joint_names
+    columns = with_derivatives(columns, joints, path)
     q, v, a = (stacked(columns, [f"{p}.{joint}" for joint in joints], path) for p in ("q", "v", "a"))
     contacts = {}
+    if joints != robot.joint_names:
+        q, v, a = (_among_all(robot, values) for values in (q, v, a))
     if robot.floating:
         pose = stacked(columns, BASE_POSE, path)
         norm = np.linalg.norm(pose[:, 3:], axis=1)
@@ -156,6 +160,8 @@ def load_motion(path: Path, robot: Robot) -> Motion:
         flags = {foot.name: f"contact.{foot.name}" for foot in robot.feet}
         # A foot without flags is no error of the file's: the check says so, and that the motion is not safe.
         contacts = {foot: columns[name] > 0.5 for foot, name in flags.items() if name in columns}
+    if joints != robot.joint_names and robot.mechanism is not None:
+        q, v, a = robot.mechanism.completed(q, v, a)
     return Motion(
         name=path.stem,
         robot=(said.robot if said is not None else "") or robot.name,
@@ -167,6 +173,20 @@ def load_motion(path: Path, robot: Robot) -> Motion:
         contacts=contacts,
         metadata=_metadata(said, digest),
     )
+
+
+def _joints_in(columns: Mapping[str, Array], robot: Robot) -> tuple[str, ...]:
+    """The joints that a file has to have: all, or those with a motor where it says nothing of any other."""
+    follow = [name for name in robot.joint_names if name not in robot.driven_names]
+    alone = follow and not any(f"q.{name}" in columns for name in follow)
+    return robot.driven_names if alone else robot.joint_names
+
+
+def _among_all(robot: Robot, driven: Array) -> Array:
+    """Columns of joints with a motor among those of all joints, others zero."""
+    values = np.zeros((len(driven), robot.n_joints))
+    values[:, ~robot.passive] = driven
+    return values
 
 
 def motion_robot(path: Path) -> str:

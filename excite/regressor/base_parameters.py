@@ -138,6 +138,13 @@ def structural_base_parameters(
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
     v = random.normal(size=(n, robot.model.nv))
     a = 5.0 * random.normal(size=(n, robot.model.nv))
+    if robot.mechanism is not None:
+        # Within limits: beyond, a mechanism cannot be closed.
+        base, limits = q[:, : robot.n_base_q], robot.limits
+        q = robot.mechanism.drawn(random, limits.position_lower, limits.position_upper, n)
+        q[:, : robot.n_base_q] = base
+        v = robot.mechanism.velocities(q, v)
+        a = robot.mechanism.accelerations(q, v, a)
     rows = regressor_rows(robot, columns, q, v, a, stances(robot, n))
     return base_parameters(rows.reshape(-1, len(columns.names)), columns.names)
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.regressor.contact_forces import contact_elimination
-from excite.regressor.kernels import base_link_regressor, joint_torque_regressor
+from excite.regressor.kernels import base_link_regressor
+from excite.regressor.motor_torques import motor_regressor
 from excite.robot.robot import Robot
 
 PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -107,9 +108,11 @@ def regressor_rows(
         return base_link_regressor(robot.model, q, v, a)[:, :, columns.inertial]
     n_inertial, n_joints, n_base = len(columns.inertial), robot.n_joints, robot.n_base_v
     rows = np.zeros((len(q), n_base + n_joints, len(columns.names)))
-    rows[:, :, :n_inertial] = joint_torque_regressor(robot.model, q, v, a)[:, :, columns.inertial]
+    rows[:, :, :n_inertial] = motor_regressor(robot, q, v, a)[:, :, columns.inertial]
     v, a = v[:, n_base:], a[:, n_base:]
-    values = {"viscous": v, "coulomb": np.sign(v), "offset": np.ones_like(v), "armature": a}
+    motors = np.where(robot.passive, 0.0, np.ones_like(v))
+    values = {"viscous": v, "coulomb": np.sign(v), "offset": motors, "armature": a}
+    values = {term: motors * value for term, value in values.items()}
     joints = np.arange(n_joints)
     for index, term in enumerate(columns.drives):
         rows[:, n_base + joints, n_inertial + index * n_joints + joints] = values[term]

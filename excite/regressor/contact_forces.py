@@ -83,7 +83,7 @@ def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
                 for foot, wrench in zip(feet, wrenches, strict=True)
             ]
         )
-    return maps
+    return robot.on_motors(q, maps)
 
 
 def _wrenches(foot: Foot, up: Array) -> Array:

@@ -13,6 +13,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from excite.errors import RobotError
 from excite.reading.yaml_document import read_yaml
+from excite.robot.mechanisms.blocks import CouplingBlock, LoopBlock, TieBlock
+from excite.robot.mechanisms.transmissions import TransmissionBlock
 from excite.robot.per_joint import (
     Accelerations,
     Block,
@@ -166,6 +168,9 @@ class RobotDescription(Block):
     model: ModelFile
     base: Base
     locked_joints: dict[str, JointValue] = Field(default_factory=dict)
+    loops: tuple[LoopBlock, ...] = ()
+    couplings: tuple[CouplingBlock, ...] = ()
+    transmissions: tuple[TransmissionBlock, ...] = ()
     posture: PostureBlock
     limits: LimitsBlock
     feet: tuple[FootBlock, ...] = ()
@@ -181,6 +186,8 @@ class RobotDescription(Block):
     def _consistent(self) -> RobotDescription:
         _once([foot.name for foot in self.feet], "feet")
         _once([sensor.name for sensor in self.sensors.wrench], "sensors.wrench")
+        ties: tuple[TieBlock | TransmissionBlock, ...] = (*self.loops, *self.couplings, *self.transmissions)
+        _once([block.name for block in ties], "loops, couplings and transmissions")
         feet = {foot.name for foot in self.feet}
         for sensor in self.sensors.wrench:
             if sensor.foot not in feet:
@@ -227,22 +234,13 @@ def read_description(path: Path) -> RobotDescription:
         field = ".".join(str(part) for part in first["loc"]) or None
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         if first["input"] is None:
-            raise RobotError(
-                f"is not filled in{more}",
-                source=path,
-                field=field,
-                remedy="give a value; the comment beside it says which",
-            ) from error
+            remedy = "give a value; the comment beside it says which"
+            raise RobotError(f"is not filled in{more}", source=path, field=field, remedy=remedy) from error
         remedy = first.get("ctx", {}).get("remedy", "see `excite init-robot` for the expected form")
         said = first["msg"].removeprefix("Value error, ")
         # What several fields say together names them itself.
         found = f", got {_shorten(first['input'])}" if field else ""
-        raise RobotError(
-            f"{said}{found}{more}",
-            source=path,
-            field=field,
-            remedy=str(remedy),
-        ) from error
+        raise RobotError(f"{said}{found}{more}", source=path, field=field, remedy=str(remedy)) from error
 
 
 def _shorten(value: object, length: int = 60) -> str:

@@ -40,8 +40,13 @@ def holding_torques(robot: Robot, joints: Array) -> Array:
     q[:, robot.n_base_q :] = joints
     data = robot.model.createData()
     tau = np.array([pin.computeGeneralizedGravity(robot.model, data, row).copy() for row in q])
+    tau = robot.on_motors(q, tau.reshape(len(q), robot.model.nv))
     if robot.floating:
         for foot in robot.feet:
             carrying = list(robot.model.supports[foot.joint])[1:]
-            tau[:, [robot.model.idx_vs[joint] for joint in carrying if robot.model.nvs[joint] == 1]] = 0.0
+            columns = [robot.model.idx_vs[joint] for joint in carrying if robot.model.nvs[joint] == 1]
+            if robot.mechanism is not None:
+                moves = robot.mechanism.motion_maps(robot.rest[None])[0][columns]
+                columns += list(robot.mechanism.driven[np.abs(moves).max(axis=0) > 0.0])
+            tau[:, columns] = 0.0
     return np.asarray(tau.reshape(len(joints), robot.model.nv)[:, robot.n_base_v :])

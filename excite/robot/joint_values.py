@@ -15,8 +15,14 @@ from excite.robot.quantities import MAX_TRAVEL, in_radians, looks_like_degrees
 from excite.robot.robot import Limits
 
 
-def check_joints(description: RobotDescription, names: tuple[str, ...], path: Path) -> None:
-    """Raise RobotError unless every joint that the description names exists."""
+def check_joints(
+    description: RobotDescription, names: tuple[str, ...], path: Path, passive: frozenset[str] = frozenset()
+) -> None:
+    """Raise RobotError unless every joint that the description names exists, and those with a motor have gains.
+
+    Joints in ``passive`` have none.
+    """
+    driven = tuple(name for name in names if name not in passive)
     limits, drives = description.limits, description.drives
     named: dict[str, dict[str, object]] = {
         "posture.joints": dict(description.posture.joints),
@@ -37,9 +43,9 @@ def check_joints(description: RobotDescription, names: tuple[str, ...], path: Pa
         if block is not None:
             named[f"{field}.joints"] = dict(block.joints)
     for field, full in {"kp": description.controller.kp, "kd": description.controller.kd}.items():
-        _covers(full, names, f"controller.{field}", path)
+        _covers(full, driven, f"controller.{field}", path)
     if description.sensors.noise_torque is not None:
-        _covers(description.sensors.noise_torque, names, "sensors.noise_torque", path)
+        _covers(description.sensors.noise_torque, driven, "sensors.noise_torque", path)
     for field, joints in named.items():
         for joint in joints:
             if joint not in names:

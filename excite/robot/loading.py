@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+import yaml
 
 from excite.arrays import Array
 from excite.errors import RobotError
@@ -17,6 +19,10 @@ from excite.robot.catalogue import example_robot_data, find_robot
 from excite.robot.description import FREE_BASES, Assumed, RobotDescription, read_description
 from excite.robot.joint_values import check_joints, read_limits
 from excite.robot.links import link_placement, read_foot, read_segments, read_sensors
+from excite.robot.mechanisms.blocks import TieBlock
+from excite.robot.mechanisms.drives import without_motors
+from excite.robot.mechanisms.reading import followers, read_mechanism
+from excite.robot.mechanisms.transmissions import add_motors, closures_of
 from excite.robot.robot import Foot, Robot
 from excite.robot.shapes.ground import ground_is_assumed
 from excite.robot.urdf.model import urdf_model
@@ -55,11 +61,25 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
     model_path = _model_path(description, path)
     urdf = read_urdf(model_path, _stated(description))
     root = ElementTree.fromstring(urdf)
+    fingerprint = _fingerprint(description, model_path, root)
+    if description.transmissions:
+        add_motors(root, description.transmissions, path)
+        urdf = ElementTree.tostring(root, encoding="unicode")
     model = _build_model(root, description, model_path)
     joint_names = tuple(list(model.names)[2 if description.base in FREE_BASES else 1 :])
-    check_joints(description, joint_names, path)
+    rods, gears = closures_of(description.transmissions)
+    loops = (*description.loops, *rods)
+    couplings = (*description.couplings, *followers(root, model_path), *gears)
+    ties: tuple[TieBlock, ...] = (*loops, *couplings)
+    passive = {name for block in ties for name in block.passive}
+    check_joints(description, joint_names, path, frozenset(passive))
     segments = read_segments(model, description, path)
     upright = _upright(model, description, joint_names)
+    carrying = [link_placement(model, foot.link, path, "feet")[0] for foot in description.feet]
+    mechanism = read_mechanism(model, loops, couplings, upright, carrying, path)
+    if mechanism is not None:
+        upright = mechanism.rest
+        description = without_motors(description, joint_names, mechanism, model)
     feet = tuple(read_foot(model, description, block.name, path, upright) for block in description.feet)
     sensors = read_sensors(model, description, segments, path)
     if description.sensors.imu is not None:
@@ -73,19 +93,21 @@ def build_robot(description: RobotDescription, path: Path) -> Robot:
             )
     # A robot that hangs or is held has its feet in the air: nothing reaches the ground, or a sensor there.
     standing = description.base in ("fixed", "floating")
+    rest = _rest(model, description, upright, feet)
     return Robot(
         name=description.name,
         description=_with_ground_said(description),
         source=path,
         urdf=urdf,
-        hash=_fingerprint(description, model_path, root),
+        hash=fingerprint,
         model=model,
         joint_names=joint_names,
         limits=read_limits(model, description, joint_names, path),
         feet=feet if standing else (),
         sensors=sensors if standing else (),
         segments=segments,
-        rest=_rest(model, description, upright, feet),
+        rest=rest,
+        mechanism=None if mechanism is None else replace(mechanism, rest=rest),
     )
 
 
@@ -124,6 +146,20 @@ def _fingerprint(description: RobotDescription, model_path: Path, root: ElementT
 def model_file(robot: Robot) -> Path:
     """The URDF file that a robot was built from, as its author left it."""
     return _model_path(robot.description, robot.source)
+
+
+def portable_description(robot: Robot) -> str:
+    """Text of a robot's ``robot.yaml`` that can be written anywhere: it names the URDF by its whole path."""
+    description = read_description(robot.source)
+    whole = description.model.model_copy(update={"path": str(model_file(robot).resolve()), "package": None})
+    content = description.model_copy(update={"model": whole})
+    return str(
+        yaml.safe_dump(
+            content.model_dump(mode="json", by_alias=True, exclude_defaults=True),
+            sort_keys=False,
+            allow_unicode=True,
+        )
+    )
 
 
 def _rest_within_limits(robot: Robot) -> None:

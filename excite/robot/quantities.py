@@ -39,6 +39,8 @@ MAX_JERK = 1e12
 MAX_GAIN = 1e12
 # A standard deviation larger than what is measured is no measurement; a rate of 1 MHz is no robot's log.
 MAX_NOISE = 1e6
+# No gear of a robot reduces more.
+MAX_RATIO = 1e4
 MAX_RATE = 1e6
 # Rubber on rubber has 1 … 2; gecko-like pads some tens.
 MAX_FRICTION = 100.0
@@ -115,6 +117,7 @@ def _refused(what: str, remedy: str) -> PydanticCustomError:
     return PydanticCustomError("quantity", "{what}", {"what": what, "remedy": remedy})
 
 
+Ratio = Annotated[float, Bounded(MAX_RATIO, "turns a turn", "any")]
 Coordinate = Annotated[float, Bounded(MAX_LENGTH, "m", "any", "write metres")]
 Length = Annotated[float, Bounded(MAX_LENGTH, "m", "above 0", "write metres")]
 JointValue = Annotated[float, Bounded(MAX_ANGLE, "rad or m", "any", "write radians or metres")]

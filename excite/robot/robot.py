@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import UnknownNameError
 from excite.robot.description import FREE_BASES, RobotDescription
+from excite.robot.mechanisms.building import limb_columns
+from excite.robot.mechanisms.mechanism import Mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +121,9 @@ class Robot:
 
     Configurations follow pinocchio: ``q`` is ``[base x y z qx qy qz qw, joints…]`` for a floating base
     and ``[joints…]`` for a fixed one; ``v`` and ``a`` start with the base's twist and its derivative
-    (linear, angular; in the base frame). The actuated joints stand in the order of ``joint_names``, one
-    coordinate each. Inertial parameters ``phi`` are ten per segment in pinocchio's order
+    (linear, angular; in the base frame). The joints stand in the order of ``joint_names``, one coordinate each;
+    those without a motor (``passive``) follow from the others. Inertial parameters ``phi`` are ten per segment in
+    pinocchio's order
     ``m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz``, about the joint frame's origin.
 
     Attributes:
@@ -129,12 +133,13 @@ class Robot:
         urdf: text of the URDF as loaded, with mesh paths made absolute.
         hash: SHA-256 of description, URDF and collision meshes, hexadecimal.
         model: pinocchio model, locked joints removed.
-        joint_names: actuated joints, in model order.
+        joint_names: joints, in model order.
         limits: joint limits.
         feet: feet, empty for a robot that does not stand (an arm, or one that hangs or is held).
         sensors: wrench sensors, empty for an arm and for a robot without force sensors.
         segments: one per model joint, in model order.
         rest: configuration at which motions start and end, ``(nq,)``.
+        mechanism: how joints without a motor follow from the others, None where every joint has one.
     """
 
     name: str
@@ -149,6 +154,7 @@ class Robot:
     sensors: tuple[WrenchSensor, ...]
     segments: tuple[Segment, ...]
     rest: Array
+    mechanism: Mechanism | None = None
 
     @property
     def floating(self) -> bool:
@@ -157,8 +163,26 @@ class Robot:
 
     @property
     def n_joints(self) -> int:
-        """Number of actuated joints."""
+        """Number of joints, those without a motor among them."""
         return len(self.joint_names)
+
+    @cached_property
+    def passive(self) -> NDArray[np.bool_]:
+        """Which joints no motor drives, ``(n_joints,)``; they follow from the others."""
+        columns = () if self.mechanism is None else self.mechanism.passive - self.n_base_v
+        return np.isin(np.arange(self.n_joints), columns)
+
+    @cached_property
+    def closing(self) -> Mechanism | None:
+        """The mechanism by which planning closes it: cranks and rods of legs follow from the foot where they can."""
+        if self.mechanism is None or not self.feet:
+            return self.mechanism
+        return self.mechanism.following_from(limb_columns(self.model, [foot.joint for foot in self.feet]))
+
+    @property
+    def driven_names(self) -> tuple[str, ...]:
+        """Joints with a motor, in model order: those that are commanded and logged."""
+        return tuple(str(name) for name in np.array(self.joint_names)[~self.passive])
 
     @property
     def n_base_q(self) -> int:
@@ -210,6 +234,10 @@ class Robot:
             if foot.name == name:
                 return foot
         raise UnknownNameError("foot", name, [foot.name for foot in self.feet])
+
+    def on_motors(self, q: Array, forces: Array) -> Array:
+        """Forces of the tree ``(n, nv)`` or ``(n, nv, k)`` as motors and base exert them, at closed ``q``."""
+        return forces if self.mechanism is None else self.mechanism.on_motors(q, forces)
 
     def parameter_columns(self, segment: int) -> slice:
         """Columns of a segment's ten parameters in ``phi``; ``segment`` indexes ``segments``."""

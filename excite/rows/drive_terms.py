@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
-from excite.regressor.kernels import inverse_dynamics
+from excite.regressor.motor_torques import motor_torques
 from excite.robot.robot import Robot
 
 _STEP = 1e-5
@@ -145,7 +145,10 @@ def encoder_columns(samples: JointSamples) -> Array:
         for step in (_STEP, -_STEP):
             q = samples.q.copy()
             q[:, joint + base] += step
-            torques.append(inverse_dynamics(samples.robot.model, q, samples.v, samples.a)[:, samples.joints])
+            v, a = samples.v, samples.a
+            if samples.robot.mechanism is not None:
+                q, v, a = samples.robot.mechanism.completed(q, v, a)
+            torques.append(motor_torques(samples.robot, q, v, a)[:, samples.joints])
         columns.append((torques[0] - torques[1]) / (2.0 * _STEP))
     return np.stack(columns, axis=2)
 
@@ -179,7 +182,7 @@ def bending_columns(samples: JointSamples) -> Array:
 
 def nominal_torques(samples: JointSamples) -> Array:
     """Torques of the nominal bodies, ``(m, n_joints)`` [N·m or N]."""
-    whole = inverse_dynamics(samples.robot.model, samples.q, samples.v, samples.a)
+    whole = motor_torques(samples.robot, samples.q, samples.v, samples.a)
     return np.asarray(whole[:, samples.joints])
 
 

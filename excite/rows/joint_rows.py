@@ -17,7 +17,7 @@ from excite.logs.log import LogHeader, Trial
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.trim import long_standstill
 from excite.regressor.contact_forces import contact_elimination
-from excite.regressor.kernels import joint_torque_regressor
+from excite.regressor.motor_torques import motor_regressor
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
 from excite.rows.contact_flags import away_from_changes, closed_on_grid
@@ -117,7 +117,7 @@ class JointRows:
         closed = closed_on_grid(self.robot, trial, k.time) if self.robot.floating else None
 
         def source(part: slice) -> Array:
-            body = joint_torque_regressor(self.robot.model, k.q[part], k.v[part], k.a[part])
+            body = motor_regressor(self.robot, k.q[part], k.v[part], k.a[part])
             samples = JointSamples(
                 self.robot, k.q[part], k.v[part], k.a[part], joints, self.settings.coulomb_width, self.motors
             )
@@ -154,7 +154,7 @@ class JointRows:
 
     def _elimination(self, q: Array, closed: NDArray[np.bool_]) -> Array:
         """What takes unmeasured contact forces out, ``(n, n_channels, nv)``; raises LogError if a torque is missing."""
-        silent = [joint for joint in self.robot.joint_names if joint not in self.channel_names]
+        silent = [joint for joint in self.robot.driven_names if joint not in self.channel_names]
         if silent:
             raise LogError(
                 f"says nothing of joint {silent[0]!r}",

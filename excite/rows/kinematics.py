@@ -66,7 +66,7 @@ def trial_kinematics(
     """Resample, filter and differentiate the positions of a trial.
 
     Args:
-        robot: the robot (joints that the log lacks stay at rest).
+        robot: the robot (joints that the log lacks stay at rest, or follow from the others in a mechanism).
         header: the log's header.
         trial: the trial.
         settings: standstill and gaps.
@@ -77,6 +77,7 @@ def trial_kinematics(
 
     Raises:
         LogError: too short for the filter.
+        MotionError: a mechanism cannot be closed at what was logged.
     """
     rate, cutoff_hz = trial_rate(header, trial), filters.kinematics_cutoff_hz
     grid = trial_grid(trial, rate)
@@ -100,6 +101,8 @@ def trial_kinematics(
         pose = root_pose(trial.base, base_offset(robot, header))
         base = base_motion(positions_on_grid(trial.time, pose, grid), rate, cutoff_hz, filters.order)
         q[:, :7], v[:, :6], a[:, :6] = base.pose, base.twist, base.acceleration
+    if robot.mechanism is not None:
+        q, v, a = robot.mechanism.completed(q, v, a)
     valid = near_samples(trial.time, grid, max(settings.longest_gap_s, 2.0 / rate))
     edge = max(3, settling_samples(rate, cutoff_hz))
     valid[:edge] = valid[n - edge :] = False

@@ -88,6 +88,7 @@ def scattered_drives(robot: Robot, rng: np.random.Generator, *, spread: float = 
     coulomb = nominal.coulomb if nominal.coulomb.any() else 0.01 * nominal.torque_limit
     factors = np.exp(spread * rng.standard_normal((2, robot.n_joints)))
     viscous, coulomb = viscous * factors[0], coulomb * factors[1]
+    viscous, coulomb = (np.where(robot.passive, 0.0, values) for values in (viscous, coulomb))
     return replace(
         nominal,
         viscous=viscous,

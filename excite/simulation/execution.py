@@ -95,7 +95,8 @@ def execute(
     )
     data.qpos[plant.qpos] = _start(robot, motion)
     positions, velocities = _commands(robot, motion, clock)
-    controls = positions + velocities * (virtual.drives.kd / virtual.drives.kp)
+    kp, kd = virtual.drives.kp, virtual.drives.kd
+    controls = positions + velocities * np.divide(kd, kp, out=np.zeros_like(kp), where=kp > 0.0)
     track = _Track(plant, clock)
     data.ctrl[:] = controls[0]
     plant.run(virtual.laws)

@@ -13,6 +13,7 @@ from excite.errors import InputError
 from excite.robot.robot import Foot, Robot
 from excite.simulation.drives import Drives
 from excite.simulation.inertial import PrincipalInertia, principal_inertia
+from excite.simulation.mjcf_closures import add_closures
 from excite.simulation.mjcf_shapes import GROUND, add_shapes, wxyz
 
 if TYPE_CHECKING:
@@ -87,6 +88,7 @@ def build_spec(robot: Robot, phi: Array, drives: Drives, world: World) -> mujoco
     offset = 1 if robot.floating else 0
     for index, name in enumerate(robot.joint_names):
         _add_drive(spec, bodies[index + 1 + offset], name, drives, index)
+    add_closures(spec, bodies, robot, world.timestep)
     if robot.feet:
         spec.worldbody.add_geom(
             name=GROUND, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=1, conaffinity=0

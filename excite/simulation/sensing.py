@@ -7,9 +7,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.logs.header_blocks import FootHeader, ImuHeader, TrialHeader
+from excite.logs.header_blocks import ImuHeader, TrialHeader
 from excite.logs.log import LogHeader, Trial
-from excite.logs.robot import sensor_headers
+from excite.logs.robot import foot_headers, sensor_headers
 from excite.motion.motion import Motion
 from excite.robot.joint_values import per_joint
 from excite.robot.links import link_placement
@@ -60,13 +60,14 @@ def sense(virtual: VirtualRobot, recording: Recording, role: str, rng: np.random
         sigma = per_joint(sensors.noise_torque, robot.joint_names, np.zeros(joints))
         true = recording.tau_link if sensors.joint_torque == "link_side" else recording.tau_motor
         tau = true + level * sigma * rng.standard_normal((n, joints))
+    motors = ~robot.passive
     return Trial(
         name=recording.name,
         role=role,
         time=recording.time,
-        q=q,
-        tau=tau,
-        q_cmd=recording.q_cmd,
+        q=q[:, motors],
+        tau=None if tau is None else tau[:, motors],
+        q_cmd=recording.q_cmd[:, motors],
         base=base,
         wrenches=wrenches,
         imu=imu,
@@ -97,14 +98,14 @@ def contact_flags(robot: Robot, recording: Recording) -> dict[str, NDArray[np.bo
 
 
 def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
-    """The header of a log of a virtual robot: its declared sensors and servo.
+    """The header of a log of a virtual robot: its declared sensors and servo, of joints that have a motor.
 
     The baseline that it names has rigid bodies; where joint torques are measured it also has viscous and
     Coulomb friction, and rotor inertia where the motors' torque is measured and ``robot.yaml`` declares one.
     """
     description = robot.description
     torque = description.sensors.joint_torque
-    drives = nominal_drives(robot)
+    drives, motors = nominal_drives(robot), ~robot.passive
     modelled = ["rigid_body"]
     if torque is not None:
         modelled += ["viscous_friction", "coulomb_friction"]
@@ -112,35 +113,28 @@ def log_header(robot: Robot, trials: tuple[TrialHeader, ...]) -> LogHeader:
         modelled.append("armature")
     return LogHeader(
         schema="excite.log/1",
-        robot="robot.urdf",
+        robot="robot.urdf" if robot.mechanism is None else "robot.yaml",
         base=description.base,
         gravity=description.gravity,
         rate_hz=description.sensors.rate_hz,
-        joints=robot.joint_names,
+        joints=robot.driven_names,
         torque=torque or "none",
         controller={
             "mode": "position",
-            "kp": dict(zip(robot.joint_names, drives.kp.tolist(), strict=True)),
-            "kd": dict(zip(robot.joint_names, drives.kd.tolist(), strict=True)),
+            "kp": dict(zip(robot.driven_names, drives.kp[motors].tolist(), strict=True)),
+            "kd": dict(zip(robot.driven_names, drives.kd[motors].tolist(), strict=True)),
             "feedforward": "none",
             "velocity_reference": "derivative of q_cmd",
             "rate_hz": drives.rate_hz,
-            "torque_limit": dict(zip(robot.joint_names, drives.torque_limit.tolist(), strict=True)),
+            "torque_limit": dict(zip(robot.driven_names, drives.torque_limit[motors].tolist(), strict=True)),
         },
         base_link=robot.base_link if robot.floating else None,
         wrench="on_robot_in_sensor_frame" if robot.sensors else None,
         sensors=sensor_headers(robot) if robot.sensors else (),
-        feet=() if robot.measures_contacts else _foot_headers(robot),
+        feet=() if robot.measures_contacts else foot_headers(robot),
         imu=_imu_header(robot),
         modelled=tuple(modelled),
         trials=trials,
-    )
-
-
-def _foot_headers(robot: Robot) -> tuple[FootHeader, ...]:
-    blocks = {block.name: block for block in robot.description.feet}
-    return tuple(
-        FootHeader(name=f.name, link=f.link, sole=blocks[f.name].sole, radius=f.radius) for f in robot.feet
     )
 
 

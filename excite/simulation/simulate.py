@@ -14,6 +14,8 @@ from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
+from excite.robot.loading import portable_description
+from excite.robot.robot import Robot
 from excite.simulation.replay import Replay, watched_run
 from excite.simulation.sensing import log_header, sense
 from excite.simulation.virtual_robot import VirtualRobot
@@ -122,8 +124,13 @@ def run_experiment(
         for trial, start in zip(trials, starts, strict=False)
     )
     dated = tuple(_dated(trial, header) for trial, header in zip(trials, headers, strict=True))
-    log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=virtual.robot.urdf)
+    log = Log(header=log_header(virtual.robot, headers), trials=dated, robot_text=_model_text(virtual.robot))
     return SimulatedRuns(log, tuple(replays))
+
+
+def _model_text(robot: Robot) -> str:
+    """The nominal model that a log brings along: a URDF, which says nothing of loops, or the whole description."""
+    return robot.urdf if robot.mechanism is None else portable_description(robot)
 
 
 def _dated(trial: Trial, header: TrialHeader) -> Trial:

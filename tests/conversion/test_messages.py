@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import excite
 from excite.conversion.guesses import UnclearError
@@ -148,6 +149,42 @@ def test_linkages_that_stand_as_motors_are_asked_for(types, tmp_path):
     kept = [k for k in range(29) if k not in (4, 5, 10, 11, 13, 14)]
     assert log.header.joints == tuple(excite.load_robot("g1").joint_names[k] for k in kept)
     np.testing.assert_allclose(log.trials[0].q, data["q"][:, kept], atol=1e-6)
+
+
+def geared_g1(folder: Path) -> Path:
+    """The G1 with pairs of motors behind its ankles and waist, as differentials."""
+    robot = excite.load_robot("g1_no_ft")
+    content = yaml.safe_load(robot.source.read_text())
+    blocks = []
+    for name, link, pitch, roll in (
+        ("left_ankle", "left_knee_link", "left_ankle_pitch_joint", "left_ankle_roll_joint"),
+        ("right_ankle", "right_knee_link", "right_ankle_pitch_joint", "right_ankle_roll_joint"),
+        ("waist", "waist_yaw_link", "waist_roll_joint", "waist_pitch_joint"),
+    ):
+        motors = [
+            {"name": f"{name}_{letter}", "link": link, "ratios": {pitch: 1.0, roll: sign}}
+            | {"position": [-1.5, 1.5], "velocity": 20.0, "torque": 50.0}
+            for letter, sign in (("A", 1.0), ("B", -1.0))
+        ]
+        blocks.append({"name": name, "joints": [pitch, roll], "motors": motors, "source": "test"})
+    path = folder / "robot.yaml"
+    path.write_text(yaml.safe_dump(content | {"transmissions": blocks}))
+    return path
+
+
+@pytest.mark.parametrize("mode", [0, 1], ids=["joints", "motors"])
+def test_linkages_of_a_robot_that_has_them_are_read_in_either_mode(types, tmp_path, mode):
+    """Motors A and B of mode 1 under their own names, joints of mode 0 under theirs; nothing is asked."""
+    data = swing(29, n=60)
+    states = messages.low_states(types, "hg", data, list(range(29)), mode_pr=mode)
+    bag = messages.bag(tmp_path / "bag", types, {"/lowstate": ("unitree_hg/msg/LowState", states)})
+    mapping = Map.model_validate(WHOLE | {"log": {"base": "held", "torque": "none"}})
+    log = excite.convert([bag], geared_g1(tmp_path), tmp_path / "log", mapping).log
+    serial = list(excite.load_robot("g1_no_ft").joint_names)
+    for k, name in ((4, "left_ankle"), (10, "right_ankle"), (13, "waist")) if mode else ():
+        serial[k : k + 2] = [f"{name}_A", f"{name}_B"]
+    assert list(log.header.joints) == serial
+    np.testing.assert_allclose(log.trials[0].q, data["q"], atol=1e-6)
 
 
 def test_messages_that_stood_in_a_queue_are_at_the_robots_own_times(types, tmp_path):

@@ -145,13 +145,59 @@ def test_bodies_that_stand_for_joints_which_are_not_there_are_left_out(tmp_path:
     assert conversion.floating and "waist" not in conversion.urdf and "'spare'" in " ".join(conversion.notes)
 
 
-def test_joints_of_a_closed_loop_are_held_still(tmp_path: Path) -> None:
+def with_loop(crank: str = "crank", more: str = "") -> str:
+    """The odd arm with a bar on a crank and a link on that, which is pinned to the slider again."""
+    link = '<body name="link" pos="0 .1 0"><joint name="link" axis="1 0 0"/><geom size=".02"/>{}</body>'
+    bar = f'<body name="bar" pos="0 .2 0"><joint name="{crank}" axis="1 0 0"/><geom size=".03"/>'
+    third = '<body name="end" pos="0 0 .1"><joint name="end" axis="1 0 0"/><geom size=".02"/></body>'
+    text = ODD.replace('<body pos="0 0.1 0">', f'{bar}{link.format(third)}</body><body pos="0 0.1 0">')
+    loop = '<equality><connect body1="end" body2="slider" anchor="0 .1 0"/></equality></mujoco>'
+    return text.replace("</mujoco>", loop).replace("</actuator>", f"{more}</actuator>")
+
+
+def test_joints_of_a_closed_loop_without_enough_motors_are_held_still(tmp_path: Path) -> None:
+    written = write_scaffold(saved(with_loop(), tmp_path), tmp_path / "out")
+    assert any("fewer motors than freedoms are held still (crank, link, end)" in n for n in written.notes)
+    assert set(load_robot(written.description).joint_names) == {"yaw", "pitch", "reach"}
+
+
+def test_joints_of_a_closed_loop_follow_its_motor(tmp_path: Path) -> None:
+    motor = '<motor joint="crank" ctrlrange="-3 3"/>'
+    written = write_scaffold(saved(with_loop(more=motor), tmp_path), tmp_path / "out")
+    robot = load_robot(written.description)
+    assert set(robot.joint_names) - set(robot.driven_names) == {"link", "end"}
+    assert robot.mechanism is not None and robot.mechanism.gaps(robot.rest[None])[0] < 1e-9
+
+
+def test_more_motors_than_freedoms_are_held_still(tmp_path: Path) -> None:
+    motors = "".join(f'<motor joint="{name}" ctrlrange="-3 3"/>' for name in ("crank", "link"))
+    written = write_scaffold(saved(with_loop(more=motors), tmp_path), tmp_path / "out")
+    assert any("more motors than freedoms are held still" in note for note in written.notes)
+
+
+def test_joints_tied_by_a_fixed_tendon_or_a_polynomial_move_together(tmp_path: Path) -> None:
+    """Against MuJoCo's own residual of these equalities at the configurations that were closed."""
     tip = '<body name="bar" pos="0 .2 0"><joint name="crank" axis="1 0 0"/><geom size=".03"/></body>'
     text = ODD.replace('<body pos="0 0.1 0">', f'{tip}<body pos="0 0.1 0">')
-    loop = '<equality><connect body1="bar" body2="slider" anchor="0 0 .1"/></equality></mujoco>'
-    written = write_scaffold(saved(text.replace("</mujoco>", loop), tmp_path), tmp_path / "out")
-    assert any("closed loop are held still (crank)" in note for note in written.notes)
-    assert set(load_robot(written.description).joint_names) == {"yaw", "pitch", "reach"}
+    tendon = '<tendon><fixed name="belt"><joint joint="crank" coef="2"/><joint joint="yaw" coef="-1"/></fixed></tendon>'
+    ties = '<equality><tendon tendon1="belt" polycoef="0.05 0 0 0 0"/>'
+    ties += '<joint joint1="reach" joint2="pitch" polycoef="0.01 0.05 0.1 0 0"/></equality>'
+    path = saved(text.replace("</mujoco>", f"{tendon}{ties}</mujoco>"), tmp_path)
+    robot = load_robot(write_scaffold(path, tmp_path / "out").description)
+    assert set(robot.driven_names) == {"yaw", "pitch"}
+    assert robot.mechanism is not None
+    limits = robot.limits
+    drawn = robot.mechanism.drawn(np.random.default_rng(0), limits.position_lower, limits.position_upper, 5)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    for q in drawn:
+        for name, value in zip(robot.joint_names, q, strict=True):
+            address = model.joint(name).qposadr[0]
+            data.qpos[address] = value + model.qpos0[address]
+        mujoco.mj_forward(model, data)
+        kinds = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        assert kinds.sum() == 2
+        assert np.abs(data.efc_pos[: data.nefc][kinds]).max() < 1e-9
 
 
 def test_a_base_that_lies_in_its_own_axes_stands_upright_in_the_urdf(tmp_path: Path) -> None:

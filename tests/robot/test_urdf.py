@@ -168,9 +168,9 @@ FAULTS = {
         "positive",
     ),
     "mimic joint": (
-        spoiled(ELBOW_LIMIT, ELBOW_LIMIT + MIMIC),
-        "joint 'elbow'/mimic: follows joint 'shoulder'",
-        "locked_joints",
+        spoiled(ELBOW_LIMIT, ELBOW_LIMIT + MIMIC.replace('"2"', '"2,0"')),
+        "joint 'elbow'/mimic@multiplier",
+        "number",
     ),
     "flat box": (
         spoiled('size="0.06 0.06 0.25"', 'size="0.06 0.06 0"'),
@@ -263,7 +263,7 @@ def test_mimic_joint_follows_a_locked_one(tmp_path: Path) -> None:
     solid_tool = f'<link name="tool"><inertial>{MASS}{INERTIA}</inertial></link>'
     limit = '<limit lower="0" upper="1" effort="1" velocity="1"/>'
     text = (
-        FAULTS["mimic joint"][0]
+        spoiled(ELBOW_LIMIT, ELBOW_LIMIT + MIMIC)
         .replace('joint name="mount" type="fixed"', 'joint name="mount" type="prismatic"')
         .replace('<child link="tool"/>', f'<child link="tool"/>{limit}')
         .replace('<link name="tool"/>', solid_tool)

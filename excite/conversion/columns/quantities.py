@@ -48,7 +48,9 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             _ask_for_sign(found, channel, items, columns, mapping)
             unit, because = _torques(items, columns, machine, named)
         else:
-            _ask_for_sign(found, channel, items, columns, mapping)
+            # Flags of contact are 0 and 1.
+            if channel != "contact":
+                _ask_for_sign(found, channel, items, columns, mapping)
             unit, because = (
                 named or {"i": "A"}.get(channel, "SI"),
                 "unit as named" if named else "no unit stated",

@@ -128,6 +128,13 @@ def optimise(
     """
     settings = settings or SearchSettings()
     check_jobs(jobs)
+    if task.robot.mechanism is not None:
+        raise InputError(
+            "has joints that no motor drives, for which the search has no gradients",
+            source=task.robot.source,
+            field="loops" if task.robot.description.loops else "couplings",
+            remedy="choose from candidates: leave the optimisation out",
+        )
     chain = Chain(task, settings.effort)
     shared = Shared(chain)
     points: list[Point | None] = [None] * settings.starts

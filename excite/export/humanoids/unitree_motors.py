@@ -40,7 +40,7 @@ def motor_places(robot: Robot, order: str) -> dict[str, int]:
     Raises:
         InputError: a joint has no place, or two; nobody knows the robot's motors and nothing is said.
     """
-    joints = robot.joint_names
+    joints = robot.driven_names
     if order == MODEL:
         return {joint: place for place, joint in enumerate(joints)}
     if order:
@@ -62,7 +62,7 @@ def motor_places(robot: Robot, order: str) -> dict[str, int]:
 
 
 def _said(robot: Robot, names: list[str]) -> dict[str, int]:
-    places = {joint: [k for k, name in enumerate(names) if name == joint] for joint in robot.joint_names}
+    places = {joint: [k for k, name in enumerate(names) if name == joint] for joint in robot.driven_names}
     for joint, found in places.items():
         if len(found) != 1:
             raise InputError(

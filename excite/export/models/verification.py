@@ -85,7 +85,7 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
     """
     held = held_joints(robot, fromstring(text))
     root = (pin.JointModelFreeFlyer(),) if robot.floating else ()
-    raw = pin.buildModelFromXML(text.decode("utf-8"), *root)
+    raw = pin.buildModelFromXML(_links_apart(text), *root)
     neutral = pin.neutral(raw)
     ids = [raw.getJointId(name) for name in held]
     for index, value in zip(ids, held.values(), strict=True):
@@ -105,6 +105,17 @@ def pinocchio_torques(robot: Robot, text: bytes, states: States) -> Array:
         )
         torque.append(pin.rnea(model, data, own, v, a))
     return np.array(torque)
+
+
+def _links_apart(text: bytes) -> str:
+    """The text with links that no joint is called like: pinocchio reduces no model in which names stand twice."""
+    root = fromstring(text)
+    for element in root.iter():
+        if element.tag == "link" and element.get("name"):
+            element.set("name", f"{element.get('name')} (link)")
+        elif element.tag in {"parent", "child"} and element.get("link"):
+            element.set("link", f"{element.get('link')} (link)")
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _by_joint(robot: Robot, q: Array) -> list[Array]:

@@ -30,6 +30,7 @@ class KeyframesExporter(Exporter):
     """
 
     name = "mujoco-keyframes"
+    whole = True
     suffix = ".xml"
     summary = "MuJoCo keyframes (qpos, qvel, ctrl) in a file to include beside the robot's model"
     exact = False

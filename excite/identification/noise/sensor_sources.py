@@ -55,6 +55,7 @@ def noise_sources(robot: Robot, problem: IdentificationProblem, motion: Motion) 
 def _torque_source(robot: Robot, motion: Motion) -> NoiseSource:
     block = robot.description.sensors.noise_torque
     std = per_joint(block, robot.joint_names, np.full(robot.n_joints, np.nan))
+    std[robot.passive] = 0.0
     if np.isnan(std).any():
         raise InputError(
             f"no noise of joint {robot.joint_names[int(np.argmax(np.isnan(std)))]!r}",
@@ -87,7 +88,7 @@ def _position_source(robot: Robot, problem: IdentificationProblem, motion: Motio
     """Derivatives of the inverse dynamics of the nominal model and its drives.
 
     Where contact forces are taken out, how these change with position is left out: it is the stiffness of the
-    contacts' geometry, of the order of gravity's own.
+    contacts' geometry, of the order of gravity's own. So is how a mechanism's transmission changes with it.
     """
     sensors, model = robot.description.sensors, robot.model
     std = np.full(model.nv, sensors.noise_position)
@@ -111,6 +112,10 @@ def _position_source(robot: Robot, problem: IdentificationProblem, motion: Motio
             if not robot.measures_contacts:
                 row = robot.n_base_v + index
                 gains[order, :, row, row] += drives.get(f"{term}.{joint}", 0.0)
+    if robot.mechanism is not None and not robot.measures_contacts:
+        maps = np.zeros((motion.n_samples, model.nv, model.nv))
+        maps[:, :, robot.mechanism.driven] = robot.mechanism.motion_maps(motion.q)
+        gains = maps.transpose(0, 2, 1) @ gains @ maps
     if robot.floating and not robot.measures_contacts:
         gains = _elimination(robot, motion) @ gains
     return NoiseSource(std, tuple(gains), positions=True)

@@ -48,8 +48,10 @@ def leg_joints(robot: Robot, foot: Foot) -> tuple[int, ...]:
 
 
 def upper_body(robot: Robot) -> NDArray[np.bool_]:
-    """Which actuated joints are in no leg, ``(n_joints,)``; all of a robot without feet."""
+    """Which joints are in no leg, ``(n_joints,)``; of a robot without feet all but those that follow from others."""
     upper = np.ones(robot.n_joints, dtype=bool)
+    if robot.closing is not None:
+        upper[robot.closing.passive - robot.n_base_v] = False
     for foot in robot.feet:
         upper[list(leg_joints(robot, foot))] = False
     return upper

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,11 +15,13 @@ from excite.atomic import write_bytes, write_text
 from excite.errors import InputError, RobotError
 from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
-from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_driven
+from excite.robot.mjcf.closure_blocks import BlockWriter
+from excite.robot.mjcf.closures import driven_joints, mimics, read_closures
+from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_groups
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.torques import idle_balls, torque_limits
-from excite.robot.mjcf.trees import loop_joints, robot_root
-from excite.robot.mjcf.urdf import Mimic, UrdfWriter
+from excite.robot.mjcf.trees import robot_root
+from excite.robot.mjcf.urdf import UrdfWriter
 
 if TYPE_CHECKING:
     import mujoco
@@ -41,6 +43,8 @@ class MjcfConversion:
         notes: what the URDF leaves out or says differently.
         posture: joints of the keyframe in which the robot rests [rad or m], None without one.
         excluded: pairs of links that the model lets touch.
+        loops: blocks ``loops`` of a ``robot.yaml``, which a URDF does not have.
+        couplings: blocks ``couplings`` of one.
     """
 
     name: str
@@ -50,6 +54,8 @@ class MjcfConversion:
     notes: tuple[str, ...]
     posture: Mapping[str, float] | None = None
     excluded: tuple[tuple[str, str], ...] = ()
+    loops: tuple[Mapping[str, Any], ...] = ()
+    couplings: tuple[Mapping[str, Any], ...] = ()
 
     def write(self, path: Path) -> Path:
         """Write the URDF to ``path`` and the meshes beside it."""
@@ -71,7 +77,9 @@ def convert_mjcf(path: Path) -> MjcfConversion:
 
     The model is compiled by MuJoCo, in a process of its own, so defaults, includes, orientations of every kind
     and inertias that follow from geometry are as MuJoCo understands them. Bodies, hinges and slides, inertials,
-    primitive solids and meshes are carried over; a joint coupled to another by a linear equality becomes a mimic joint.
+    primitive solids and meshes are carried over; a joint coupled to another by a linear equality becomes a mimic
+    joint, and other equalities loops and couplings of a ``robot.yaml``, where their joints without a motor follow
+    from those with one; else these are held still.
 
     Args:
         path: the MJCF file.
@@ -127,13 +135,21 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     if objects:
         names = ", ".join(repr(model.body(body).name) for body in objects[:6])
         notes.append(f"bodies that move on their own are no part of the robot and left out ({names})")
-    loops = loop_joints(model, path)
-    _hold(model, loops, "joints that move together in a closed loop", notes)
-    _hold(
-        model, tendon_driven(model) - loops, "joints that one motor drives together through a tendon", notes
-    )
-    writer = UrdfWriter(model, bodies, _mimics(model, path), torque_limits(model))
+    closures = read_closures(model, path)
+    for why, joints in closures.held.items():
+        _hold(model, joints, why, notes)
+    for joint, value in closures.still.items():
+        model.jnt_limited[joint] = 1
+        model.jnt_range[joint] = value + model.qpos0[model.jnt_qposadr[joint]]
+    known = driven_joints(model).union(*closures.passive.values(), *closures.held.values())
+    # What one motor drives through a tendon is one freedom where equalities tie it together.
+    many = {joint for group in tendon_groups(model) if group - known for joint in group}
+    _hold(model, many, "joints that one motor drives together through a tendon", notes)
+    writer = UrdfWriter(model, bodies, mimics(model, closures), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
+    blocks = BlockWriter(model, closures, writer.joint_name, writer.link_name, writer.anchors)
+    if model.jnt_stiffness.any():
+        notes.append("springs of joints (stiffness) are left out: torques predicted there lack them")
     if model.dof_armature[6 if root else 0 :].any():
         notes.append("rotor inertia (armature) is not in the URDF; put it under drives in robot.yaml")
     text = '<?xml version="1.0"?>\n' + ElementTree.tostring(robot, encoding="unicode") + "\n"
@@ -145,6 +161,8 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         (*notes, *writer.notes),
         rest_keyframe(model, writer.joint_name),
         excluded_pairs(model, bodies, writer.link_name),
+        blocks.loops(),
+        blocks.couplings(),
     )
 
 
@@ -223,26 +241,3 @@ def _hold(model: mujoco.MjModel, joints: set[int], which: str, notes: list[str])
         model.jnt_limited[joint], model.jnt_range[joint] = 1, model.qpos0[model.jnt_qposadr[joint]]
     names = ", ".join(model.joint(joint).name or f"joint_{joint}" for joint in held[:6])
     notes.append(f"{which} are held still ({names}{', …' if len(held) > 6 else ''})")
-
-
-def _mimics(model: mujoco.MjModel, path: Path) -> dict[int, Mimic]:
-    """Joints that a linear equality ties to another; equalities of bodies are loops, and any other is refused."""
-    import mujoco
-
-    mimics: dict[int, Mimic] = {}
-    for number in np.flatnonzero(model.eq_active0):
-        kind, data = mujoco.mjtEq(int(model.eq_type[number])), model.eq_data[number]
-        if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
-            continue
-        follower, master = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-        couples = kind == mujoco.mjtEq.mjEQ_JOINT and master >= 0 and not np.any(data[2:5])
-        if not couples or follower in mimics:
-            raise RobotError(
-                "is an equality that a URDF does not have",
-                source=path,
-                field=f"equality {model.equality(int(number)).name or number}",
-                remedy="remove it",
-            )
-        # MuJoCo couples differences from the reference positions, which are zero in the URDF.
-        mimics[follower] = Mimic(master, float(data[1]), float(data[0]))
-    return mimics

@@ -42,15 +42,16 @@ def excluded_pairs(
     return tuple(pairs)
 
 
-def tendon_driven(model: mujoco.MjModel) -> set[int]:
-    """Joints that an actuator drives through a tendon, together with others."""
+def tendon_groups(model: mujoco.MjModel) -> list[set[int]]:
+    """Joints that an actuator drives through a tendon, together with others, actuator by actuator."""
     import mujoco
 
-    joints: set[int] = set()
+    groups = []
     for actuator in range(model.nu):
         if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_TENDON:
             continue
         tendon = int(model.actuator_trnid[actuator, 0])
         first = int(model.tendon_adr[tendon])
-        joints |= {int(joint) for joint in model.wrap_objid[first : first + int(model.tendon_num[tendon])]}
-    return joints
+        joints = model.wrap_objid[first : first + int(model.tendon_num[tendon])]
+        groups.append({int(joint) for joint in joints})
+    return groups

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from excite.errors import RobotError
 
 if TYPE_CHECKING:
@@ -50,40 +48,33 @@ def robot_root(model: mujoco.MjModel, path: Path) -> tuple[int, tuple[int, ...]]
     return (floating[0] if floating else 0), objects
 
 
-def loop_joints(model: mujoco.MjModel, path: Path) -> set[int]:
-    """Hinges and slides between two bodies that an equality connects or welds: they move together in a closed loop.
+def loop_joints(model: mujoco.MjModel, number: int, path: Path) -> set[int]:
+    """Hinges and slides between the two bodies that an equality connects or welds: they move in a closed loop.
 
     Raises:
-        RobotError: an equality ties bodies between which there is no such joint.
+        RobotError: there is no such joint.
     """
     import mujoco
 
-    closing = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-    joints: set[int] = set()
-    for number in np.flatnonzero(model.eq_active0):
-        kind = mujoco.mjtEq(int(model.eq_type[number]))
-        if kind not in closing:
-            continue
-        ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
-        if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
-            ends = [int(model.site_bodyid[site]) for site in ends]
-        first, second = (_to_root(model, body) for body in ends)
-        between = set(first) ^ set(second)
-        found = {
-            joint
-            for joint in range(model.njnt)
-            if int(model.jnt_bodyid[joint]) in between and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE
-        }
-        if not found:
-            word = "connects" if kind == mujoco.mjtEq.mjEQ_CONNECT else "welds"
-            raise RobotError(
-                f"{word} two bodies between which no joint moves",
-                source=path,
-                field=f"equality {model.equality(int(number)).name or number}",
-                remedy="remove it: a base that is bolted down has no free joint",
-            )
-        joints |= found
-    return joints
+    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+    if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
+        ends = [int(model.site_bodyid[site]) for site in ends]
+    first, second = (_to_root(model, body) for body in ends)
+    between = set(first) ^ set(second)
+    found = {
+        joint
+        for joint in range(model.njnt)
+        if int(model.jnt_bodyid[joint]) in between and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE
+    }
+    if not found:
+        word = "connects" if model.eq_type[number] == mujoco.mjtEq.mjEQ_CONNECT else "welds"
+        raise RobotError(
+            f"{word} two bodies between which no joint moves",
+            source=path,
+            field=f"equality {model.equality(number).name or number}",
+            remedy="remove it: a base that is bolted down has no free joint",
+        )
+    return found
 
 
 def _to_root(model: mujoco.MjModel, body: int) -> list[int]:

@@ -82,6 +82,11 @@ class UrdfWriter:
         self._joint(f"{name}_fixed", "fixed", name, self.link_name(root), pose)
         self.notes.append(f"the base is {name}: the axes of {self.link_name(root)} do not stand upright")
 
+    @property
+    def anchors(self) -> dict[int, Array]:
+        """By body, where its link's frame is in the body's frame ``(3,)`` [m]; filled while writing."""
+        return self._anchor
+
     def link_name(self, body: int) -> str:
         """Name of a body's link."""
         return WORLD if body == 0 else self.model.body(body).name or f"body_{body}"

@@ -22,6 +22,7 @@ from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.solids import box_shapes
 from excite.robot.scaffold.stand_in import StandIn
 from excite.robot.scaffold.structure import assumed_structure
+from excite.robot.scaffold.tied import tied
 from excite.robot.scaffold.values import Values
 from excite.robot.shapes.collision import TABLE
 from excite.robot.shapes.ground import ground_height, links_below
@@ -97,18 +98,21 @@ def draft(
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
     slides = {name for name, joint in joints.items() if joint.get("type") == "prismatic"}
-    held = held_joints(root, joints, guesses)
+    together = tied(joints, said.loops, said.couplings)
+    held = held_joints(root, joints, guesses, together.joints)
     held |= {name: Held(value, "its drive cannot hold what it carries") for name, value in weak.items()}
-    free = tuple(guess for guess in guesses if guess.name not in held and guess.follows is None)
+    held |= together.holding(held, guesses)
+    still_names = _with_followers(held, guesses)
+    free = tuple(guess for guess in guesses if guess.name not in still_names)
     if not free:
         raise _nothing_moves(held, path)
     for name, joint in joints.items():
         # As they will be read: what is held moves nothing, and no fault of its inertia matters.
-        if name in held or joint.find("mimic") is not None:
+        if name in still_names:
             joint.set("type", "fixed")
     still, loose = (_faults(root, joints, floating, path) for floating in (False, True))
     locked = {name: one.value for name, one in held.items()}
-    stand_in = StandIn(path, free, locked, tuple(still), _margin(free))
+    stand_in = StandIn(path, free, locked, tuple(still), _margin(free), together.moving(held))
     built = stand_in.with_geometry()
     robot = built.robot
     check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
@@ -146,6 +150,7 @@ def draft(
         },
         "base": rest.base,
         **({"locked_joints": locked} if locked else {}),
+        **together.moving(held),
         "posture": {
             "joints": {
                 n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6
@@ -167,7 +172,19 @@ def draft(
         },
         "assumed": [one.model_dump() for one in (*assumed, *more, *noise)],
     }
+    follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
+    for block in (*limits.values(), sensors.get("noise_torque"), *content["controller"].values()):
+        if isinstance(block, dict) and "joints" in block:
+            block["joints"] = {name: value for name, value in block["joints"].items() if name not in follow}
     return content
+
+
+def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> set[str]:
+    """Names of joints that are held, and of those that follow them."""
+    names = set(held)
+    while more := {guess.name for guess in guesses if guess.follows in names} - names:
+        names |= more
+    return names
 
 
 def _faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:

@@ -99,7 +99,13 @@ def _described(
     conversion: MjcfConversion, urdf: Path, file: Path, seed: int, ignored: tuple[tuple[str, str], ...]
 ) -> str:
     """Describe the URDF from a copy that goes away again, so that nothing is written where that fails."""
-    said = Said(conversion.floating, conversion.posture, (*conversion.excluded, *ignored))
+    said = Said(
+        conversion.floating,
+        conversion.posture,
+        (*conversion.excluded, *ignored),
+        conversion.loops,
+        conversion.couplings,
+    )
     with tempfile.TemporaryDirectory() as folder:
         return _renamed_errors(conversion.write(Path(folder) / urdf.name), folder, file, seed, said)
 

@@ -102,8 +102,23 @@ def joint_inertias(robot: Robot, rng: np.random.Generator, n_random: int = 50) -
     data = robot.model.createData()
     largest = np.zeros(robot.n_joints)
     for _ in range(n_random):
-        q = robot.rest.copy()
-        q[robot.n_base_q :] = rng.uniform(robot.limits.position_lower, robot.limits.position_upper)
-        inertia = np.diag(pin.crba(robot.model, data, q))[robot.n_base_v :]
+        q = drawn_posture(robot, rng)
+        whole = pin.crba(robot.model, data, q)
+        if robot.mechanism is not None:
+            maps = robot.mechanism.motion_maps(q[None])[0]
+            driven, upper = robot.mechanism.driven, np.triu(whole) + np.triu(whole, 1).T
+            whole = np.diag(whole.diagonal().copy())
+            whole[driven, driven] = np.einsum("ij,ik,kj->j", maps, upper, maps)
+        inertia = np.diag(whole)[robot.n_base_v :]
         largest = np.maximum(largest, inertia)
     return largest
+
+
+def drawn_posture(robot: Robot, rng: np.random.Generator) -> Array:
+    """A random configuration within the limits ``(nq,)``, the base at rest and a mechanism closed."""
+    lower, upper = robot.limits.position_lower, robot.limits.position_upper
+    if robot.mechanism is not None:
+        return np.asarray(robot.mechanism.drawn(rng, lower, upper, 1)[0])
+    q = robot.rest.copy()
+    q[robot.n_base_q :] = rng.uniform(lower, upper)
+    return np.asarray(q)

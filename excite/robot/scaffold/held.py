@@ -26,13 +26,16 @@ class Held:
 
 
 def held_joints(
-    root: ElementTree.Element, joints: dict[str, ElementTree.Element], guesses: tuple[JointGuess, ...]
+    root: ElementTree.Element,
+    joints: dict[str, ElementTree.Element],
+    guesses: tuple[JointGuess, ...],
+    tied: frozenset[str] = frozenset(),
 ) -> dict[str, Held]:
     """Joints to hold still, by name; where nothing else would move, wheels and fingers are left free.
 
-    Joints that mimic a held one follow it and do not stand here.
+    Joints that mimic a held one follow it and do not stand here; those of a hand hold the one that they follow. Joints
+    in ``tied`` close loops and need no mass beyond them.
     """
-    masters = {guess.follows for guess in guesses if guess.follows is not None}
     masses = _masses_beyond(root, joints)
     of_hands = _of_hands(joints, masses)
     hard: dict[str, Held] = {}
@@ -40,26 +43,25 @@ def held_joints(
     for guess in guesses:
         if guess.follows is not None and guess.follows not in joints:
             hard[guess.name] = Held(
-                _nearest(guess), f"it follows {guess.follows}, which the model does not have"
+                nearest(guess), f"it follows {guess.follows}, which the model does not have"
             )
             continue
         if guess.follows is not None:
             continue
         child = joints[guess.name].find("child")
         called = f"{guess.name} {'' if child is None else child.get('link', '')}"
+        called = " ".join([called, *(one.name for one in guesses if one.follows == guess.name)])
         slides = joints[guess.name].get("type") == "prismatic"
-        if guess.name in masters:
-            hard[guess.name] = Held(_nearest(guess), "other joints are coupled to it")
-        elif masses[guess.name] <= 0.0:
-            hard[guess.name] = Held(_nearest(guess), MASSLESS)
+        if masses[guess.name] <= 0.0 and guess.name not in tied:
+            hard[guess.name] = Held(nearest(guess), MASSLESS)
         elif guess.blocked is not None:
             hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
         elif slides and guess.position is None:
             hard[guess.name] = Held(0.0, "a slide without limits")
         elif _WHEEL.search(called):
-            soft[guess.name] = Held(_nearest(guess), "a wheel")
+            soft[guess.name] = Held(nearest(guess), "a wheel")
         elif _FINGER.search(called) or guess.name in of_hands:
-            soft[guess.name] = Held(_nearest(guess), "of a hand or gripper")
+            soft[guess.name] = Held(nearest(guess), "of a hand or gripper")
     moving = [g for g in guesses if g.follows is None and g.name not in hard]
     return hard if all(g.name in soft for g in moving) else {**hard, **soft}
 
@@ -90,7 +92,8 @@ def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) 
     return found
 
 
-def _nearest(guess: JointGuess) -> float:
+def nearest(guess: JointGuess) -> float:
+    """The position nearest to zero within a joint's limits [rad or m]."""
     low, high = guess.position or (0.0, 0.0)
     return min(max(0.0, low), high)
 

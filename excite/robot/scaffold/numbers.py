@@ -12,7 +12,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.robot.description import Assumed
 from excite.robot.robot import Robot
-from excite.robot.scaffold.guesses import JointGuess
+from excite.robot.scaffold.guesses import JointGuess, drawn_posture
 
 SHARE_OF_TORQUE = 0.3
 """Share of the torque limit that a proposed acceleration limit may use on the joint's own inertia."""
@@ -84,10 +84,10 @@ def weight_loads(robot: Robot, rng: np.random.Generator, legs: Mapping[int, Arra
     """
     data = robot.model.createData()
     loads = np.zeros(robot.n_joints)
-    limits = robot.limits
     for _ in range(30):
-        q = rng.uniform(limits.position_lower, limits.position_upper)
-        loads = np.maximum(loads, np.abs(pin.computeGeneralizedGravity(robot.model, data, q)))
+        q = drawn_posture(robot, rng)
+        weight_now = pin.computeGeneralizedGravity(robot.model, data, q)
+        loads = np.maximum(loads, np.abs(robot.on_motors(q[None], weight_now[None])[0]))
     q = robot.rest
     pin.forwardKinematics(robot.model, data, q)
     for leg, tip in legs.items():

@@ -9,10 +9,11 @@ import numpy as np
 from excite.arrays import Array
 from excite.robot.description import Assumed, Base
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
+from excite.robot.mechanisms.building import limb_columns
+from excite.robot.scaffold.ground import ground_height
 from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.standing import Postures
-from excite.robot.shapes.ground import ground_height
 from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
 from excite.robot.shapes.support_area import has_area
 
@@ -62,7 +63,8 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         standing = postures.standing(legs, allowed)
         narrow = standing is not None and not has_area(postures.footing.corners(standing, legs))
         stiff = standing is not None and not _steered(figure, legs, standing.feet)
-        base = "held" if standing is None or narrow or stiff else "floating"
+        tied = standing is not None and _tied(figure, legs)
+        base = "held" if standing is None or narrow or stiff or tied else "floating"
         if standing is None:
             notes.append(_said("base", "held", "no standing posture was found: hold the robot up, legs free"))
         elif narrow:
@@ -71,6 +73,9 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
             )
         elif stiff:
             few = "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
+            notes.append(_said("base", "held", few))
+        elif tied:
+            few = "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
             notes.append(_said("base", "held", few))
         else:
             q, feet = standing.q, standing.feet
@@ -131,6 +136,15 @@ def _steered(figure: Figure, legs: list[int], feet: tuple[FootGuess, ...]) -> bo
     joints = {joint for leg in legs for joint in figure.chain(leg)}
     held = sum(6 if len(foot.sole) >= 3 else 3 for foot in feet)
     return 6 + len(joints) - held >= 3
+
+
+def _tied(figure: Figure, legs: list[int]) -> bool:
+    """Whether joints of legs have to follow from others, which feet that stay do not let them."""
+    mechanism = figure.robot.mechanism
+    if mechanism is None:
+        return False
+    columns = limb_columns(figure.model, legs)
+    return bool(np.isin(mechanism.following_from(columns).passive, columns).any())
 
 
 def weak_joints(figure: Figure, rest: Rest) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -14,8 +15,12 @@ class Said:
         floating: whether the base is free, None where the file does not say.
         posture: joint values of a keyframe at which the robot rests [rad or m].
         ignored: pairs of links that may touch.
+        loops: blocks ``loops`` of a ``robot.yaml``.
+        couplings: blocks ``couplings`` of one.
     """
 
     floating: bool | None = None
     posture: Mapping[str, float] | None = None
     ignored: tuple[tuple[str, str], ...] = ()
+    loops: tuple[Mapping[str, Any], ...] = ()
+    couplings: tuple[Mapping[str, Any], ...] = ()

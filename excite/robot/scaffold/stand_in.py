@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,7 @@ class StandIn:
     locked: dict[str, float]
     faults: tuple[str, ...]
     margin: float
+    tied: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     def with_geometry(self) -> WithGeometry:
         """The robot with the first kind of geometry that can be built, or without any."""
@@ -70,6 +71,7 @@ class StandIn:
             },
             "base": "fixed",
             "locked_joints": self.locked,
+            **self.tied,
             "posture": {"joints": {}, "base_height": 0.0, "source": said},
             "limits": {
                 "position": {
@@ -100,8 +102,8 @@ class StandIn:
             description = RobotDescription.model_validate(content)
         except ValidationError as error:
             first = error.errors()[0]
-            field = ".".join(str(part) for part in first["loc"])
-            what = f"cannot be described: {field} {first['msg']}"
+            place = ".".join(str(part) for part in first["loc"])
+            what = f"cannot be described: {place} {first['msg']}"
             raise RobotError(
                 what, source=self.path, remedy="correct the model, or rename its file"
             ) from error

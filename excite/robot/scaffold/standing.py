@@ -9,6 +9,7 @@ import pinocchio as pin
 from scipy.optimize import minimize
 
 from excite.arrays import Array
+from excite.errors import MotionError
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.scaffold.footing import Footing, Standing
 from excite.robot.scaffold.limbs import Figure
@@ -48,7 +49,10 @@ class Postures:
         every = np.ones(len(self.wanted), dtype=bool)
         parted = self._parted(self.wanted, set(), ignored)
         least: tuple[float, Array] | None = None
-        for q in (parted, *self._near(self.wanted, every)):
+        for near in (parted, *self._near(self.wanted, every)):
+            q = self._closed(near)
+            if q is None:
+                continue
             eased = self._eased(q)
             strain = self.strain(eased)
             if least is not None and strain >= least[0]:
@@ -60,13 +64,25 @@ class Postures:
             least = strain, eased
         return None if least is None else least[1]
 
+    def _closed(self, q: Array) -> Array | None:
+        """A posture with what follows from others where it follows to, None out of reach or limits."""
+        robot = self.figure.robot
+        if robot.mechanism is None:
+            return q
+        try:
+            q = robot.mechanism.closed(q[None])[0]
+        except MotionError:
+            return None
+        inside = (q >= robot.limits.position_lower) & (q <= robot.limits.position_upper)
+        return q if inside.all() else None
+
     def strain(self, q: Array) -> float:
         """The largest torque that holds a posture, of what motions may use of it."""
         return float(np.abs(holding_torques(self.figure.robot, q[None]) / self._usable).max(initial=0.0))
 
     def _eased(self, q: Array) -> Array:
         """A posture near ``q`` that the drives can hold, as far as one is found downhill from it."""
-        if self.strain(q) <= 1.0:
+        if self.strain(q) <= 1.0 or self.figure.robot.mechanism is not None:
             return q
         model, data = self.figure.model, self.figure.data
 

@@ -69,8 +69,12 @@ def collision_model(robot: Robot) -> pin.GeometryModel:
 def shape_pairs(
     robot: Robot, shapes: tuple[Shape, ...], ignored: frozenset[frozenset[str]] = frozenset()
 ) -> list[tuple[int, int]]:
-    """Pairs of shape indices that neither share a joint, nor sit on adjacent joints, nor are ignored."""
+    """Pairs of shape indices that neither share a joint, nor sit on adjacent joints, nor are ignored.
+
+    Joints whose links meet where a loop closes are adjacent, too.
+    """
     parents = list(robot.model.parents)
+    meeting = set() if robot.mechanism is None else robot.mechanism.meeting
     pairs = []
     for first, one in enumerate(shapes):
         for second in range(first + 1, len(shapes)):
@@ -78,6 +82,8 @@ def shape_pairs(
             if one.joint == other.joint:
                 continue
             if parents[one.joint] == other.joint or parents[other.joint] == one.joint:
+                continue
+            if frozenset((one.joint, other.joint)) in meeting:
                 continue
             if frozenset((one.link, other.link)) not in ignored:
                 pairs.append((first, second))

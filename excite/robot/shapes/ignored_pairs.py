@@ -65,11 +65,10 @@ def review_pairs(
     """
     search = search or PairSearch(robot)
     margin = robot.description.collision.margin
-    lower, upper = robot.limits.position_lower, robot.limits.position_upper
     near = search.distances(robot.rest if rest is None else search.posture(rest))
-    random = np.array(
-        [search.distances(search.posture(rng.uniform(lower, upper))) for _ in range(n_random)]
-    ).reshape(n_random, len(search.pairs))
+    random = np.array([search.distances(q) for q in search.drawn(rng, n_random)]).reshape(
+        n_random, len(search.pairs)
+    )
     at_rest: list[tuple[str, str]] = []
     always: list[tuple[str, str]] = []
     never: list[tuple[str, str]] = []
@@ -82,7 +81,8 @@ def review_pairs(
         elif near[column] < margin:
             (at_rest if neighbours else rest_collisions).append(pair)
         elif neighbours and TABLE not in pair and random[:, column].min() > margin + FAR:
-            if search.grid_minimum(column, between) > margin + FAR:
+            # On the grid a mechanism is open.
+            if robot.mechanism is None and search.grid_minimum(column, between) > margin + FAR:
                 never.append(pair)
     return PairReview(tuple(at_rest), tuple(always), tuple(never), tuple(rest_collisions))
 
@@ -115,6 +115,13 @@ class PairSearch:
         q = self.robot.rest.copy()
         q[self.robot.n_base_q :] = joints
         return q
+
+    def drawn(self, rng: np.random.Generator, n: int) -> Array:
+        """Random configurations within the limits, ``(n, nq)``; a mechanism is closed."""
+        lower, upper = self.robot.limits.position_lower, self.robot.limits.position_upper
+        if self.robot.mechanism is not None:
+            return self.robot.mechanism.drawn(rng, lower, upper, n)
+        return np.array([self.posture(rng.uniform(lower, upper)) for _ in range(n)])
 
     def distances(self, q: Array) -> Array:
         """Smallest distance of each pair of links [m], ``(n_pairs,)``."""

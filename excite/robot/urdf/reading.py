@@ -47,7 +47,8 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
     """Read a URDF, check it, and rewrite it so that every reader understands it alike.
 
     Mesh paths become absolute where the file is found; locked joints, and mimic joints that follow a
-    locked one, become fixed at their value; continuous joints become revolute within the limits that
+    locked one, become fixed at their value (other mimic joints keep their ``mimic`` element);
+    continuous joints become revolute within the limits that
     ``stated`` gives, so that each joint has one coordinate.
 
     Args:
@@ -103,6 +104,7 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
         check_range(
             name, (values[name],), joints[name].get("type") == "prismatic", f"locked_joints.{name}", path
         )
+    followers = {}
     for name, joint in joints.items():
         mimic = joint.find("mimic")
         if mimic is None or joint.get("type") == "fixed":
@@ -111,18 +113,14 @@ def _lock(joints: dict[str, ElementTree.Element], stated: Stated, path: Path) ->
             joint.remove(mimic)
             continue
         where = f"joint {name!r}/mimic"
-        master = mimic.get("joint", "")
         (factor,) = numbers(mimic, "multiplier", 1, path, where, default="1")
         (offset,) = numbers(mimic, "offset", 1, path, where, default="0")
-        if master not in stated.locked:
-            raise RobotError(
-                f"follows joint {master!r}, and coupled joints are not modelled",
-                source=path,
-                field=where,
-                remedy=f"hold {master!r} still under locked_joints in robot.yaml",
-            )
-        values.setdefault(name, factor * stated.locked[master] + offset)
-        joint.remove(mimic)
+        followers[name] = (mimic, mimic.get("joint", ""), factor, offset)
+    while held := [name for name, (_, master, _, _) in followers.items() if master in values]:
+        for name in held:
+            mimic, master, factor, offset = followers.pop(name)
+            values[name] = factor * values[master] + offset
+            joints[name].remove(mimic)
     for name, value in values.items():
         _fix(joints[name], value, path)
 

@@ -8,6 +8,7 @@ from excite.safety.checks.collision import SelfCollisionCheck
 from excite.safety.checks.foot import FootCheck
 from excite.safety.checks.identity import IdentityCheck
 from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
+from excite.safety.checks.mechanism import MechanismCheck
 from excite.safety.checks.rest import RestCheck
 from excite.safety.checks.sampling import SamplingCheck
 from excite.safety.checks.torque import JointTorqueCheck
@@ -16,6 +17,7 @@ CHECKS: dict[str, type[Check]] = {
     check.name: check
     for check in (
         SamplingCheck,
+        MechanismCheck,
         IdentityCheck,
         RestCheck,
         JointPositionCheck,

@@ -55,6 +55,7 @@ def drive_torques(sweep: Sweep) -> Array:
             support[start : start + robot.model.nvs[joint]] = True
         jacobian = sweep.dynamics.jacobian * support
         tau -= np.einsum("nkv,nk->nv", jacobian, np.hstack([force, moment]))
+    tau = robot.on_motors(sweep.fine.q[samples], tau)
     v, a = sweep.fine.joint_velocities()[samples], sweep.fine.joint_accelerations()[samples]
     drives, nothing = robot.description.drives, np.zeros(robot.n_joints)
     viscous, coulomb, armature = (

@@ -60,6 +60,13 @@ class MotionPath:
 
     def sample(self, s: Array) -> PathSample:
         """The path at path parameters ``(n,)`` inside its interval."""
+        sample = self._open_sample(s)
+        if self.robot.closing is None:
+            return sample
+        return PathSample(s, *self.robot.closing.completed(sample.q, sample.twist, sample.curvature))
+
+    def _open_sample(self, s: Array) -> PathSample:
+        """The splines' sample; joints without a motor are where these happen to pass."""
         x, dx, ddx = (self._spline(s, order) for order in range(3))
         if not self.robot.floating:
             return PathSample(s, x, dx, ddx)

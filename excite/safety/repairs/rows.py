@@ -97,6 +97,8 @@ class PathLimits:
             moment = np.einsum("nij,nkj->nki", rotation, tau[..., 3:6])
             wrench[..., 3:] = moment + np.cross(knots.q[:, None, :3], wrench[..., :3])
             take_off_contacts(self.candidate, self.path, self._soles, tau, wrench)
+        if robot.mechanism is not None:
+            tau = np.stack([robot.mechanism.on_motors(knots.q, tau[:, k]) for k in range(3)], axis=1)
         armature = per_joint(robot.description.drives.armature, robot.joint_names, np.zeros(robot.n_joints))
         n_base = robot.n_base_v
         tau[:, 1, n_base:] += armature * knots.curvature[:, n_base:]

@@ -46,9 +46,10 @@ class Sampling(Repair):
         if not self.robot.floating and np.abs(q[0] - rest).max() > _NEAR:
             there, back = transfer(self.robot, rest, q[0], rate), transfer(self.robot, q[-1], rest, rate)
             for part in (there, back):
-                collision = self.probe.first(part.q)
+                ways = part.q if self.robot.closing is None else self.robot.closing.closed(part.q)
+                collision = self.probe.first(ways)
                 if collision is not None:
-                    pair, distance, required = self.probe.closest(part.q[collision])
+                    pair, distance, required = self.probe.closest(ways[collision])
                     return draft.rejected(
                         "self_collision",
                         f"transfer, {pair}",
@@ -57,6 +58,8 @@ class Sampling(Repair):
                         posture=part.q[collision],
                     )
             q, v, a = _joined(there, (q, v, a), back)
+            if self.robot.closing is not None:
+                q, v, a = self.robot.closing.completed(q, v, a)
             time = np.arange(len(q)) / rate
         candidate = draft.candidate
         motion = Motion(

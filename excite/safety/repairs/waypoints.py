@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.arrays import Array
+from excite.errors import MotionError
 from excite.motion.generators.candidate import Candidate, Draws
 from excite.motion.generators.curves import Curve, SplineCurve
 from excite.robot.holding import holding_torques, usable_torque
@@ -36,10 +37,12 @@ class Waypoints(Repair):
     # Posture that the last search refused, and the joint that is too weak for it, None where it collides.
     _last: Array | None = None
     _weak: int | None = None
+    # What says that a mechanism cannot follow, where the last search ended so.
+    _stuck: MotionError | None = None
 
     def repair(self, draft: Draft) -> Draft | Rejection:
-        """A draft whose posture is free, or the rejection ``self_collision`` or ``joint_torque``."""
-        self._last = self._weak = None
+        """A draft whose posture is free, or the rejection ``self_collision``, ``joint_torque`` or ``mechanism``."""
+        self._last = self._weak = self._stuck = None
         candidate = draft.candidate
         if isinstance(candidate.posture, SplineCurve) and candidate.draws is not None:
             walk = _Walk(self, candidate, candidate.posture, candidate.draws)
@@ -53,6 +56,8 @@ class Waypoints(Repair):
     def _refused(self, draft: Draft) -> Rejection:
         """The rejection, by the weak joint of the last posture that was tried, or the pair that lacked most of its
         distance in it."""
+        if self._stuck is not None:
+            return draft.rejected("mechanism", self._stuck.field or "loops")
         if self._last is None:
             return draft.rejected("self_collision", "control points")
         if self._weak is not None:
@@ -76,7 +81,13 @@ class Waypoints(Repair):
         """Whether joint positions ``(n, n_joints)`` do not collide with the base at rest, and can be held."""
         q = np.tile(self.robot.rest, (len(joints), 1))
         q[:, self.robot.n_base_q :] = joints
-        strain = self._strain(q)
+        try:
+            q = self._closed(q)
+            strain = self._strain(q)
+        except MotionError as error:
+            self._stuck = error
+            return False
+        self._stuck = None
         if strain.max(initial=0.0) > 1.0:
             row, self._weak = (int(k) for k in np.unravel_index(int(strain.argmax()), strain.shape))
             self._last = q[row]
@@ -85,6 +96,18 @@ class Waypoints(Repair):
         if collides is not None:
             self._last, self._weak = q[collides], None
         return collides is None
+
+    def _closed(self, q: Array) -> Array:
+        """The configurations with joints that follow where they follow to; raises MotionError."""
+        if self.robot.closing is None:
+            return q
+        q, limits = self.robot.closing.closed(q), self.robot.limits
+        joints = q[:, self.robot.n_base_q :]
+        outside = ((joints < limits.position_lower) | (joints > limits.position_upper)).any(axis=0)
+        if outside.any():
+            name = self.robot.joint_names[int(np.argmax(outside))]
+            raise MotionError("would have to pass its limits", field=f"joint {name!r}")
+        return q
 
     def _strain(self, q: Array) -> Array:
         """Torque that holds each joint in configurations ``(n, nq)``, of what it may use, ``(n, n_joints)``."""

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from excite.arrays import Array
+from excite.errors import MotionError
 from excite.motion.generators.bodyparts import support_corners
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.curves import SplineCurve
@@ -46,7 +47,8 @@ class WholeBody(Repair):
         return Balancer(self.robot) if self.robot.feet else None
 
     def repair(self, draft: Draft) -> Draft | Rejection:
-        """A draft with a path; or ``unreachable``, ``joint_position``, ``self_collision``, ``foot_ground``."""
+        """A draft with a path; or ``unreachable``, ``mechanism``, ``joint_position``, ``self_collision`` or
+        ``foot_ground``."""
         outcome = self._attempt(draft)
         for smaller in shrunk(draft.candidate):
             if isinstance(outcome, Draft):
@@ -67,6 +69,11 @@ class WholeBody(Repair):
             solved = len(s) if self._balancer is None else self._balancer.solve(candidate, s, q)
             if solved < len(s):
                 return draft.rejected("unreachable", "legs", posture=q[max(solved - 1, 0)])
+            if self.robot.closing is not None:
+                try:
+                    q[:] = self.robot.closing.closed(q)
+                except MotionError as error:
+                    return draft.rejected("mechanism", error.field or "loops")
             low, high = self.robot.limits.position_lower, self.robot.limits.position_upper
             joints = q[:, self.robot.n_base_q :]
             outside = (joints < low + _LIMIT) | (joints > high - _LIMIT)

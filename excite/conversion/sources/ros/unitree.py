@@ -103,7 +103,8 @@ def finished(
         streams: message type and stream of each topic of this family.
 
     Returns:
-        The streams; what else they say (``gains`` by label, ``doubts``); notes.
+        The streams; what else they say (``gains`` by label, ``doubts``, and whether ``linkages`` stand as their
+        ``motors`` or as ``joints``); notes.
     """
     states = [stream for kind, stream in streams if kind.endswith("LowState")]
     alive = _alive(states or [stream for _, stream in streams])
@@ -119,6 +120,7 @@ def finished(
         notes += [note] if note else []
         doubt = _linked(stream, alive)
         said |= {"doubts": [doubt]} if doubt else {}
+        said |= {} if legged else {"linkages": "motors" if doubt or "doubts" in said else "joints"}
         done.append(_named(timed, alive, names))
     return done, said, notes
 

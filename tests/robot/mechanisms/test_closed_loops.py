@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from excite.errors import MotionError
-from excite.regressor.closed_loops import Mechanism, mechanism
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
-from excite.robot.loops import Loop
+from excite.robot.mechanisms.building import mechanism
+from excite.robot.mechanisms.closures import Loop
+from excite.robot.mechanisms.mechanism import Mechanism
 
 # A crank, a coupler and a rocker whose end meets the ground again: three hinges, one of them driven.
 FOUR_BAR = """<mujoco model="four_bar"><compiler angle="radian"/><worldbody><body name="base">
@@ -164,13 +167,15 @@ def test_passive_joints_follow_from_the_motors(text: str) -> None:
 
 def test_what_no_loop_determines_is_named() -> None:
     closed = _mechanism(_compiled(FOUR_BAR))
-    loose = Mechanism(closed.model, closed.loops, np.array([0, 1, 2]))
+    loose = replace(closed, passive=np.array([0, 1, 2]))
     with pytest.raises(MotionError, match="3 passive joints, and the loops determine 2"):
         loose.motion_maps(np.zeros((1, 3)))
 
 
 def test_a_loop_out_of_reach_is_named() -> None:
     closed = _mechanism(_compiled(FOUR_BAR))
-    far = Loop("far", closed.loops[0].joints, (closed.loops[0].placements[0], pin.SE3(np.eye(3), np.ones(3))))
+    far = Loop(
+        "far", closed.closures[0].joints, (closed.closures[0].placements[0], pin.SE3(np.eye(3), np.ones(3)))
+    )
     with pytest.raises(MotionError, match=r"loops\.far"):
-        Mechanism(closed.model, (far,), closed.passive).closed(np.zeros((1, 3)))
+        replace(closed, closures=(far,)).closed(np.zeros((1, 3)))

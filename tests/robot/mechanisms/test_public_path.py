@@ -1,0 +1,178 @@
+"""Mechanisms as people bring them: a model in, motions, logs and parameters out, against MuJoCo's constraints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+
+import excite
+from excite.errors import RobotError
+from excite.identification.identify import identify
+from excite.motion.generators.mixture import plan_candidates
+from excite.motion.motion import Motion
+from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.motor_torques import motor_regressor, motor_torques
+from excite.robot.loading import load_robot as load_described
+from excite.robot.robot import Robot
+from excite.robot.scaffold.files import write_scaffold
+from excite.safety.check import check_motion
+from excite.safety.filter import filter_candidate
+from excite.simulation.simulate import run_experiment
+from excite.simulation.virtual_robot import changed_robot
+from tests.robot.mechanisms.test_closed_loops import ANKLE, FOUR_BAR, _compiled, _simulated
+from tests.robot.small import ARM, ELBOW_LIMIT, spoiled
+
+# The four-bar with shapes, a crank that turns half a turn, and motors' limits.
+_SHAPES = {
+    "crank": '<geom type="box" size=".01 .01 .03" pos="0 0 .05" mass="0"/>',
+    "coupler": '<geom type="box" size=".1 .01 .01" pos=".125 0 .02" mass="0"/>',
+    "rocker": '<geom type="box" size=".01 .01 .05" pos="0 0 -.06" mass="0"/>',
+}
+
+
+def shaped_four_bar() -> str:
+    text = FOUR_BAR.replace('<motor joint="crank"/>', '<motor joint="crank" ctrlrange="-9 9"/>')
+    text = text.replace('name="crank" axis="0 1 0"/>', 'name="crank" axis="0 1 0" range="-0.6 0.6"/>', 1)
+    for joint, geom in _SHAPES.items():
+        end = text.index("/>", text.index(f'<joint name="{joint}"')) + 2
+        text = text[:end] + geom + text[end:]
+    return text
+
+
+def brought(text: str, folder: Path, **changes: object) -> Robot:
+    """A robot from a model's text by its first description, with some of that changed."""
+    suffix = "xml" if text.lstrip().startswith("<mujoco") else "urdf"
+    (folder / f"model.{suffix}").write_text(text, encoding="utf-8")
+    file = write_scaffold(folder / f"model.{suffix}", folder / "robot").description
+    if changes:
+        content = yaml.safe_load(file.read_text()) | changes
+        file.write_text(yaml.safe_dump(content))
+    return load_described(file)
+
+
+@pytest.mark.parametrize(
+    ("text", "free"),
+    [(FOUR_BAR, False), (ANKLE.format(free=""), False), (ANKLE.format(free="<freejoint/>"), True)],
+    ids=["four_bar", "parallel_ankle", "parallel_ankle_in_the_air"],
+)
+def test_torques_and_regressors_of_a_model_brought_are_mujocos(text: str, free: bool, tmp_path: Path) -> None:
+    robot = brought(text, tmp_path, **({"base": "suspended"} if free else {}))
+    model = _compiled(text)
+    names = [model.joint(int(j)).name for j in model.actuator_trnid[:, 0]]
+    assert sorted(robot.driven_names) == sorted(names)
+    q, v, a, tau = _simulated(model, free)
+    order = [model.joint(name).dofadr[0] for name in robot.joint_names]
+    base = list(range(6 * free))
+    q = np.hstack([q[:, : 7 * free], q[:, [int(k) + free for k in order]]])
+    v, a = v[:, base + [int(k) for k in order]], a[:, base + [int(k) for k in order]]
+    wanted = np.zeros((len(q), robot.model.nv))
+    for column, name in enumerate(names):
+        wanted[:, robot.n_base_v + robot.joint_index(name)] = tau[:, column]
+    assert np.abs(motor_torques(robot, q, v, a) - wanted).max() < 1e-6
+    rows = motor_regressor(robot, q, v, a)
+    assert np.abs(rows @ robot.nominal_parameters - wanted).max() < 1e-6
+
+
+def test_a_four_bar_from_its_file_to_its_parameters(tmp_path: Path) -> None:
+    """Plan, check, simulate with other parameters and identify: the motors' equations are all that is used."""
+    robot = brought(shaped_four_bar(), tmp_path)
+    assert robot.driven_names == ("crank",)
+    motions = []
+    for candidate in plan_candidates(robot, 3, np.random.SeedSequence(1)):
+        outcome = filter_candidate(robot, candidate)
+        if outcome.motion is not None:
+            motions.append(outcome.motion)
+    assert len(motions) >= 2
+    for motion in motions:
+        assert check_motion(robot, motion).safe
+        assert robot.mechanism is not None and robot.mechanism.gaps(motion.q).max() < 1e-9
+        assert np.ptp(motion.joint_positions(), axis=0).min() > 0.1
+    virtual = changed_robot(robot, np.random.default_rng(2))
+    log = run_experiment(virtual, motions, seed=3, roles={motions[-1].name: "validation"}).log
+    assert log.header.joints == ("crank",)
+    found = identify(robot, log)
+    fit = found.judgement.validation["crank"]
+    assert fit.rmse < 0.5 * fit.reference_rmse
+
+
+def test_an_open_mechanism_is_not_safe(tmp_path: Path) -> None:
+    robot = brought(shaped_four_bar(), tmp_path)
+    n = 201
+    time = np.linspace(0.0, 2.0, n)
+    q = np.zeros((n, 3))
+    q[:, 0] = 0.1 * (1.0 - np.cos(np.pi * time))
+    v = np.gradient(q, time, axis=0)
+    motion = Motion("open", robot.name, robot.joint_names, time, q, v, np.gradient(v, time, axis=0))
+    verdict = check_motion(robot, motion)
+    assert not verdict.safe
+    assert "mechanism_open" in {violation.kind for violation in verdict.violations}
+
+
+MIMIC = '<mimic joint="shoulder" multiplier="-0.5" offset="0.1"/>'
+
+
+def test_a_mimic_joint_moves_with_its_master(tmp_path: Path) -> None:
+    """Torque and regressor of the master, against MuJoCo's inverse of two joints tied by hand: τ₁ + k τ₂."""
+    robot = brought(spoiled(ELBOW_LIMIT, ELBOW_LIMIT + MIMIC), tmp_path)
+    assert robot.driven_names == ("shoulder",)
+    rng = np.random.default_rng(0)
+    q, v, a = (np.zeros((20, 2)) for _ in range(3))
+    for values in (q, v, a):
+        values[:, 0] = rng.uniform(-0.8, 0.8, 20)
+        values[:, 1] = -0.5 * values[:, 0]
+    q[:, 1] += 0.1
+    assert robot.mechanism is not None
+    for mine, wanted in zip(
+        robot.mechanism.completed(q * [1, 0], v * [1, 0], a * [1, 0]), (q, v, a), strict=True
+    ):
+        np.testing.assert_allclose(mine, wanted, atol=1e-9)
+    model = mujoco.MjModel.from_xml_string(ARM)
+    data, tau = mujoco.MjData(model), np.zeros((20, 2))
+    for i in range(20):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q[i], v[i], a[i]
+        mujoco.mj_inverse(model, data)
+        tau[i] = data.qfrc_inverse
+    found = motor_torques(robot, q, v, a)
+    np.testing.assert_allclose(found[:, 0], tau[:, 0] - 0.5 * tau[:, 1], atol=1e-9)
+    assert not found[:, 1].any()
+    assert structural_base_parameters(robot).rank < 8
+
+
+def test_mimic_faults_name_the_joint(tmp_path: Path) -> None:
+    text = spoiled(ELBOW_LIMIT, ELBOW_LIMIT + MIMIC)
+    file = write_scaffold(_written(text, tmp_path), tmp_path / "robot").description
+    (tmp_path / "model.urdf").write_text(
+        text.replace('joint="shoulder" multiplier', 'joint="gone" multiplier')
+    )
+    with pytest.raises(RobotError, match=r"joint 'elbow'/mimic: follows joint 'gone', which is not there"):
+        load_described(file)
+
+
+def test_passive_joints_that_no_loop_determines_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "model.urdf"
+    file.write_text(ARM, encoding="utf-8")
+    description = write_scaffold(file, tmp_path / "robot").description
+    content = yaml.safe_load(description.read_text())
+    loop = {
+        "name": "strut",
+        "kind": "rod",
+        "ends": [{"link": "world", "xyz": [0.2, 0, 0.1]}, {"link": "lower", "xyz": [0, 0, 0.1]}],
+        "source": "test",
+    }
+    description.write_text(yaml.safe_dump(content | {"loops": [{**loop, "passive": ["shoulder", "elbow"]}]}))
+    with pytest.raises(RobotError, match="2 passive joints, and the loops determine 1"):
+        load_described(description)
+    description.write_text(yaml.safe_dump(content | {"loops": [{**loop, "passive": ["elbow"]}]}))
+    robot = load_described(description)
+    assert robot.driven_names == ("shoulder",)
+    assert isinstance(excite.load_robot(description), Robot)
+
+
+def _written(text: str, folder: Path) -> Path:
+    file = folder / "model.urdf"
+    file.write_text(text, encoding="utf-8")
+    return file
