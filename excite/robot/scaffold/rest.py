@@ -10,10 +10,10 @@ from excite.arrays import Array
 from excite.robot.description import Assumed, Base
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.mechanisms.building import limb_columns
-from excite.robot.scaffold.ground import ground_height
 from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.standing import Postures
+from excite.robot.shapes.ground import ground_height
 from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
 from excite.robot.shapes.support_area import has_area
 
