@@ -76,7 +76,7 @@ def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:
     own = {name: value for name, value in item.parameters.items() if name not in theirs}
     made = [replace(item, parameters=own)]
     for effect, names in along.items():
-        made.append(replace(item, effect=effect, parameters={n: item.parameters[n] for n in names}))
+        made.append(replace(item, effect=effect.name, parameters={n: item.parameters[n] for n in names}))
     return tuple(made)
 
 

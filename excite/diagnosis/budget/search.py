@@ -160,8 +160,8 @@ class Search:
                 continue
             self.merits[k] = here
             width = max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
-            alike = [t for t in tried if t.merit.passes and ahead[t.index] > -width]
-            self.rivals[k] = [t for t in alike if not self._richer(t.index, k)]
+            near = [t for t in tried if t.merit.passes and ahead[t.index] > -width]
+            self.rivals[k] = [t for t in near if not self._richer(t.index, k)]
 
     def _ahead(self, item: Tried, k: int) -> float:
         """Nats that a model with another term has over the one with a term, their prices taken off.

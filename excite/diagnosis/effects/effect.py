@@ -94,7 +94,7 @@ class Effect(ABC):
         of_channel: whether it is of the torque channel alone: a log without one has none of it.
         twins_without_torque: other names that mean the same where only commands and positions are known.
         twins_of_a_gain: other names for what a servo's gain does that was estimated wrongly.
-        along: by name, other effects that this form has in it, and those of its parameters that are theirs.
+        along: other effects that this form has in it, with those of its parameters that are theirs.
     """
 
     name: ClassVar[str]
@@ -120,7 +120,7 @@ class Effect(ABC):
     of_channel: ClassVar[bool] = False
     twins_without_torque: ClassVar[tuple[str, ...]] = ()
     twins_of_a_gain: ClassVar[tuple[str, ...]] = ()
-    along: ClassVar[dict[str, tuple[str, ...]]] = {}
+    along: ClassVar[dict[type[Effect], tuple[str, ...]]] = {}
 
     @property
     def widths(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.diagnosis.answer.candidate import Candidate
+from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.diagnose import diagnose
 from tests.reproduction.brfd import TWO_AMPLITUDES, at_tension, brfd_log
 from tests.reproduction.real_robots.entry import Bar, Entry, names
@@ -15,10 +15,6 @@ _TRIALS = {
     30: "Half an inch and half of the run at one and a half were fitted, the rest of that run judges.",
     80: "The first 4.5 s were fitted, 4.5 to 7.5 s judge; then it stands.",
 }
-_PLAY = (
-    "the library's backlash is a link's that flies freely between contacts; a damper moves no mass, and its play shows "
-    "as the way over which friction builds up after a reversal"
-)
 
 
 def entries(data: Path, folder: Path) -> list[Entry]:
@@ -31,8 +27,12 @@ def entries(data: Path, folder: Path) -> list[Entry]:
         dry = next((item for item in d.effects if item.effect == "coulomb_friction"), None)
         levels.append(float("nan") if dry is None else 1e-3 * dry.parameters["level"].value)
         bars = [
-            Bar("dry friction", ", ".join(names(d)), names(d) == ("coulomb_friction",)),
-            Bar("play", _way(dry), "backlash" in names(d), _PLAY),
+            Bar(
+                "dry friction and play, nothing else",
+                ", ".join(names(d)),
+                set(names(d)) == {"coulomb_friction", "backlash"},
+            ),
+            Bar("the play's width", _width(d), "no play" not in _width(d)),
         ]
         if tension == max(_TRIALS):
             text = ", ".join(f"{level:.1f} kN" for level in levels)
@@ -52,8 +52,10 @@ def entries(data: Path, folder: Path) -> list[Entry]:
     return made
 
 
-def _way(dry: Candidate | None) -> str:
-    """How friction sets in."""
-    if dry is None or "breakaway" not in dry.parameters:
-        return "no way over which friction builds up"
-    return f"friction that builds up over {1000 * dry.parameters['breakaway'].value:.1f} mm"
+def _width(d: Diagnosis) -> str:
+    """How wide the play is, and over which way friction builds up beyond it."""
+    found = {item.effect: item.parameters for item in d.effects}
+    if "backlash" not in found:
+        return "no play"
+    width, way = found["backlash"]["width"].value, found["coulomb_friction"]["breakaway"].value
+    return f"{1000 * width:.1f} mm, then friction builds up over {1000 * way:.1f} mm"

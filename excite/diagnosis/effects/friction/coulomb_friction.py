@@ -12,6 +12,7 @@ from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
 from excite.diagnosis.effects.form import Form, Sizes
 from excite.diagnosis.effects.friction.build_up import PRESLIDING, BuildUp
 from excite.diagnosis.effects.friction.presliding import hysteretic_sign
+from excite.diagnosis.effects.gears.backlash import Backlash
 from excite.diagnosis.effects.note import Noted
 from excite.diagnosis.equations.friction_sign import WIDTHS
 from excite.diagnosis.equations.own_columns import COULOMB
@@ -100,7 +101,7 @@ class CoulombBehindPlay(CoulombBristles):
         *CoulombBristles.searched,
         Parameter("width", "rad", 2e-4, 0.08),
     )
-    along: ClassVar[dict[str, tuple[str, ...]]] = {"backlash": ("width",)}
+    along: ClassVar[dict[type[Effect], tuple[str, ...]]] = {Backlash: ("width",)}
 
     @property
     def richer(self) -> tuple[Effect, ...]:
