@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -169,8 +170,9 @@ def _joint_field(name: str, field: str, rest: float) -> Any:
 def _servo(log: ArmLog, trial: Trial) -> tuple[Drives, Array]:
     """Drives with the log's gains and nothing else, and commands that a servo without a velocity reference takes."""
     controller, names = log.log.header.controller or {}, log.robot.joint_names
-    gains = [controller.get(what) for what in ("kp", "kd")]
-    if trial.q_cmd is None or controller.get("mode") != "position" or None in gains:
+    gains: list[Mapping[str, float]] = [controller.get(what) or {} for what in ("kp", "kd")]
+    stated = all(name in gain for gain in gains for name in names)
+    if trial.q_cmd is None or controller.get("mode") != "position" or not stated:
         remedy = "this entry needs q_cmd, and kp and kd of a position servo in log.yaml"
         raise LogError("does not say how its joints are driven", source=trial.name, remedy=remedy)
     kp, kd = (np.array([float(gain[name]) for name in names]) for gain in gains)
