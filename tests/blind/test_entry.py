@@ -75,7 +75,7 @@ def test_shares_found_named_and_stated_are_counted_as_by_hand(tmp_path: Path) ->
         ),
     )
     # The wrist's gap is below its noise: nothing there is to be found.
-    assert got["everything_to_be_found"] == 3
+    assert got["everything_effects"] == 3
     assert got["everything_share_found"] == pytest.approx((0.6 + 0.9) / (0.6 + 0.35 + 0.9))
     assert got["everything_found"] == pytest.approx(2 / 3)
     assert got["everything_named_right"] == pytest.approx(2 / 4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,14 +12,20 @@ import pytest
 from typer.testing import CliRunner
 
 import excite.blind.arm
+from excite.blind.arm import arm_of
 from excite.blind.case import build_case
 from excite.blind.draw import Draft
+from excite.blind.entry.answers import read_entry
+from excite.blind.entry.log import arm_log
 from excite.blind.entry.mujoco_sysid import fitted_by_sysid
+from excite.blind.entry.sysid_fit import TrialFit
 from excite.blind.hidden import HiddenEffect
+from excite.blind.make import load_answers
 from excite.cli.main import app
 from excite.errors import LogError
 from excite.json_document import write_json
 from excite.logs.files import save_log
+from excite.robot.loading import load_robot
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +61,42 @@ def test_the_command_enters_and_scores_what_is_fitted_alone(biased: tuple[Path, 
     assert figures["seconds_median"] > 0.0
 
 
-@pytest.mark.slow
-def test_mujocos_own_toolbox_names_a_bias(biased: tuple[Path, HiddenEffect]) -> None:
+def test_mujocos_own_toolbox_has_the_model_that_made_the_log(biased: tuple[Path, HiddenEffect]) -> None:
+    sysid = importlib.import_module("mujoco.sysid")
     folder, hidden = biased
-    answer = fitted_by_sysid(folder / "cases" / "case_000")
-    assert {(item["effect"], item["location"]) for item in answer["effects"]} == {
-        ("torque_bias", hidden.location)
-    }
+    log = arm_log(folder / "cases" / "case_000")
+    fit = TrialFit(log, log.log.trials[0], sysid)
+    parameters = fit.parameters()
+    joints = log.robot.joint_names
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(excite.blind.arm, "TRIAL_S", 3.0)
+        drives = arm_of(load_robot("jaco2"), True, np.random.default_rng(8)).virtual.drives
+    x = parameters.as_nominal_vector()
+    for j, name in enumerate(joints):
+        for what, value in (
+            ("damping", drives.viscous[j]),
+            ("frictionloss", drives.coulomb[j]),
+            ("armature", drives.armature[j]),
+        ):
+            x[fit.where[f"{name}.{what}"]] = value
+    wrong = fit.squares(x, parameters)
+    x[fit.where[f"{hidden.location}.bias"]] = hidden.value
+    right = fit.squares(x, parameters)
+    # Mean squares of the torques over their variances: noise is a hundredth, a step of 2 ms costs a little more.
+    rows = fit.residual(x, parameters)[0][0].size / (2 * len(joints))
+    assert np.all(right[len(joints) :] < 0.01 * rows)
+    at = len(joints) + joints.index(hidden.location)
+    assert wrong[at] > 3.0 * right[at]
+
+
+@pytest.mark.slow
+def test_mujocos_own_toolbox_answers(biased: tuple[Path, HiddenEffect]) -> None:
+    folder, _ = biased
+    write_json(fitted_by_sysid(folder / "cases" / "case_000"), folder / "sysid" / "case_000.json")
+    answers = load_answers(folder / "cases")
+    (said,) = read_entry(folder / "sysid", answers).values()
+    assert len(said.stated) <= 1
+    assert all(0.0 <= share <= 1.0 for item in said.stated for share in item.shares.values())
 
 
 def test_a_log_without_torques_is_refused_in_one_line(

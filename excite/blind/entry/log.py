@@ -58,7 +58,8 @@ def arm_log(folder: Path) -> ArmLog:
     """
     log = load_log(folder)
     robot = nominal_robot(log)
-    if robot.floating or tuple(log.header.torque_joints) != tuple(robot.joint_names):
+    measured = log.header.torque in {"motor_side", "link_side"}
+    if robot.floating or not measured or tuple(log.header.torque_joints) != tuple(robot.joint_names):
         remedy = "this entry takes arms with a torque of every joint"
         raise LogError("is no log of such an arm", source=folder, field="torque", remedy=remedy)
     return ArmLog(log, robot)

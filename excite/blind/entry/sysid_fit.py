@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from excite.arrays import Array
 from excite.blind.entry.log import ArmLog
 from excite.errors import LogError
 from excite.logs.log import Trial
+from excite.rows.kinematics import positions_on_grid, trial_grid, trial_rate
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
 
@@ -35,7 +37,8 @@ class TrialFit:
 
         self.log, self.sysid = log, sysid
         robot = log.robot
-        drives, command = _servo(log, trial)
+        drives, at, command = _servo(log, trial)
+        self.damping = drives.kd
         phi = np.concatenate(
             [robot.model.inertias[k].toDynamicParameters() for k in range(1, robot.model.njoints)]
         )
@@ -59,7 +62,7 @@ class TrialFit:
             self.spec,
             trial.name,
             sysid.create_initial_state(self.model, trial.q[0], v),
-            sysid.TimeSeries.from_control_names(time, command, self.model),
+            sysid.TimeSeries.from_control_names(at, command, self.model),
             sysid.TimeSeries.from_names(time, measured, self.model),
         )
         self.residual = sysid.build_residual_fn(
@@ -133,10 +136,23 @@ class TrialFit:
         return made
 
     def _read(
-        self, params: Any, predicted: Any, measured: Any, model: Any, return_pred_all: bool, **_: Any
+        self,
+        params: Any,
+        predicted: Any,
+        measured: Any,
+        model: Any,
+        return_pred_all: bool,
+        state: Array,
+        **_: Any,
     ) -> tuple[Array, Any, Any]:
         """Torques as their channel reads them, and the difference in units of each channel's deviation."""
         sysid = self.sysid
+        # The integrator takes the servos' damping at the end of a step, the sensors at its beginning.
+        n = len(self.joints)
+        change = np.diff(state[:, 1 + n : 1 + 2 * n], axis=0, prepend=state[:1, 1 + n : 1 + 2 * n])
+        exact = predicted.data.copy()
+        exact[:, 1::2] -= self.damping * change
+        predicted = sysid.TimeSeries(predicted.times, exact, predicted.signal_mapping)
         first, last = predicted.times[0] + 0.05, predicted.times[-1] - 0.05
         inside = (measured.times > first) & (measured.times < last)
         at = measured.times[inside]
@@ -166,16 +182,26 @@ def _joint_field(name: str, field: str, rest: float) -> Any:
     return write
 
 
-def _servo(log: ArmLog, trial: Trial) -> tuple[Drives, Array]:
-    """Drives with the log's gains and nothing else, and commands that a servo without a velocity reference takes."""
+def _servo(log: ArmLog, trial: Trial) -> tuple[Drives, Array, Array]:
+    """Drives with the log's gains and nothing else; time from the trial's start [s], and what they are told then.
+
+    Commands between rows of the log are on a spline: on straight lines between them stiff servos would
+    be told to change their speed in jumps.
+    """
+    from scipy.interpolate import CubicSpline
+
     controller, names = log.log.header.controller or {}, log.robot.joint_names
-    gains = [controller.get(what) for what in ("kp", "kd")]
-    if trial.q_cmd is None or controller.get("mode") != "position" or None in gains:
+    gains: list[Mapping[str, float]] = [controller.get(what) or {} for what in ("kp", "kd")]
+    stated = all(name in gain for gain in gains for name in names)
+    if trial.q_cmd is None or controller.get("mode") != "position" or not stated:
         remedy = "this entry needs q_cmd, and kp and kd of a position servo in log.yaml"
         raise LogError("does not say how its joints are driven", source=trial.name, remedy=remedy)
     kp, kd = (np.array([float(gain[name]) for name in names]) for gain in gains)
     zero = np.zeros(len(names))
     drives = replace(nominal_drives(log.robot), kp=kp, kd=kd, viscous=zero, coulomb=zero, armature=zero)
-    speed = np.gradient(trial.q_cmd, trial.time, axis=0)
+    grid = trial_grid(trial, trial_rate(log.log.header, trial))
+    spline = CubicSpline(grid, positions_on_grid(trial.time, trial.q_cmd, grid))
+    time = np.arange(0.0, grid[-1] - grid[0], _STEP_S)
+    command, speed = spline(grid[0] + time), spline(grid[0] + time, 1)
     follows = controller.get("velocity_reference") != "none"
-    return drives, trial.q_cmd + (kd / np.maximum(kp, 1e-12)) * speed * follows
+    return drives, time, command + (kd / np.maximum(kp, 1e-12)) * speed * follows

@@ -109,7 +109,7 @@ def mixture_figures(scores: Iterable[MixtureScore]) -> dict[str, float | None]:
     weight = sum(pair.share for pair in pairs)
     return {
         "everything_cases": float(len(scores)),
-        "everything_to_be_found": float(len(found)),
+        "everything_effects": float(len(found)),
         "everything_share_found": sum(p.share * p.found for p in pairs) / weight if weight else None,
         "everything_found": _mean(list(found.values())),
         "everything_named_right": _mean([mark for score in scores for mark in score.right]),
