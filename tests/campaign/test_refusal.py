@@ -12,6 +12,7 @@ from excite.campaign.planned import Plan
 from excite.cli.session.failure import of_error
 from excite.errors import NothingSafeError
 from excite.robot.robot import Robot
+from excite.safety.refusals import Refused
 
 PAIR = "forearm_link - wrist_2_link"
 
@@ -91,6 +92,19 @@ def test_a_failure_is_one_line_and_a_table_and_fields(ur10: Robot) -> None:
     document = failure.to_json()
     assert document["refused"][0]["where"] == PAIR and document["change"]["passes"] == 2
     assert document["code"] == 3 and isinstance(document["remedy"], str)
+
+
+@pytest.mark.parametrize(
+    ("reason", "advice"),
+    [
+        ("no_collision_pairs", "collision.shapes"),
+        ("unreachable", "posture.joints"),
+        ("zmp", "see what refuses"),
+    ],
+)
+def test_what_cannot_be_tried_is_advised_by_its_reason(reason: str, advice: str) -> None:
+    found = Refusals(2, (Refused(reason, "legs", 2, None, None, "", None, "a"),), few=True)
+    assert advice in found.change and advice in found.summary()
 
 
 def test_a_plan_of_enough_motions_keeps_quiet(small_plan: Plan) -> None:

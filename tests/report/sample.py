@@ -134,6 +134,19 @@ def _plan(robot: Robot, motions: list[Motion], data: ReportData) -> dict:
             "accepted": 118,
             "rejected": {"self_collision": 17, "zmp": 4, "time_limit": 1},
         },
+        "refused": [
+            {
+                "reason": "zmp",
+                "where": "feet",
+                "candidates": 4,
+                "worst": -0.0314,
+                "limit": 0.015,
+                "unit": "m",
+                "time_s": 1.5,
+                "candidate": "squat_003",
+                "posture": [float(x) for x in robot.rest],
+            }
+        ],
         "assumed": [
             {"what": "friction of soles", "value": "0.5", "consequence": "feet may slip on a smoother floor"}
         ],

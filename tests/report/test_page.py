@@ -84,7 +84,7 @@ def test_every_section_and_every_figure_is_there(page):
     outline = _outline(page)
     # A campaign is of a robot; the page of a person is looked at where people are measured.
     assert {part.identifier for part in SECTIONS} - {"person", "moving"} <= set(outline.ids)
-    assert outline.drawings == 9
+    assert outline.drawings == 10
     assert "Left out" not in page
 
 
@@ -128,7 +128,8 @@ def test_motions_that_are_gone_are_said_to_be(folder, tmp_path):
     shutil.copy(folder / "plan.json", tmp_path)
     page = report(tmp_path).read_text(encoding="utf-8")
     assert "pictures of motion motions/motion_00.parquet" in page
-    assert _outline(page).drawings == 0
+    # What was refused is drawn from the plan itself.
+    assert _outline(page).drawings == 1
 
 
 def test_a_robot_of_ones_own_is_found_by_its_file_or_left_out(folder, tmp_path):

@@ -21,6 +21,13 @@ from excite.safety.remedy import TRIED, Remedy, find_remedy
 SCHEMA = "excite.refusals/1"
 REFUSALS_FILE = "refusals.json"
 
+# What to do about refusals that no limit lifted takes away, and that no candidate was tried again without.
+_ADVICE = {
+    "no_collision_pairs": "give every link that moves a shape: <collision> in the model, or collision.shapes",
+    "unreachable": "state a posture.joints in which the legs are bent and away from their limits, or base: held",
+    "joint_position": "state a posture.joints further from the limits of the joints named",
+}
+
 # Where less than this share of the candidates is safe, what refuses the rest costs more than it leaves: it is said.
 _FEW = 0.5
 
@@ -85,7 +92,11 @@ class Refusals:
         """What to do, in words."""
         if self.remedy is not None:
             return str(self.remedy)
-        return "see what refuses them: no single limit lifted lets any of those pass that were tried again"
+        first = self.refused[0].reason if self.refused else ""
+        return _ADVICE.get(
+            first,
+            "see what refuses them: no single limit lifted lets any of those pass that were tried again",
+        )
 
     def table(self) -> str:
         """A few lines for a person; empty where nothing was refused."""
