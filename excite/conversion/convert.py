@@ -200,20 +200,19 @@ def _weighed(
             found = convert(sources, robot, Path(folder) / "log", tried)
             scales = torque_scales(nominal_robot(found.log), found.log)
     except InputError:
-        return list(questions)
+        scales = {}
     if not scales:
         return list(questions)
-    # What it was taken for stands in the line, so that the factors mean no more than they say.
     small = any(
         target in question.torques and factor == 1e-3 for target, (_, factor) in found.columns.items()
     )
-    units, unit = ("units: {tau: N·mm}, ", "N·mm") if small else ("", "N·m")
+    units, unit = ("units: {tau: N·mm} and ", "N·mm") if small else ("", "N·m")
     worth = {f"tau.{joint}": f"{1.0 / scale.gain:.3g}" for joint, scale in scales.items()}
     factors = ", ".join(f"{target}: {worth.get(target, 'FACTOR')}" for target in question.torques)
     least = 100.0 * min(scale.share for scale in scales.values())
     columns = ", ".join(f'{target}: "{column}"' for target, column in question.torques.items())
     line = (
-        f"columns: {{{columns}}}, {units}scale: {{{factors}}}   # {unit} per unit by the nominal "
+        f"columns: {{{columns}}} and {units}scale: {{{factors}}}   # {unit} per unit by the nominal "
         f"masses, whose weight and inertia are {least:.0f} % of it; or log: {{torque: none}}"
     )
     return [replace(question, line=line)]

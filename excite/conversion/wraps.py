@@ -1,4 +1,4 @@
-"""Whole numbers at the ends of their range: signed ones written without their sign, clocks that began at zero again."""
+"""Numbers at the ends of their range: signed ones written without their sign, clocks that began anew, whole turns."""
 
 from __future__ import annotations
 
@@ -15,10 +15,17 @@ _BITS = (16, 32)
 _CLOCK_BITS = (16, 24, 32)
 # A clock passes its end seldom, and loses no more rows there than elsewhere.
 _RARE, _GAP = 0.01, 50.0
+# Angles that drivers keep within a turn, in degrees and radians. A jump leaves out what the joint moves in a row, below
+# a tenth of a turn at 25 Hz and 15 rad/s; a joint that swings about the seam at 2 Hz jumps in every sixth row then.
+_TURNS, _MOST, _SELDOM = (360.0, 2.0 * np.pi), 0.9, 0.17
 
 
 def signed(recording: Recording) -> Recording:
-    """The recording with whole numbers of 16 or 32 bits that jump between both ends of their range taken as signed."""
+    """The recording with whole numbers of 16 or 32 bits that jump between both ends of their range taken as signed.
+
+    Angles that jump from one end of a turn to the other go on.
+    """
+    recording = _without_seams(recording)
     turned: list[str] = []
     wrapped: list[str] = []
 
@@ -61,6 +68,21 @@ def signed(recording: Recording) -> Recording:
     return replace(recording, streams=streams, notes=tuple(notes))
 
 
+def _without_seams(recording: Recording) -> Recording:
+    """The recording with angles that drivers keep within a turn going on beyond it."""
+    names = []
+    streams = []
+    for stream in recording.streams:
+        whole = {c.name: values for c in stream.columns if (values := _unwound(c.values)) is not None}
+        names += list(whole)
+        columns = tuple(replace(c, values=whole.get(c.name, c.values)) for c in stream.columns)
+        streams.append(replace(stream, columns=columns))
+    if not names:
+        return recording
+    note = f"{', '.join(names[:4])}: an angle that jumps by a whole turn goes on here"
+    return replace(recording, streams=tuple(streams), notes=(*recording.notes, note))
+
+
 def _negative(column: Column, turned: list[str]) -> Column:
     """A column that never leaves the upper end of its range as signed, where others of its driver were."""
     known = column.values[np.isfinite(column.values)]
@@ -86,6 +108,24 @@ def _continued(values: Array) -> Array | None:
         if values.max() < 2.0**bits and usual > 0.0 and (mended >= 0.0).all() and mended.max() < _GAP * usual:
             whole = values + 2.0**bits * np.concatenate([[0.0], np.cumsum(back)])
             return np.asarray(whole) if is_clock(whole) else None
+    return None
+
+
+def _unwound(values: Array) -> Array | None:
+    """An angle that jumps from one end of a turn to the other, going on; None where it is none.
+
+    It covers a turn, jumps by nearly all of it, and moves by little from row to row else.
+    """
+    known = np.isfinite(values)
+    steps = np.diff(values[known])
+    for turn in _TURNS:
+        far = np.abs(steps) > 0.5 * turn
+        if not far.any() or far.mean() > _SELDOM or not _MOST * turn < np.ptp(values[known]) < 1.001 * turn:
+            continue
+        if (np.abs(steps[far]) > _MOST * turn).all() and (np.abs(steps[~far]) < (1.0 - _MOST) * turn).all():
+            whole = values.copy()
+            whole[known] = np.unwrap(values[known], period=turn)
+            return whole
     return None
 
 

@@ -10,13 +10,15 @@ import numpy as np
 
 from excite.identification.identify import identify
 from excite.identification.inertia import pseudo_inertia_matrices
+from excite.identification.load.weighing import weigh_load
 from excite.logs.robot import nominal_robot
 from tests.benchmarks.table import Row
 from tests.reproduction import airbot_play_load, airbot_play_sessions, emps, lwr, tiago, tx40
 from tests.reproduction.human_2020 import Recording
-from tests.reproduction.recordings import ur10e_log
+from tests.reproduction.recordings import panda_log, ur10e_log
 from tests.reproduction.test_panda import ALPHA, BY_HAND, TERMS, validation_rmse
 from tests.reproduction.test_ur10e import LARGEST_PERCENT, SETTINGS
+from tests.reproduction.ur10e_load import MASS, run_of_14_harmonics
 
 DATA = Path(os.environ.get("EXCITE_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 
@@ -27,7 +29,7 @@ def rows() -> list[Row]:
         return [Row("recordings of real arms", "", f"not found in {DATA}; set EXCITE_DATA", None)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        parts = (_ur10e, _panda, _emps, _lwr, _tx40, _tiago, _airbot_play, _person)
+        parts = (_ur10e, _ur10e_load, _panda, _emps, _lwr, _tx40, _tiago, _airbot_play, _person)
         return [row for part in parts for row in part(folder)]
 
 
@@ -40,15 +42,39 @@ def _ur10e(folder: Path) -> list[Row]:
     return [Row.holds(what, f"≤ {LARGEST_PERCENT:g} % each", text, max(percent) <= LARGEST_PERCENT)]
 
 
+def _ur10e_load(folder: Path) -> list[Row]:
+    """The load, by drives' gains from the other half of its run, each half in turn."""
+    bare = run_of_14_harmonics(DATA, folder, "bare", {"identification": (0.0, 1.0)}, load=False)
+    halves = [
+        run_of_14_harmonics(DATA, folder, name, {"identification": part}, load=True)
+        for name, part in (("first", (0.0, 0.5)), ("second", (0.5, 1.0)))
+    ]
+    found = [
+        weigh_load(nominal_robot(bare), bare, judged, calibration=(known, MASS))
+        for known, judged in (halves, halves[::-1])
+    ]
+    text = ", ".join(f"{item.mass:.3f} ± {item.half_width_95[0]:.3f}" for item in found)
+    good = all(abs(item.mass - MASS) < item.half_width_95[0] <= 0.1 for item in found)
+    return [
+        Row.holds(
+            "UR10e: load by gains from the other half of its run [kg]", f"{MASS}, inside, ± ≤ 0.1", text, good
+        )
+    ]
+
+
 def _panda(folder: Path) -> list[Row]:
     rmse = validation_rmse("map", TERMS, ALPHA, folder, DATA)
     text = " ".join(f"{value:.3f}" for value in rmse)
     asked = " ".join(f"{value:g}" for value in BY_HAND)
     share = rmse.sum() / BY_HAND.sum()
+    log = panda_log(DATA, folder / "default")
+    fits = identify(nominal_robot(log), log).judgement.validation.values()
+    default = " ".join(f"{fit.rmse:.3f}" for fit in fits)
     return [
         Row.holds(
             "Panda: last third by joint, RMSE [N·m] (5 Hz)", f"≤ {asked}", text, bool((rmse <= BY_HAND).all())
         ),
+        Row("… by the default method", "", f"{default}, in all {sum(fit.rmse for fit in fits):.3f}", None),
         Row.at_most("Panda: total, share of least squares by hand", float(share), 0.9),
     ]
 

@@ -202,3 +202,40 @@ def test_a_definition_that_ros_does_not_allow_is_passed_over(data, arm, tmp_path
             bag.add_message(strange, message.log_time, b"\0\1\0\0" + bytes(16), message.publish_time)
         bag.finish()
     holds(whole(odd, arm, tmp_path), data)
+
+
+def test_angles_that_a_driver_keeps_within_a_turn(data, arm, tmp_path):
+    """From 0 to 360 degrees: one joint crosses the seam, one is always a turn too high."""
+    q = data["q"].copy()
+    q[:, 1] -= np.max(q[:, 1]) + 0.05
+    names = ["t", *(f"q{k}" for k in range(3)), *(f"tau{k}" for k in range(3))]
+    source = table(tmp_path / "a.csv", names, data["time"], np.degrees(q) % 360.0, data["tau"])
+    found = whole(source, arm, tmp_path)
+    holds(found, {**data, "q": q})
+    assert any("turn, which brings" in because for _, _, because in found.guesses)
+    assert any("whole turn goes on" in note for note in found.notes)
+
+
+def test_axes_that_are_called_by_a_letter_are_no_accelerations(data, arm, tmp_path):
+    kinds = ("pos", "trq", "ext_trq")
+    names = ["ts", *(f"lbr_A{k + 1}_{kind}" for kind in kinds for k in range(3))]
+    source = table(tmp_path / "a.csv", names, data["time"], data["q"], data["tau"], 0.1 * data["tau"])
+    holds(whole(source, arm, tmp_path), data)
+
+
+def test_arrays_of_two_rates_with_a_clock_each(data, arm, tmp_path):
+    half = slice(None, None, 2)
+    np.savez(
+        tmp_path / "a.npz", t_q=data["time"], q=data["q"], t_tau=data["time"][half], tau=data["tau"][half]
+    )
+    found = whole(tmp_path / "a.npz", arm, tmp_path)
+    holds(found, {name: data[name][half] for name in ("time", "q", "tau")})
+
+
+def test_a_feed_forward_that_is_off_is_left_out(data, arm, tmp_path):
+    names = ["t", *(f"{kind}{k}" for kind in ("q", "tau", "tau_cmd") for k in range(3))]
+    constant = np.full_like(data["tau"], 0.1)
+    source = table(tmp_path / "a.csv", names, data["time"], data["q"], data["tau"], constant)
+    found = whole(source, arm, tmp_path)
+    holds(found, data)
+    assert found.log.trials[0].tau_cmd is None

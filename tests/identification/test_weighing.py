@@ -54,6 +54,28 @@ def test_a_calibration_load_tells_gains_and_load_within_their_intervals(robot, l
     np.testing.assert_allclose(list(found.gains.values()), GAINS, rtol=0.03)
 
 
+def test_friction_that_grows_with_the_load_is_no_load(robot, logs):
+    """Harmonic drives lose some hundredths of what they carry: taken into account where it is there, and only there."""
+
+    def losing(log):
+        def lost(trial):
+            torque = trial.current * GAINS
+            way = np.sign(np.gradient(trial.q, trial.time, axis=0))
+            return replace(trial, current=(torque + 0.08 * np.abs(torque) * way) / GAINS)
+
+        return replace(log, trials=tuple(lost(trial) for trial in log.trials))
+
+    bare, known, unknown = (losing(log) for log in logs)
+    found = weigh_load(robot, bare, unknown, calibration=(known, CALIBRATION), settings=SETTINGS)
+    assert "load_friction" in found.drive_terms and "grows with the load" in found.summary()
+    assert abs(found.mass - MASS) < found.half_width_95[0]
+    plain = replace(SETTINGS, drive_terms=tuple(n for n in found.drive_terms if n != "load_friction"))
+    stated = weigh_load(robot, bare, unknown, calibration=(known, CALIBRATION), settings=plain)
+    assert found.half_width_95[0] < 0.9 * stated.half_width_95[0]
+    without = weigh_load(robot, logs[0], logs[2], calibration=(logs[1], CALIBRATION), settings=SETTINGS)
+    assert "load_friction" not in without.drive_terms
+
+
 def test_a_stated_mass_stays_and_is_said_to_be_stated(robot, logs):
     found = weigh_load(robot, logs[0], logs[1], mass=CALIBRATION, settings=SETTINGS)
     assert found.mass == CALIBRATION and found.half_width_95[0] == 0.0 and found.determined[0]

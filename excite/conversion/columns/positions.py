@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
-from excite.conversion.columns.units import position_unit
+from excite.conversion.columns.units import BEYOND, position_unit
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
@@ -84,3 +84,31 @@ def _ask_for_shares(found: Guesses, items: list[Mapped], values: Array) -> None:
             'units: {q: deg, q_cmd: deg}, or units: {q: "±100", q_cmd: "±100"} for shares of the ranges in the model '
             "(other ones by scale and offset of each joint)",
         )
+
+
+def whole_turns(
+    items: list[Mapped], columns: dict[str, Column], machine: Machine, factor: float
+) -> list[float]:
+    """By column, whole turns that bring a joint into its range, where nothing else does [rad]; zero for none.
+
+    Drivers that count angles from 0 to 360 degrees report a joint at -10 as 350.
+
+    Args:
+        items: columns of positions.
+        columns: by name.
+        machine: the robot.
+        factor: from the columns' numbers to radians.
+    """
+    found = []
+    for item in items:
+        at = machine.joints.index(item.target.partition(".")[2])
+        lower, upper = float(machine.lower[at]), float(machine.upper[at])
+        values = columns[item.source].values * factor
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        turns = 0.0
+        if not machine.slides[at] and np.isfinite(upper - lower) and max(lower - low, high - upper) > BEYOND:
+            turns = 2.0 * np.pi * round((0.5 * (lower + upper) - 0.5 * (low + high)) / (2.0 * np.pi))
+            if max(lower - low - turns, high + turns - upper) > BEYOND:
+                turns = 0.0
+        found.append(float(turns))
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.conversion.columns.positions import SHARE, of_ranges, positions
+from excite.conversion.columns.positions import SHARE, of_ranges, positions, whole_turns
 from excite.conversion.columns.scaled import named_unit, scaled, values_of
 from excite.conversion.columns.units import COUNT_RATES, COUNTS, TO_SI, ratio_unit
 from excite.conversion.guesses import Guesses, Mapped
@@ -44,6 +44,10 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             unit, because = angles[channel]
         elif channel in ("v", "a"):
             unit, because = _rates(found, items, columns, recording, angles["q"][0], named, channel)
+        elif channel == "tau_cmd" and _of_one_sign(items, columns) and not mapping.columns.get(channel):
+            # Feed-forward that is switched off, or a magnitude: nothing needs it.
+            found.facts.append((channel, items[0].source, "left out: it is never negative"))
+            continue
         elif channel in ("tau", "tau_cmd"):
             _ask_for_sign(found, channel, items, columns, mapping)
             unit, because = _torques(items, columns, machine, named)
@@ -60,7 +64,13 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             continue
         factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
         zero = COUNTS[unit][0] if unit in COUNTS else 0.0
-        done += [scaled(item, mapping, factor, zero, f"{item.because}; {because}") for item in items]
+        zeros = [zero] * len(items)
+        if channel in ("q", "q_cmd") and unit in ("rad", "deg") and not mapping.motors:
+            zeros = whole_turns(items, columns, machine, factor)
+        done += [
+            scaled(item, mapping, factor, at, f"{item.because}; {because}{_turned(at) if at != zero else ''}")
+            for item, at in zip(items, zeros, strict=True)
+        ]
     return done
 
 
@@ -70,12 +80,22 @@ def _ask_for_sign(
     """Torques or currents of several joints that are never negative are magnitudes, which no equation holds for."""
     if len(items) < _JOINTS_OF_ONE_SIGN or channel in mapping.columns:
         return
-    values = values_of(items, columns)
-    if np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all():
+    if _of_one_sign(items, columns):
         found.ask(
             f"{items[0].source} … are never negative: magnitudes, whose sign was not recorded",
             f'ignore: ["{_beginning(items)}*"] and log: {{torque: none}}',
         )
+
+
+def _turned(zero: float) -> str:
+    return f"; {zero / (2.0 * np.pi):+.0f} turn, which brings the joint into its range"
+
+
+def _of_one_sign(items: list[Mapped], columns: dict[str, Column]) -> bool:
+    """Whether values of several joints are never negative."""
+    values = values_of(items, columns)
+    several = len(items) >= _JOINTS_OF_ONE_SIGN
+    return several and bool(np.nanmin(values) >= 0.0 and (np.nanmax(values, axis=0) > 0.0).all())
 
 
 def _beginning(items: list[Mapped]) -> str:

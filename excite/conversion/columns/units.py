@@ -31,7 +31,7 @@ COUNT_RATES = {
     "counts/4096/s": 2.0 * math.pi / 4096.0,
 }
 # A joint's stated range may be a little off, and people drive beyond it by calibration's errors [rad or m].
-_BEYOND = 0.2
+BEYOND = 0.2
 # A recording whose widest joint moves by less than a degree is none; zeros of joints are off by more [rad or m].
 _NO_MOTION = 0.02
 # Turns that joints without stated range make: three turns are more than any arm's.
@@ -63,7 +63,7 @@ def position_unit(
     if stated in (small, large):
         said_outside = outside if stated == small else outside_large
         other = outside_large if stated == small else outside
-        if said_outside > 20.0 * max(other, _BEYOND):
+        if said_outside > 20.0 * max(other, BEYOND):
             return (
                 "",
                 f"as {stated}, which their names say, joints leave their ranges by {said_outside:.3g}",
@@ -72,10 +72,10 @@ def position_unit(
         return stated, f"{stated} by its name", True
     if stated in TO_SI:
         return stated, f"{stated} by its name", True
-    if outside > _BEYOND and outside_large <= _BEYOND and span * factor >= _NO_MOTION:
+    if outside > BEYOND and outside_large <= BEYOND and span * factor >= _NO_MOTION:
         return large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
     counted = _counts(values[:, turning], lower[turning], upper[turning]) if small == "rad" else ""
-    if counted and min(outside, outside_large) > _BEYOND:
+    if counted and min(outside, outside_large) > BEYOND:
         return counted, f"{counted} of a turn: whole numbers, with which the joints keep their ranges", True
     if min(outside, outside_large) > 4.0 * math.pi and np.isfinite(lower[turning]).any():
         return (
@@ -83,7 +83,7 @@ def position_unit(
             f"joints leave their ranges by {outside:.3g} in {small} and by {outside_large:.3g} in {large}",
             True,
         )
-    if outside <= _BEYOND and (outside_large > _BEYOND or span * factor < _NO_MOTION):
+    if outside <= BEYOND and (outside_large > BEYOND or span * factor < _NO_MOTION):
         return small, f"{small}: within the joints' ranges", True
     if span > (_WIDE if small == "rad" else 10.0):
         return large, f"{large}: the columns span {span:.3g}", False
@@ -101,7 +101,7 @@ def _counts(values: Array, lower: Array, upper: Array) -> str:
         return ""
     for unit, (zero, count) in COUNTS.items():
         low, high = (end * TO_SI[unit] + zero for end in (known.min(axis=0), known.max(axis=0)))
-        if known.max() < count and _outside(low, high, lower, upper) <= _BEYOND:
+        if known.max() < count and _outside(low, high, lower, upper) <= BEYOND:
             return unit
     return ""
 

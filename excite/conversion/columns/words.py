@@ -158,17 +158,16 @@ def _is_commanded(words: list[str], quantity: str) -> bool:
 def _quantity(words: list[str], unit: str, of_joint: bool) -> str:
     # Controllers call axes A1, A2 …
     letters = {"a"} if set(words) & {"axis", "ax", "axes"} else set()
-    if (
-        of_joint
-        and words[-1:] == ["a"]
-        and {OF_WORD.get(word) for word in words[:-1]} & {"q", "v", "tau", "i"}
-    ):
-        # Pos act A1: the quantity was said before.
+    if of_joint and "a" in words and {OF_WORD.get(word) for word in words} & {"q", "v", "tau", "i"}:
+        # Pos act A1, A1 torque: another word says the quantity.
         letters = {"a"}
     words = [word for word in words if word not in letters]
     if set(words) & SHARES and {OF_WORD.get(word) for word in words} & {"tau", "i", "volt"}:
         return "volt"
     said = [OF_WORD[word] for word in words if word in OF_WORD]
+    if not of_joint and words[:1] == ["t"] and set(said[1:]) & {"q", "v", "a", "tau", "i"}:
+        # t_q, t_tau: the times of those.
+        return "time"
     if of_joint and "t" in words:
         # No joint has a clock of its own: t1, t2 … are torques.
         said = ["tau" if word == "time" else word for word in said]

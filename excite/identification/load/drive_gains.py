@@ -88,7 +88,7 @@ def identify_drive_gains(
         InputError: the mass is not positive.
         LogError: the logs do not both hold currents, or torques, the joints differ, or a joint does not feel the load.
     """
-    _check_mass(load_mass)
+    check_mass(load_mass)
     pair = load_pair(robot, unloaded, loaded, settings)
     return _with_spread(pair, lambda condensed: solve_load(condensed, load_mass, None))
 
@@ -150,7 +150,7 @@ def identify_load_by_calibration(
         LogError: as of :func:`identify_drive_gains`.
     """
     known, mass = calibration
-    _check_mass(mass)
+    check_mass(mass)
     first, second = (load_pair(robot, unloaded, log, settings) for log in (known, loaded))
     shared = first.n_unloaded
 
@@ -168,7 +168,8 @@ def identify_load_by_calibration(
     return _of_solutions(second, solved(None, None), [solved(*left) for left in left_out])
 
 
-def _check_mass(mass: float) -> None:
+def check_mass(mass: float) -> None:
+    """Raise InputError for a mass that no load has."""
     if not 0.0 < mass < np.inf:
         raise InputError(f"is {mass!r}", source="load", field="mass", remedy="weigh it [kg]")
 
