@@ -91,8 +91,10 @@ def _save(result: Diagnosis, document: dict[str, Any], out: Path) -> Path:
     c, rollouts = result.curves, result.simulation
     p = None if rollouts is None else rollouts.path
     data = ReportData(
-        gap=c and ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after),
-        path=p and PathComparison(p.trial, p.joints, p.time, p.recorded, p.before, p.after),
+        gap=None
+        if c is None
+        else ForceComparison(c.trial, c.channels, c.units, c.time, c.measured, c.before, c.after),
+        path=None if p is None else PathComparison(p.trial, p.joints, p.time, p.recorded, p.before, p.after),
     )
     if data.gap is not None or data.path is not None:
         save_report_data(data, out / "report_data.npz")

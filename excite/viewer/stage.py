@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,7 +35,9 @@ class Stage:
             server: of viser.
             thing: what is watched.
         """
-        self.server, self.thing, self.robot = server, thing, thing.robot
+        # viser's own types say that the values of handles cannot be set, which its manual does throughout.
+        self.server: Any = server
+        self.thing, self.robot = thing, thing.robot
         self.clip: Clip = thing.clips[0]
         self.time = 0.0
         self.q: Array = self.clip.q[0]
@@ -86,8 +89,11 @@ class Stage:
             )
             meshes.append((body, mesh))
             if opacity is None:
-                mesh.on_click(lambda _, joint=body.joint: self.select(self._name(joint)))
+                mesh.on_click(self._clicked(body.joint))
         return frames, meshes
+
+    def _clicked(self, joint: int) -> Callable[[Any], None]:
+        return lambda _: self.select(self._name(joint))
 
     def _name(self, joint: int) -> str:
         """The actuated joint that moves a body, the first where the base carries it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from excite.arrays import Array
 from excite.report.data import ForceComparison
 from excite.report.folder import Findings
 from excite.report.html import figure, section
@@ -45,13 +46,15 @@ class Curves(Section):
 
 def _panels(data: ForceComparison, channels: Sequence[str], closed: bool) -> Iterator[dict[str, Any]]:
     """Two panels a channel: measured and modelled, and their difference."""
-    models = [({"label": "the model", "role": "nominal", "dash": [5, 3]}, data.nominal)]
+    models: list[tuple[dict[str, Any], Array]] = [
+        ({"label": "the model", "role": "nominal", "dash": [5, 3]}, data.nominal)
+    ]
     if closed:
         models.append(({"label": "with the effects", "role": "identified"}, data.identified))
     for name in channels:
         i = data.channels.index(name)
         measured, unit = data.measured[:, i], data.units[i]
-        lines = [({"label": "measured", "role": "ink"}, measured)]
+        lines: list[tuple[dict[str, Any], Array]] = [({"label": "measured", "role": "ink"}, measured)]
         lines += [(line, values[:, i]) for line, values in models]
         yield {"title": f"{channel_label(name)} [{unit}]", "unit": unit, "series": lines}
         left = [(line, measured - values[:, i]) for line, values in models]
