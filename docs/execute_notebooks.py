@@ -1,4 +1,4 @@
-"""Run the notebooks and store what their cells give: ``python -m docs.execute_notebooks [NAME…]``, from the top folder."""
+"""Run the notebooks and store what their cells give: ``python docs/execute_notebooks.py [NAME…]``."""
 
 from __future__ import annotations
 
@@ -32,4 +32,4 @@ if __name__ == "__main__":
     for file in sorted(FOLDER.glob("*.ipynb")):
         if not names or file.stem in names:
             execute(file)
-            print(file)
+            sys.stdout.write(f"{file}\n")
