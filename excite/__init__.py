@@ -18,6 +18,7 @@ import sys
 from types import ModuleType
 from typing import Any
 
+from excite.binary_family import watch
 from excite.namespaces import SPACES, groups
 
 __version__ = "0.1.0"
@@ -76,6 +77,7 @@ class _Package(ModuleType):
 
 sys.modules[__name__].__class__ = _Package
 globals().update(groups())
+watch()
 
 
 def __getattr__(name: str) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from pathlib import Path
@@ -15,6 +16,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import excite
+from excite.binary_family import FAMILY, check_family, installed
+from excite.errors import InputError
 from tests.supply.licences import Licence
 from tests.supply.needed import needed, stated
 
@@ -176,3 +179,80 @@ def test_the_citation_is_complete():
     for reference in citation["references"]:
         assert {"type", "title", "authors"} <= set(reference)
     assert f"https://doi.org/{citation['references'][1]['doi']}" in PROJECT["urls"].values()
+
+
+def test_extras_have_the_names_that_are_promised() -> None:
+    extras = PROJECT["optional-dependencies"]
+    assert {"ros", "viz", "cluster", "biomech", "docs", "pandas", "hdf5", "mcap"} <= set(extras)
+    # An older name stays, and means what the new one does.
+    assert extras["mcap"] == ["excite[ros]"]
+    asked = set(
+        re.findall(r"excite\[(\w+)\]", "".join(p.read_text() for p in (ROOT / "excite").rglob("*.py")))
+    )
+    assert asked and asked <= set(extras)
+
+
+def test_the_family_that_is_looked_at_is_the_one_that_is_pinned() -> None:
+    pinned = {one.name: str(one.specifier)[2:] for one in map(Requirement, PROJECT["dependencies"])}
+    exact = {name: version for name, version in pinned.items() if re.fullmatch(r"[\d.]+", version)}
+    lines = [line for line in PROJECT["dependencies"] if "==" in line]
+    assert FAMILY == {Requirement(line).name: exact[Requirement(line).name] for line in lines}
+
+
+def test_a_version_that_does_not_go_with_the_others_is_one_line(tmp_path: Path) -> None:
+    """Looked at before the library is loaded, whoever loads it first, and only then."""
+    for name, version in {**FAMILY, "coal": "3.1.0"}.items():
+        (tmp_path / f"{name.replace('-', '_')}-{version}.dist-info").mkdir()
+    assert installed([tmp_path, tmp_path / "nowhere"]) == {**FAMILY, "coal": "3.1.0"}
+    with pytest.raises(InputError, match=r"coal 3\.1\.0 \(needs 3\.0\.2\).*pip install coal==3\.0\.2"):
+        check_family(installed([tmp_path]))
+    check_family(FAMILY)
+    code = (
+        "import sys, sysconfig, excite\n"
+        "from excite import binary_family\n"
+        "print('pinocchio' in sys.modules)\n"
+        "binary_family.FAMILY['coal'] = '9.9'\n"
+        "from excite.cli.main import program\n"
+        "sys.argv = ['excite', 'check', 'ur10', 'nowhere.csv']\n"
+        "program()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "False\n" and done.returncode == 4
+    assert done.stderr.count("\n") == 1 and "coal 3.0.2 (needs 9.9)" in done.stderr
+
+
+def test_the_source_distribution_builds_a_package_that_has_its_data(tmp_path: Path) -> None:
+    """From the archive alone, as somebody would who got it from an index: unpacked, and a wheel made of that."""
+    build = "import sys, hatchling.build as b; print(getattr(b, sys.argv[1])(sys.argv[2]))"
+
+    def built(kind: str, folder: Path) -> Path:
+        done = subprocess.run(
+            [sys.executable, "-c", build, kind, str(tmp_path)],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return tmp_path / done.stdout.strip()
+
+    with tarfile.open(built("build_sdist", ROOT)) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+        archive.extractall(tmp_path, filter="data")
+    assert {
+        "LICENSE",
+        "README.md",
+        "CHANGELOG.md",
+        "pyproject.toml",
+        "excite/__init__.py",
+        "tests/test_supply.py",
+    } <= names
+    assert not [
+        name for name in names if "__pycache__" in name or name.startswith(("out/", ".venv", "shared"))
+    ]
+    wheel = built("build_wheel", tmp_path / f"excite-{excite.__version__}")
+    with zipfile.ZipFile(wheel) as archive:
+        held = archive.namelist()
+    assert "excite/data/robots/ur10/robot.yaml" in held and any(
+        n.startswith("excite/data/motion_library/") for n in held
+    )
+    assert all(name.startswith(("excite/", "excite-")) for name in held)

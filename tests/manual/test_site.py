@@ -37,6 +37,10 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert 'id="excite.methods.momentum_residual"' in python
     findings = (tmp_path / "reference" / "findings.html").read_text(encoding="utf-8")
     assert 'id="term-weak_torque"' in findings
+    notebook = (tmp_path / "tutorials" / "generated" / "arm_to_simulator.html").read_text(encoding="utf-8")
+    assert "<th>segment</th>" in notebook and "upper_arm_link" in notebook
+    drawn = (tmp_path / "tutorials" / "generated" / "excitation_quality.html").read_text(encoding="utf-8")
+    assert drawn.count('src="../../_images/') >= 5
 
 
 @pytest.mark.slow

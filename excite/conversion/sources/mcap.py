@@ -51,7 +51,7 @@ class McapSource(Source):
             raise LogError(
                 "is MCAP, which needs mcap and mcap-ros2-support",
                 source=path,
-                remedy="pip install 'excite[mcap]'",
+                remedy="pip install 'excite[ros]'",
             ) from error
         topics, there = Topics(), dict[str, str]()
         decode = _Decoder(DecoderFactory())

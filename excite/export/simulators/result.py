@@ -13,7 +13,7 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document, schema_of
 from excite.documents.identification import Identification
 from excite.errors import InputError, UnknownNameError
-from excite.export.models.parameters import ModelParameters
+from excite.export.models.parameters import Found, ModelParameters
 from excite.export.simulators.diagnosed import diagnosed, parameters_of
 from excite.export.simulators.subject import Lost, Subject
 from excite.identification.identified_parameters import IdentifiedParameters
@@ -26,6 +26,32 @@ from excite.robot.robot import Robot
 
 _FILES = ("identification.json", "campaign.json", "diagnosis.json")
 _AGAIN = "write it again with excite identify … --out DIR"
+
+
+def subject_of(
+    result: str | Path | Found,
+    folder: Path,
+    *,
+    robot: str | Robot | None = None,
+    template: Path | None = None,
+) -> Subject:
+    """What is to be written of a result, in memory or on disk; arguments and errors as of :func:`read_subject`."""
+    if isinstance(result, str | Path):
+        name = str(robot.source) if isinstance(robot, Robot) else robot
+        return read_subject(Path(result), folder, robot=name, template=template)
+    if isinstance(robot, Robot):
+        loaded = robot
+    else:
+        loaded = load_robot(robot or result.robot)
+        if template is None and robot is not None and Path(robot).is_file() and is_mjcf(Path(robot)):
+            template = Path(robot)
+    if result.links != tuple(segment.link for segment in loaded.segments):
+        raise InputError(
+            f"is of another robot than {loaded.name}",
+            source="identification",
+            remedy="give the robot that it was made for, robot=",
+        )
+    return Subject(loaded, ModelParameters(loaded.name, result.identified), folder, template)
 
 
 def read_subject(

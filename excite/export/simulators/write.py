@@ -15,9 +15,11 @@ from excite.export.simulators.comparison import Change, changes, changes_csv
 from excite.export.simulators.lost import lost_in
 from excite.export.simulators.proof import Proof, prove
 from excite.export.simulators.registry import MODEL_FORMATS
-from excite.export.simulators.result import read_subject
+from excite.export.simulators.result import subject_of
 from excite.export.simulators.subject import Lost
+from excite.identification.result import Identification
 from excite.json_document import write_json
+from excite.robot.robot import Robot
 from excite.shown import Row, Tabled
 
 SCHEMA = "excite.model/1"
@@ -85,11 +87,11 @@ class SimulatorModel(Tabled):
 
 
 def write_simulator_model(
-    result: str | Path,
+    result: str | Path | Identification,
     format_name: str,
     out: str | Path,
     *,
-    robot: str | None = None,
+    robot: str | Robot | None = None,
     template: str | Path | None = None,
 ) -> SimulatorModel:
     """Write the robot of a result for a simulator, after proving that every parameter arrives there.
@@ -97,7 +99,8 @@ def write_simulator_model(
     Beside the model stand ``changes.csv``, ``lost.csv`` and ``model.json``; all of them appear together or none.
 
     Args:
-        result: what ``excite identify``, ``campaign`` or ``diagnose --apply`` wrote: its folder, or the document in it.
+        result: an identification; or what ``excite identify``, ``campaign`` or ``diagnose --apply`` wrote: its folder,
+            or the document in it.
         format_name: one of :data:`~excite.export.simulators.registry.MODEL_FORMATS`.
         out: folder to write to.
         robot: the robot that the result is of, where the result does not say or it lies elsewhere now.
@@ -114,9 +117,7 @@ def write_simulator_model(
     """
     model_format = MODEL_FORMATS.make(format_name)
     folder = Path(out)
-    subject = read_subject(
-        Path(result), folder, robot=robot, template=None if template is None else Path(template)
-    )
+    subject = subject_of(result, folder, robot=robot, template=None if template is None else Path(template))
     bad = subject.inconsistent()
     if bad:
         raise InconsistentModelError(bad, can_be_forced=False)

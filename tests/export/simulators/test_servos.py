@@ -13,10 +13,12 @@ import pytest
 from defusedxml.ElementTree import parse
 
 import excite
+from excite.errors import InputError
 from excite.export.simulators.registry import MODEL_FORMATS
 from excite.json_document import write_json
 from excite.robot.loading import load_robot, model_file
 from excite.simulation.drives import nominal_drives
+from tests.export.identified import identification_of
 from tests.export.simulators.foreign import configuration, isaaclab, mjlab, mjlab_model, usd_model
 from tests.export.simulators.identified_folder import known
 from tests.export.test_results_out import MINE
@@ -217,3 +219,14 @@ def test_mjlab_keeps_a_text_of_ones_own_and_drops_its_motors_when_it_is_read(tmp
     places = [model.joint(name).dofadr[0] for name in given.robot.joint_names]
     np.testing.assert_array_equal(model.dof_damping[places], given.term("viscous"))
     np.testing.assert_array_equal(model.dof_armature[places], given.term("armature"))
+
+
+def test_a_result_in_memory_gives_the_files_of_the_one_on_disk(tmp_path: Path) -> None:
+    given = known("ur10", tmp_path)
+    found = identification_of(given.robot, given.parameters, given.drives)
+    excite.write_simulator_model(tmp_path, "usda", tmp_path / "disk")
+    for out, robot in (("named", "ur10"), ("loaded", given.robot), ("unsaid", None)):
+        excite.write_simulator_model(found, "usda", tmp_path / out, robot=robot)
+        assert (tmp_path / out / "ur10.usda").read_bytes() == (tmp_path / "disk" / "ur10.usda").read_bytes()
+    with pytest.raises(InputError, match="of another robot than go2"):
+        excite.write_simulator_model(found, "usda", tmp_path / "other", robot="go2")
