@@ -12,6 +12,7 @@ from excite.rows.drive_terms import smooth_sign
 _GAIN = (0.5, 2.0)
 # A torque whose power is all but this share in its mean is a dead channel.
 _DEAD = 1e-12
+_TRACE = 1e-9 * np.eye(4)
 # Width over which dry friction changes sign [rad/s]: slower motion is mostly noise of the encoder after filtering.
 WIDTH = 0.02
 
@@ -42,23 +43,19 @@ def shares_left(torque: Array, model: Array, v: Array, a: Array) -> Array:
     grams = scaled @ scaled.transpose(0, 2, 1)
     rights = (scaled @ rest[:, :, None])[:, :, 0]
     most = (_GAIN[1] - _GAIN[0]) * scale[:, 0]
+    # The normal equations' root is all that the small problems need; a trace of regularisation keeps them regular.
+    grams += _TRACE
+    roots = np.linalg.cholesky(grams)
+    targets = np.linalg.solve(roots, rights[:, :, None])[:, :, 0]
     weights = np.zeros_like(scale)
     for j in np.flatnonzero(~dead):
-        weights[j] = _not_negative(grams[j], rights[j])
+        weights[j] = nnls(roots[j].T, targets[j])[0]
         if weights[j, 0] > most[j]:
+            root = np.linalg.cholesky(grams[j, 1:, 1:])
             others = rights[j, 1:] - most[j] * grams[j, 1:, 0]
-            weights[j] = most[j], *_not_negative(grams[j, 1:, 1:], others)
+            weights[j] = most[j], *nnls(root.T, np.linalg.solve(root, others))[0]
     rest -= (weights[:, None] @ scaled)[:, 0]
     return np.where(dead, 1.0, (rest**2).sum(axis=1) / np.where(dead, 1.0, power))
-
-
-def _not_negative(gram: Array, right: Array) -> Array:
-    """Least squares from the normal equations with weights that are not negative.
-
-    Their root is all that the small problem needs; a trace of regularisation keeps it regular.
-    """
-    root = np.linalg.cholesky(gram + 1e-9 * np.eye(len(right)))
-    return np.asarray(nnls(root.T, np.linalg.solve(root, right))[0])
 
 
 def drive_fit(torque: Array, model: Array, v: Array, a: Array) -> tuple[Array, Array]:
