@@ -23,6 +23,18 @@ from excite.logs.log import LogHeader
 def log_header(
     cuts: Sequence[Cut], found: Guesses, machine: Machine, stated: Map, recordings: Sequence[Recording]
 ) -> LogHeader:
+    """Header of a converted log: from what the map states, else from what the recordings hold.
+
+    Args:
+        cuts: the trials, columns by channel in SI units.
+        found: what was guessed; what is settled here is added to its facts.
+        machine: the robot.
+        stated: the map, whose ``log`` entries hold.
+        recordings: what the trials are cut from.
+
+    Raises:
+        LogError: what the map states makes no header of a log.
+    """
     present = {name for cut in cuts for name in cut.columns}
     joints = [joint for joint in machine.joints if f"q.{joint}" in present]
     torque = str(stated.log.get("torque") or _torque(present, found))

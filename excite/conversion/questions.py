@@ -20,6 +20,7 @@ _LEG, _LEGS = re.compile(r"(?<![a-z])([frh][lr]|[lr][frh])(?![a-z])"), 4
 
 
 def column_names(recording: Recording) -> list[str]:
+    """Names of the columns of all streams, in their order."""
     return [column.name for stream in recording.streams for column in stream.columns]
 
 
@@ -84,6 +85,7 @@ def ask_for_base(found: Guesses, recording: Recording, machine: Machine, mapping
 
 
 def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) -> None:
+    """Ask for columns of joint positions where none was found, with the names of those that are there."""
     if found.of("q"):
         return
     names = column_names(recording)

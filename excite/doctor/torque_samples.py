@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.doctor.drive_fit import WIDTH, share_left
+from excite.doctor.drive_fit import WIDTH, shares_left
 from excite.doctor.likely_bodies import LikelyBodies
 from excite.doctor.reading import Reading
 from excite.errors import LogError
@@ -123,8 +123,7 @@ class TorqueSamples:
         """Half the logarithm of the share of each torque's power that nothing explains, ``(n_torques,)``."""
         model, v, a = self.predicted(reading)
         torque = self.measured_torque(reading)
-        shares = [share_left(torque[:, j], model[:, j], v[:, j], a[:, j]) for j in range(torque.shape[1])]
-        return 0.5 * np.log(np.maximum(shares, FLOOR))
+        return np.asarray(0.5 * np.log(np.maximum(shares_left(torque, model, v, a), FLOOR)))
 
     def judged(self, reading: Reading) -> Array:
         """As :meth:`left`, beside the likeliest bodies for this reading; their price last, ``(n_torques + 1,)``."""
@@ -139,14 +138,10 @@ class TorqueSamples:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
         model, v, a = self.predicted(reading)
         torque = self.measured_torque(reading)
-        n = torque.shape[1]
-        shares = [
-            [
-                min(share_left(s * torque[:, i], model[:, j], v[:, j], a[:, j]) for s in (1.0, -1.0))
-                for i in range(n)
-            ]
-            for j in range(n)
-        ]
+        shares = []
+        for j in range(torque.shape[1]):
+            one = [np.repeat(values[:, [j]], torque.shape[1], axis=1) for values in (model, v, a)]
+            shares.append(np.minimum(shares_left(torque, *one), shares_left(-torque, *one)))
         return 0.5 * np.log(np.maximum(shares, FLOOR))
 
     def gains(self, reading: Reading) -> tuple[Array, Array]:

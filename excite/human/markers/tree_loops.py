@@ -32,6 +32,7 @@ _BEFORE = _parent_columns()
 
 @LazyKernel
 def multiply(a, b, out):
+    """Product of two matrices of three rows and columns, into ``out (3, 3)``."""
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]

@@ -60,6 +60,15 @@ def label_findings(
     labels: tuple[str, ...],
     recording: Recording,
 ) -> list[Finding]:
+    """What is said of labels that were put back, and of markers that lie far from where the body has them.
+
+    Args:
+        swapped: frames in which the labels of a pair were exchanged.
+        points: ``(n, m, 3)`` as recorded, labels put back [m].
+        predicted: ``(n, m, 3)`` where the body has the markers [m].
+        labels: of the markers.
+        recording: whose source is named.
+    """
     findings = [
         Finding(
             "swapped_markers",

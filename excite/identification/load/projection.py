@@ -53,14 +53,21 @@ def solve_load(condensed: Condensed, load_mass: float | None, gains: Array | Non
         left = inner.rest.reshape(n, -1) * std[:, None]
         rms = np.sqrt((left**2).sum(axis=1) / np.maximum(condensed.counts, 1))
         std = np.maximum(rms, 1e-6 * rms.max())
-    return LoadSolution(1.0 / inverse, inner.load, inner.seen, rms)
+    return LoadSolution(1.0 / inverse, inner.load, inner.seen(), rms)
 
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
+    """Solution for given gains: what it leaves, the load, the scaled columns of what was free, how much was known."""
+
     rest: Array
     load: Array
-    seen: Array
+    columns: Array
+    known: int
+
+    def seen(self) -> Array:
+        """As of :class:`LoadSolution`; the search asks for a hundred solutions, and this of the last."""
+        return np.concatenate([np.ones(self.known), _seen(self.columns, 10 - self.known)])
 
 
 def _linear(condensed: Condensed, inverse: Array, std: Array, load_mass: float | None) -> _Linear:
@@ -84,10 +91,10 @@ def _linear(condensed: Condensed, inverse: Array, std: Array, load_mass: float |
         target, known = target - load_mass * matrix[:, 0], 1
     free = matrix[:, known:]
     scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-    solution = minimum_norm(free / scale, target) / scale
+    columns = free / scale
+    solution = minimum_norm(columns, target) / scale
     load = solution[:10] if load_mass is None else np.concatenate([[load_mass], solution[:9]])
-    seen = np.concatenate([np.ones(known), _seen(free / scale, 10 - known)])
-    return _Linear(target - free @ solution, load, seen)
+    return _Linear(target - free @ solution, load, columns, known)
 
 
 def _seen(matrix: Array, count: int) -> Array:
