@@ -15,7 +15,7 @@ from excite.blind.entry.sysid_fit import TrialFit
 from excite.errors import InputError
 
 # Evaluations of scipy's trust region with sysid's Jacobian. Tried on one UR10 before the torques were those that the
-# integrator applies: twelve on 5 s took the cost from 49472 to 119, eight of sysid's own Levenberg-Marquardt on 10 s from
+# integrator applies: twelve on 5 s took the cost from 49472 to 119, eight of its own Levenberg-Marquardt on 10 s from
 # 94070 to 7134. Eight is what a case can cost, 15 s; whether more would change a name was not tried.
 _ITERATIONS = 8
 
