@@ -14,8 +14,9 @@ from excite.blind.entry.log import arm_log
 from excite.blind.entry.sysid_fit import TrialFit
 from excite.errors import InputError
 
-# Evaluations of scipy's trust region with sysid's Jacobian. On a UR10 whose elbow alone has viscous friction twelve of
-# them take the cost from 49472 to 119; eight of sysid's own Levenberg-Marquardt leave 7134 of 94070.
+# Evaluations of scipy's trust region with sysid's Jacobian. Tried on one UR10 before the torques were those that the
+# integrator applies: twelve on 5 s took the cost from 49472 to 119, eight of its own Levenberg-Marquardt on 10 s from
+# 94070 to 7134. Eight is what a case can cost, 15 s; whether more would change a name was not tried.
 _ITERATIONS = 8
 
 

@@ -103,7 +103,7 @@ class TrialFit:
                 start = min(max(nominal, low + (0.02 * (most - low) if low >= 0.0 else 0.0)), most)
                 modifier = _joint_field(name, field, float(self.rest[j]))
                 add(effect, name, self._parameter(f"{name}.{field}", nominal, low, most, modifier, start))
-            # Beside bodies that are free a torque's scale is theirs too: all of a UR10's wrists were halved so.
+            # Beside bodies that are free a torque's scale is theirs too.
             if self.log.fixed:
                 add("torque_gain", name, self._parameter(f"{name}.gain", 1.0, 0.3, 3.0))
             add("torque_bias", name, self._parameter(f"{name}.bias", 0.0, -3.0 * size, 3.0 * size))
