@@ -52,9 +52,7 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             _ask_for_sign(found, channel, items, columns, mapping)
             unit, because = _torques(items, columns, machine, named)
         else:
-            # Flags of contact are 0 and 1.
-            if channel != "contact":
-                _ask_for_sign(found, channel, items, columns, mapping)
+            _ask_for_sign(found, channel, items, columns, mapping)
             unit, because = (
                 named or {"i": "A"}.get(channel, "SI"),
                 "unit as named" if named else "no unit stated",
@@ -64,9 +62,8 @@ def convert_units(found: Guesses, recording: Recording, machine: Machine, mappin
             continue
         factor = (_VELOCITIES | COUNT_RATES).get(unit, TO_SI.get(unit, 1.0))
         zero = COUNTS[unit][0] if unit in COUNTS else 0.0
-        zeros = [zero] * len(items)
-        if channel in ("q", "q_cmd") and unit in ("rad", "deg") and not mapping.motors:
-            zeros = whole_turns(items, columns, machine, factor)
+        turning = channel in ("q", "q_cmd") and unit in ("rad", "deg") and not mapping.motors
+        zeros = whole_turns(items, columns, machine, factor) if turning else [zero] * len(items)
         done += [
             scaled(item, mapping, factor, at, f"{item.because}; {because}{_turned(at) if at != zero else ''}")
             for item, at in zip(items, zeros, strict=True)
@@ -78,7 +75,8 @@ def _ask_for_sign(
     found: Guesses, channel: str, items: list[Mapped], columns: dict[str, Column], mapping: Map
 ) -> None:
     """Torques or currents of several joints that are never negative are magnitudes, which no equation holds for."""
-    if len(items) < _JOINTS_OF_ONE_SIGN or channel in mapping.columns:
+    # Flags of contact are 0 and 1.
+    if channel == "contact" or len(items) < _JOINTS_OF_ONE_SIGN or channel in mapping.columns:
         return
     if _of_one_sign(items, columns):
         found.ask(
