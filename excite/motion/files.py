@@ -165,7 +165,7 @@ def load_motion(path: Path, robot: Robot) -> Motion:
     return Motion(
         name=path.stem,
         robot=(said.robot if said is not None else "") or robot.name,
-        joint_names=joints,
+        joint_names=robot.joint_names,
         time=columns["time"],
         q=q,
         v=v,

@@ -11,7 +11,9 @@ import yaml
 
 import excite
 from excite.errors import RobotError
+from excite.export.export import export_motion
 from excite.identification.identify import identify
+from excite.motion.files import load_motion
 from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
@@ -91,6 +93,11 @@ def test_a_four_bar_from_its_file_to_its_parameters(tmp_path: Path) -> None:
         assert check_motion(robot, motion).safe
         assert robot.mechanism is not None and robot.mechanism.gaps(motion.q).max() < 1e-9
         assert np.ptp(motion.joint_positions(), axis=0).min() > 0.1
+    file = export_motion(motions[0], robot, "csv", tmp_path / "command.csv")
+    assert "q.rocker" not in file.read_text().splitlines()[0]
+    again = load_motion(file, robot)
+    np.testing.assert_allclose(again.q, motions[0].q, atol=1e-6)
+    assert check_motion(robot, again).safe
     virtual = changed_robot(robot, np.random.default_rng(2))
     log = run_experiment(virtual, motions, seed=3, roles={motions[-1].name: "validation"}).log
     assert log.header.joints == ("crank",)
