@@ -97,8 +97,7 @@ class WrenchSamples:
 
     def measured(self, reading: Reading, q: Array) -> Array:
         """Wrench on the base that the sensors say, ``(n, 6)`` in the base frame, at configurations ``(n, nq)``."""
-        at = self.rows + reading.late_s / reading.tick * self.rate_hz
-        at = np.clip(at, self.first, self.last - 1e-9)
+        at = np.clip(self.rows + reading.late_s / reading.tick * self.rate_hz, self.first, self.last - 1e-9)
         below = at.astype(np.int64)
         share = (at - below)[:, None, None]
         logged = (1.0 - share) * self.wrenches[below] + share * self.wrenches[below + 1]
@@ -121,11 +120,9 @@ class WrenchSamples:
             away = poses.point(sensor.joint, sensor.placement.translation) - poses.translation[:, 1]
             lever = np.einsum("nij,nj->ni", back, away)
             found[:, s, :3, :3] = found[:, s, 3:, 3:] = turn
-            x, y, z = (lever[:, i, None] for i in range(3))
-            # Written out: np.cross takes as long as all the rest, some hundred times a log.
-            found[:, s, 3, :3] = y * turn[:, 2] - z * turn[:, 1]
-            found[:, s, 4, :3] = z * turn[:, 0] - x * turn[:, 2]
-            found[:, s, 5, :3] = x * turn[:, 1] - y * turn[:, 0]
+            # As np.cross, which takes as long as all the rest, some hundred times a log.
+            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                found[:, s, 3 + i, :3] = lever[:, j, None] * turn[:, k] - lever[:, k, None] * turn[:, j]
         return found
 
     def left(self, reading: Reading) -> Array:
@@ -185,9 +182,8 @@ class WrenchSamples:
         """Likewise of a tilt about each axis of the world, ``(n, 6, 3)``."""
         still = np.zeros((len(q), tree.nv))
         leaning = [np.cross(_TILT * axis, tree.gravity) for axis in np.eye(3)]
-        return np.stack(
-            [inverse_dynamics(replace(tree, gravity=g), q, still, still)[:, :6] for g in leaning], axis=2
-        )
+        made = [inverse_dynamics(replace(tree, gravity=g), q, still, still)[:, :6] for g in leaning]
+        return np.stack(made, axis=2)
 
 
 def wrench_samples(robot: Robot, log: Log) -> WrenchSamples | None:
@@ -219,8 +215,7 @@ def wrench_samples(robot: Robot, log: Log) -> WrenchSamples | None:
         parts[0].rate_hz,
         np.ones(6),
     )
-    size = _TOLD / np.sqrt(FLOOR) * found.weight
-    return replace(found, scale=size * np.array([1.0] * 3 + [_LEVER_M] * 3))
+    return replace(found, scale=_TOLD / np.sqrt(FLOOR) * found.weight * np.array([1.0] * 3 + [_LEVER_M] * 3))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def compiled(content: bytes, template: Path | None) -> mujoco.MjModel:
     """Compile a text as if it stood where ``template`` stands: somebody else's, in a process of its own."""
     # The child process starts in a third of the time without what reading descriptions needs.
-    from excite.robot.mjcf.conversion import COMPILE_MEMORY_GB, COMPILE_SECONDS
+    from excite.robot.mjcf.conversion import COMPILE_MEMORY_GB, COMPILE_SECONDS  # lazy: pinocchio
 
     if template is None:
         return compile_text(content, None)
