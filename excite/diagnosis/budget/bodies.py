@@ -60,19 +60,19 @@ def bodies_again(search: Search, maker: TermMaker) -> Search:
     A constant or a spring that the model had at first has taken a part of a body's weight, a small body at a link
     another, and the body what was left.
     """
-    made, terms = _anew(search, maker), search.design.terms
-    links = {term.location: term for term in terms if term.effect.is_body}
+    made = _anew(search, maker)
+    links = {term.location: term for term in search.design.terms if term.effect.is_body}
     for like in links.values():
         chosen = made.model.chosen
         bodies = [k for k in chosen if made.design.terms[k].effect.is_body]
-        weights = [
-            k
-            for k in chosen
-            if _like_weight(made.design.terms[k]) and made.design.terms[k].own in like.columns
-        ]
-        if not weights and len(bodies) < 2:
+        terms = made.design.terms
+        own = [k for k in chosen if terms[k].own in like.columns and not terms[k].effect.is_body]
+        weights = [k for k in own if _like_weight(terms[k])]
+        all_but_begun = [k for k in own if k in weights or not terms[k].started]
+        if not all_but_begun and len(bodies) < 2:
             continue
-        for group in (weights, *([k] for k in weights)) if len(weights) > 1 else (weights,):
+        groups = [all_but_begun, weights, *([k] for k in weights)]
+        for group in groups:
             made = _in_place_of(made, maker, like, [*bodies, *group]) or made
             if made.model.chosen != chosen:
                 break

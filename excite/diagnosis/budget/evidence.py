@@ -39,7 +39,7 @@ class Merit:
 def merit(without: Model, with_it: Model, term: Term, candidates: int) -> Merit:
     """What a term gains: in the company of all others, against what stays unexplained with it."""
     count = with_it.design.fitted.count
-    share = with_it.share_beside(without)
+    share = with_it.share
     effective = share * count.sum()
     old, new = without.predicted, with_it.predicted
     nats = 0.5 * effective * np.log(old.sum(axis=0) / new.sum(axis=0))
