@@ -65,7 +65,8 @@ def _vote(
     for reading in (points, {**points, **turned}):
         corners = np.vstack([_placed(element, mesh, reading) for element, mesh in meshes])
         low, high = corners.min(axis=0), corners.max(axis=0)
-        off.append(float(np.linalg.norm(centre - 0.5 * (low + high)) / max(np.linalg.norm(high - low), 1e-9)))
+        size = max(float(np.linalg.norm(high - low)), 1e-9)
+        off.append(float(np.linalg.norm(centre - 0.5 * (low + high))) / size)
     if abs(off[0] - off[1]) < _DIFFERENCE:
         return 0
     return 1 if off[1] < off[0] else -1
