@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.columns.clock import is_clock
+from excite.conversion.columns.words import clue
 from excite.conversion.recording import Column, Recording
 
 # A signal of sixteen bits that changes its sign leaves the middle half of the range empty.
@@ -73,7 +74,7 @@ def _without_seams(recording: Recording) -> Recording:
     names = []
     streams = []
     for stream in recording.streams:
-        whole = {c.name: values for c in stream.columns if (values := _unwound(c.values)) is not None}
+        whole = {c.name: values for c in stream.columns if (values := _unwound(c)) is not None}
         names += list(whole)
         columns = tuple(replace(c, values=whole.get(c.name, c.values)) for c in stream.columns)
         streams.append(replace(stream, columns=columns))
@@ -111,20 +112,25 @@ def _continued(values: Array) -> Array | None:
     return None
 
 
-def _unwound(values: Array) -> Array | None:
+def _unwound(column: Column) -> Array | None:
     """An angle that jumps from one end of a turn to the other, going on; None where it is none.
 
-    It covers a turn, jumps by nearly all of it, and moves by little from row to row else.
+    It covers a turn, jumps by nearly all of it, and moves by little from row to row else, over the seam as well.
     """
+    values = column.values
+    if clue(column.name, ()).quantity == "time":
+        return None
     known = np.isfinite(values)
     steps = np.diff(values[known])
     for turn in _TURNS:
         far = np.abs(steps) > 0.5 * turn
         if not far.any() or far.mean() > _SELDOM or not _MOST * turn < np.ptp(values[known]) < 1.001 * turn:
             continue
-        if (np.abs(steps[far]) > _MOST * turn).all() and (np.abs(steps[~far]) < (1.0 - _MOST) * turn).all():
-            whole = values.copy()
-            whole[known] = np.unwrap(values[known], period=turn)
+        whole = values.copy()
+        whole[known] = np.unwrap(values[known], period=turn)
+        over, fastest = np.abs(np.diff(whole[known])[far]), np.abs(steps[~far]).max(initial=0.0)
+        # A clock that starts anew jumps by any length, and not by a turn less than a step.
+        if fastest < (1.0 - _MOST) * turn and (over <= 2.0 * fastest).all():
             return whole
     return None
 

@@ -106,7 +106,9 @@ def whole_turns(
         values = columns[item.source].values * factor
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         turns = 0.0
-        if not machine.slides[at] and np.isfinite(upper - lower) and max(lower - low, high - upper) > BEYOND:
+        # Damaged numbers may be so large that no sum of two is a number.
+        known = np.isfinite([upper - lower, high - low, high + low]).all() and not machine.slides[at]
+        if known and max(lower - low, high - upper) > BEYOND:
             turns = 2.0 * np.pi * round((0.5 * (lower + upper) - 0.5 * (low + high)) / (2.0 * np.pi))
             if max(lower - low - turns, high + turns - upper) > BEYOND:
                 turns = 0.0
