@@ -18,8 +18,12 @@ def to_json(document: dict[str, Any]) -> str:
 
 def write_json(document: dict[str, Any], path: Path) -> Path:
     """Write a JSON document atomically; one of a schema says which command wrote it, where one did."""
-    made = stated() if "schema" in document else {}
-    return write_text(path, to_json({**document, **made}) + "\n")
+    return write_text(path, to_json(with_origin(document)) + "\n")
+
+
+def with_origin(document: dict[str, Any]) -> dict[str, Any]:
+    """A document of a schema with the command that makes it, where one does."""
+    return {**document, **stated()} if "schema" in document else document
 
 
 def _finite(value: Any) -> Any:

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here: apt-g
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return report(sample_folder(tmp_path_factory.mktemp("results"), load_robot("ur10"), n_motions=2))
+    return report(sample_folder(tmp_path_factory.mktemp("results"), load_robot("hrp2like"), n_motions=2))
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_nothing_is_said_asked_for_or_cut_off(width: int, dark: bool, page: Path
 
 
 def test_the_robot_moves_as_pinocchio_says(page: Path, browser: Chromium) -> None:
-    robot = load_robot("ur10")
+    robot = load_robot("hrp2like")
     browser.open(page, 1000)
     browser.wait("window.replays && replays.length === 1")
     browser.ask("replays[0].ready.then(() => 1)")

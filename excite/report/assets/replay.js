@@ -39,6 +39,7 @@ class Replay {
     this.sun = new THREE.DirectionalLight(0xffffff, 1.6);
     this.sun.position.set(2, -3, 5);
     this.scene.add(this.sun);
+    this.outline = [[], ...this.robot.joints.map(() => [])]; // Corners of the boxes around what each joint carries.
     this.body = await this.makeBody(1);
     this.ghost = await this.makeBody(0.3);
     this.ghost.group.visible = false;
@@ -109,6 +110,8 @@ class Replay {
       const [a, b, c] = await excite.unpack(part.triangles);
       const index = new Uint16Array(3 * a.length);
       for (let i = 0; i < a.length; i++) index.set([a[i], b[i], c[i]], 3 * i);
+      const ends = [x, y, z].map((column) => [Math.min(...column), Math.max(...column)]);
+      for (let k = 0; k < 8; k++) this.outline[part.joint].push(new THREE.Vector3(ends[0][k & 1], ends[1][(k >> 1) & 1], ends[2][k >> 2]));
       const geometry = new THREE.BufferGeometry();
       geometry.setAttribute("position", new THREE.BufferAttribute(corners, 3));
       geometry.setIndex(new THREE.BufferAttribute(index, 1));
@@ -315,19 +318,17 @@ class Replay {
     this.robot.feet.forEach((foot, i) => {
       const corners = foot.sole.map((corner) => new THREE.Vector3(...corner).applyMatrix4(world[foot.joint]));
       const loaded = track.contacts && track.contacts[i][frame] > 0.5;
-      this.soles[i].geometry.setFromPoints(corners.length > 1 ? corners : [corners[0], corners[0]]);
+      Replay.reshape(this.soles[i], corners);
       this.soles[i].material.color = new THREE.Color(excite.color(loaded ? "true" : "muted"));
       if (loaded) standing.push(...corners);
     });
     const hull = Replay.hull(standing).map(([x, y]) => new THREE.Vector3(x, y, ground + 0.002));
     this.marks.support.visible = this.area.visible = hull.length > 2;
     if (hull.length > 2) {
-      this.marks.support.geometry.dispose();
-      this.marks.support.geometry = new THREE.BufferGeometry().setFromPoints(hull);
+      Replay.reshape(this.marks.support, hull);
       const fan = [];
       for (let i = 1; i + 1 < hull.length; i++) fan.push(hull[0], hull[i], hull[i + 1]);
-      this.area.geometry.dispose();
-      this.area.geometry = new THREE.BufferGeometry().setFromPoints(fan);
+      Replay.reshape(this.area, fan);
     }
     const at = (columns) => columns.map((column) => {
       const next = column[Math.min(frame + 1, column.length - 1)];
@@ -359,6 +360,12 @@ class Replay {
     const bar = this.bars.find((one) => one.margin.name === "self_collision_m");
     const bad = bar && bar.margin.values[frame] < bar.margin.required;
     this.marks.pair.material.color = new THREE.Color(excite.color(bad ? "bad" : "ink"));
+  }
+
+  // A geometry keeps the number of its points: for another number it has to be another one.
+  static reshape(mark, points) {
+    mark.geometry.dispose();
+    mark.geometry = new THREE.BufferGeometry().setFromPoints(points);
   }
 
   // Convex hull on the ground, Andrew's monotone chain.
@@ -403,13 +410,16 @@ class Replay {
     const q = this.track.q;
     const count = q[0].length;
     for (let frame = 0; frame < count; frame += Math.max(1, Math.floor(count / 40))) {
-      this.poses(this.configuration(q, frame, 0)).slice(1).forEach((matrix) => {
-        const point = new THREE.Vector3().setFromMatrixPosition(matrix);
-        low.min(point);
-        high.max(point);
+      this.poses(this.configuration(q, frame, 0)).forEach((matrix, joint) => {
+        for (const corner of this.outline[joint]) {
+          const point = corner.clone().applyMatrix4(matrix);
+          low.min(point);
+          high.max(point);
+        }
       });
     }
     if (this.robot.ground !== null) low.z = Math.min(low.z, this.robot.ground);
+    if (!Number.isFinite(low.x)) return; // Nothing to be seen.
     const centre = low.clone().add(high).multiplyScalar(0.5);
     const radius = Math.max(0.1, 0.5 * high.distanceTo(low) + 0.06);
     const [azimuth, elevation] = [0.66, 0.22];
