@@ -21,14 +21,11 @@ from excite.conversion.machine import Machine, at_joints, load_machine
 from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
-from excite.conversion.parts import joined_parts
-from excite.conversion.recording import Recording, merged_names, stated_rate
+from excite.conversion.recording import Recording, stated_rate
+from excite.conversion.recordings import read_recordings
 from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.shapes.clock_runs import in_runs
-from excite.conversion.shapes.reshape import reshaped
-from excite.conversion.sources.registry import read_source, recognised, recognised_recording
 from excite.conversion.trials import cut_trials
-from excite.conversion.wraps import signed
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.columns import read_columns
@@ -111,7 +108,7 @@ def convert(
     check_replaceable(out)
     stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
     machine = load_machine(robot)
-    recordings = _recordings(sources)
+    recordings = read_recordings(sources)
     if recordings[0].said.get("linkages") == "joints":
         machine = at_joints(machine)
     found = guess(recordings[0], machine, stated)
@@ -148,35 +145,6 @@ def convert(
         chart=chart,
         unused=tuple(found.unused),
     )
-
-
-def _recordings(sources: Sequence[str | Path]) -> list[Recording]:
-    """All recordings, files of a folder in the order of their names; every source that is wrong is said at once."""
-    found: list[Recording] = []
-    wrong: list[LogError] = []
-    for source in sources:
-        try:
-            found += _read(Path(source))
-        except LogError as error:
-            wrong.append(error)
-    if len(wrong) == 1:
-        raise wrong[0]
-    if wrong:
-        raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
-    shaped = [part for recording in found for part in reshaped(recording)]
-    return [signed(merged_names(recording)) for recording in joined_parts(shaped)]
-
-
-def _read(source: Path) -> list[Recording]:
-    """Recordings of a source; a folder that is no recording itself stands for the files in it that are."""
-    if not source.is_dir() or recognised(source) is not None:
-        return list(read_source(source))
-    files = [file for file in sorted(source.iterdir()) if recognised_recording(file)]
-    # Descriptions beside recordings are JSON, too.
-    tables = [file for file in files if file.suffix.lower() != ".json"]
-    if not files:
-        raise LogError("holds no recordings", source=source, remedy="name the files")
-    return [recording for file in tables or files for recording in read_source(file)]
 
 
 def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:

@@ -14,9 +14,8 @@ from excite.documents.human import Human
 from excite.documents.identification import Identification
 from excite.documents.journal import Journal
 from excite.documents.model import Model
-from excite.documents.plan import Plan
+from excite.documents.plan import Plan, Refusals
 from excite.documents.rank import Rank
-from excite.documents.refusals import Refusals
 from excite.documents.signals import Signals
 from excite.documents.simulation import Simulation
 from excite.documents.truth import Truth

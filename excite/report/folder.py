@@ -18,8 +18,7 @@ from excite.documents.document import Document as Model
 from excite.documents.document import read_document
 from excite.documents.human import Human
 from excite.documents.identification import Identification
-from excite.documents.plan import Plan
-from excite.documents.refusals import Refusals
+from excite.documents.plan import Plan, Refusals
 from excite.documents.signals import Signals
 from excite.errors import ExciteError, InputError
 from excite.motion.files import load_motion

@@ -14,7 +14,7 @@ import excite
 from excite.cli.session.failure import of_error
 from excite.cli.session.refused import refusals_shown
 from excite.documents.document import read_document
-from excite.documents.refusals import Refusals
+from excite.documents.plan import Refusals
 from excite.errors import NothingSafeError
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
