@@ -27,7 +27,7 @@ from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.shapes.clock_runs import in_runs
 from excite.conversion.trials import cut_trials
 from excite.doctor.examine import Chart, examine
-from excite.errors import InputError, LogError
+from excite.errors import InputError
 from excite.logs.columns import read_columns
 from excite.logs.files import check_replaceable, header_text, load_log, save_log
 from excite.logs.header_blocks import Guess
