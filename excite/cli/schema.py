@@ -19,7 +19,8 @@ def command(
         typer.Argument(
             metavar="NAME",
             help="log, robot, bounds, map, motion; results, all of them, or one: blind, blind_answer, campaign, check, "
-            "diagnosis, doctor, export, human, identification, journal, model, plan, rank, refusals, signals, simulation, truth.",
+            "diagnosis, doctor, export, human, identification, journal, model, plan, rank, refusals, "
+            "signals, simulation, truth.",
         ),
     ],
     as_json: JsonOption = False,
