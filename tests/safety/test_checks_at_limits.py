@@ -134,6 +134,7 @@ def torques(robot: Robot, tau: np.ndarray, residual: float = 0.0) -> SimpleNames
     n = len(tau)
     still = SimpleNamespace(
         time=0.1 * np.arange(n),
+        q=np.tile(robot.rest, (n, 1)),
         joint_velocities=lambda: np.zeros_like(tau),
         joint_accelerations=lambda: np.zeros_like(tau),
     )

@@ -66,7 +66,7 @@ def read_closures(model: mujoco.MjModel, path: Path) -> MjcfClosures:
     passive: dict[int, set[int]] = {}
     held: dict[str, set[int]] = {}
     solved: list[int] = []
-    jacobian = _jacobian(model)
+    jacobian = _jacobian(model) if tied else {}
     for numbers in _groups(tied):
         joints = set().union(*(tied[k] for k in numbers))
         why, found = _passive(model, np.vstack([jacobian[k] for k in numbers]), joints)
