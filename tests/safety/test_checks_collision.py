@@ -130,3 +130,12 @@ def test_undecided_search_is_unsafe(humanoid: Robot, monkeypatch: pytest.MonkeyP
     assert not verdict.safe
     assert verdict.not_computed == ("self_collision_m",)
     assert "could not compute" in verdict.summary()
+
+
+def test_a_distance_does_not_depend_on_what_was_asked_before(humanoid: Robot) -> None:
+    sweep = Sweep(humanoid, squat(humanoid))
+    there, back = Distances(sweep), Distances(sweep)
+    times, pairs = sweep.fine.time[::25], np.arange(there.n_pairs)
+    first = [there.at(float(time), pairs) for time in times]
+    second = [back.at(float(time), pairs) for time in times[::-1]][::-1]
+    np.testing.assert_array_equal(first, second)

@@ -100,7 +100,12 @@ class Distances:
 
     @cached_property
     def _data(self) -> tuple[pin.Data, pin.GeometryData]:
-        return self.sweep.robot.model.createData(), self.geometry.createData()
+        data = self.geometry.createData()
+        for request in data.distanceRequests:
+            # A search that begins where the last one ended ends up to 1e-6 m elsewhere: the same question would have
+            # an answer for each history. On 300 configurations of a UR10 it saves no time either.
+            request.enable_cached_gjk_guess = False
+        return self.sweep.robot.model.createData(), data
 
     @property
     def n_pairs(self) -> int:
