@@ -89,9 +89,10 @@ def test_every_licence_is_listed():
     }
     assert all(row[2] for row in rows)
     copyleft = {row[0]: row[3] for row in rows}
-    assert (copyleft["quadprog"], copyleft["casadi"], copyleft["hypothesis"]) == ("strong", "weak", "weak")
+    assert (copyleft["docutils"], copyleft["casadi"], copyleft["hypothesis"]) == ("strong", "weak", "weak")
     assert copyleft["numpy"] == copyleft["mujoco"] == copyleft["packaging"] == ""
     used_for = {row[0]: row[4] for row in rows}
+    assert [name for name in copyleft if copyleft[name] == "strong" and used_for[name] == "run"] == []
     assert (used_for["llvmlite"], used_for["pluggy"]) == ("run", "test")
 
 

@@ -100,7 +100,7 @@ def test_last_level_is_the_nearest_point(seed):
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), n_equal=st.integers(0, 2))
-def test_active_set_is_quadprog_and_goes_on_from_where_it_stood(seed, n_equal):
+def test_both_solvers_agree_and_one_goes_on_from_where_it_stood(seed, n_equal):
     rng = np.random.default_rng(seed)
     rows = random_rows(rng, 9, 0.1, n_equal)
     target = rng.normal(size=N)

@@ -21,7 +21,9 @@ def rows(matrix: list[list[float]], bound: list[float], n_equal: int = 0) -> Lin
     return LinearConstraints(np.array(matrix), np.array(bound), ("row",) * len(bound), n_equal)
 
 
-SOLVERS = pytest.mark.parametrize("solver", [project, ActiveSetProjector()], ids=["quadprog", "active_set"])
+SOLVERS = pytest.mark.parametrize(
+    "solver", [project, ActiveSetProjector()], ids=["dual_active_set", "kept_active_set"]
+)
 
 
 @SOLVERS
@@ -63,7 +65,7 @@ def test_equalities_that_say_the_same_twice_are_one() -> None:
 
 
 def test_rows_may_be_added_one_by_one() -> None:
-    """Each answer meets the conditions of Karush, Kuhn and Tucker, and is quadprog's; a new target starts anew."""
+    """Each answer meets Karush, Kuhn and Tucker's conditions and is the other solver's; a new target starts anew."""
     rng, projector = np.random.default_rng(4), ActiveSetProjector()
     matrix, inside = rng.normal(size=(24, 6)), rng.normal(size=6)
     bound = matrix @ inside - rng.uniform(0.0, 0.4, size=24)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import daqp
 import numpy as np
-import quadprog
 
 from excite.arrays import Array
 from excite.identification.constraints.linear import LinearConstraints
-from excite.identification.regression import minimum_norm
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,34 +25,37 @@ class ProjectionAnswer:
     multipliers: Array
 
 
+# Codes of DAQP, and tolerances for rows of length one.
+_EQUALITY, _SOLVED = 5, 1
+_EXACT = {"primal_tol": 1e-12, "dual_tol": 1e-12}
+
 Projector = Callable[[Array, LinearConstraints], "ProjectionAnswer | None"]
 
 
 def project(target: Array, constraints: LinearConstraints) -> ProjectionAnswer | None:
-    """The point nearest to ``target`` that meets constraints, by Goldfarb and Idnani's method (quadprog).
+    """The point nearest to ``target`` that meets constraints, by a dual active set (DAQP).
 
     Returns:
         The answer, None where the solver finds the constraints inconsistent.
     """
-    identity = np.eye(len(target))
     if not len(constraints.bound):
         return ProjectionAnswer(target.copy(), np.zeros(0))
-    try:
-        answer = quadprog.solve_qp(
-            identity, target, constraints.matrix.T.copy(), constraints.bound, constraints.n_equal, True
-        )
-    except ValueError:
+    kinds = np.zeros(len(constraints.bound), dtype=np.int32)
+    kinds[: constraints.n_equal] = _EQUALITY
+    upper = np.full(len(constraints.bound), np.inf)
+    upper[: constraints.n_equal] = constraints.bound[: constraints.n_equal]
+    z, _, ending, told = daqp.solve(
+        np.eye(len(target)),
+        -target,
+        np.ascontiguousarray(constraints.matrix),
+        upper,
+        constraints.bound,
+        kinds,
+        **_EXACT,
+    )
+    if ending != _SOLVED:
         return None
-    multipliers = np.array(answer[4])
-    # quadprog gives multipliers of equalities without their sign: stationarity tells it.
-    if constraints.n_equal:
-        pull = (
-            answer[0]
-            - target
-            - constraints.matrix[constraints.n_equal :].T @ multipliers[constraints.n_equal :]
-        )
-        multipliers[: constraints.n_equal] = minimum_norm(constraints.matrix[: constraints.n_equal].T, pull)
-    return ProjectionAnswer(answer[0], multipliers)
+    return ProjectionAnswer(np.array(z), -np.array(told["lam"]))
 
 
 def distance_to_optimum(target: Array, constraints: LinearConstraints, answer: ProjectionAnswer) -> float:
