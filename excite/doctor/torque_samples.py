@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.doctor.drive_fit import WIDTH, shares_left
 from excite.doctor.likely_bodies import LikelyBodies
 from excite.doctor.reading import Reading
@@ -37,6 +38,20 @@ FLOOR = 1e-3
 _TELLS = 0.05
 
 
+class Predicted(NamedTuple):
+    """What a model says of measured joints.
+
+    Attributes:
+        torque: of rigid bodies ``(n, n_torques)`` [N·m].
+        v: velocities ``(n, n_torques)``.
+        a: accelerations, likewise.
+    """
+
+    torque: Array
+    v: Array
+    a: Array
+
+
 @dataclass(frozen=True, eq=False)
 class TorqueSamples:
     """Samples of a log's trials, channels as they stand in it.
@@ -63,7 +78,7 @@ class TorqueSamples:
     first: NDArray[np.int64]
     last: NDArray[np.int64]
     rate_hz: float
-    _models: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
+    _models: dict[bytes, Predicted] = field(default_factory=dict, repr=False)
 
     @property
     def measured_name(self) -> str:
@@ -79,7 +94,7 @@ class TorqueSamples:
         """Whether a joint slides; it has no quarter turns."""
         return slides(self.robot.model, int(self.places[joint]))
 
-    def motion(self, reading: Reading) -> tuple[Array, Array, Array]:
+    def motion(self, reading: Reading) -> Moved:
         """``q``, ``v``, ``a`` of the joints as the reading has them."""
         shift = self.q.shape[1] - self.v.shape[1]
         factor = reading.position_sign * reading.unit
@@ -95,10 +110,10 @@ class TorqueSamples:
             )
             found.append(made)
         found[0][:, self.places + shift] += reading.zero
-        return found[0], found[1], found[2]
+        return Moved(*found)
 
-    def predicted(self, reading: Reading) -> tuple[Array, Array, Array]:
-        """Nominal torques of rigid bodies, velocities and accelerations of measured joints, ``(n, n_torques)``."""
+    def predicted(self, reading: Reading) -> Predicted:
+        """What the nominal model says of measured joints."""
         key = reading.motion_key()
         if key not in self._models:
             q, v, a = self.motion(reading)
@@ -106,7 +121,7 @@ class TorqueSamples:
             torque = inverse_dynamics(self._under(reading.gravity), q, v, a)[:, columns]
             if len(self._models) >= _REMEMBERED:
                 del self._models[next(iter(self._models))]
-            self._models[key] = (torque, v[:, columns], a[:, columns])
+            self._models[key] = Predicted(torque, v[:, columns], a[:, columns])
         return self._models[key]
 
     def measured_torque(self, reading: Reading) -> Array:

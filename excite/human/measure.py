@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -210,9 +210,17 @@ def _marker_set(settings: MeasureSettings, recordings: Sequence[Recording]) -> M
     return find_marker_set({label for recording in recordings for label in recording.markers})
 
 
+class _Measured(NamedTuple):
+    """A trial, what is reported of it, and what was found on the way."""
+
+    trial: MeasuredTrial
+    report: dict[str, Any]
+    findings: tuple[Finding, ...]
+
+
 def _measured(
     body: Body, calibration: Calibration, recording: Recording, cutoff_hz: float | None
-) -> tuple[MeasuredTrial, dict[str, Any], tuple[Finding, ...]]:
+) -> _Measured:
     poses = trial_poses(calibration, recording, cutoff_hz)
     placement = place(poses.pose, body.offsets)
     readings, odd = plate_readings(recording, placement, body, cutoff_hz)
@@ -230,7 +238,7 @@ def _measured(
         ],
     }
     singular = near_singular(joint_angles(poses.pose), name)
-    return trial, report, (*poses.findings, *odd, *held.findings, *singular)
+    return _Measured(trial, report, (*poses.findings, *odd, *held.findings, *singular))
 
 
 def write_person(person: MeasuredPerson, folder: Path) -> None:

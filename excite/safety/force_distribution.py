@@ -100,7 +100,7 @@ def _distance_to_cone(rays: Array, target: Array) -> float:
         return np.inf
 
 
-# Loops in place of array expressions below: each expression takes numba a second to compile.
+# Loops in place of array expressions in what follows: each expression takes numba a second to compile.
 @LazyKernel
 def _nearest_in_cones(rays, targets, square, weights, residuals):
     """Solve ``min ½‖Gx − w‖² + ½ε²‖x‖², x ≥ 0`` for each sample; NaN and infinity where it did not arrive.
@@ -110,21 +110,18 @@ def _nearest_in_cones(rays, targets, square, weights, residuals):
     where it does not descend, arrive exactly once the set of active rays is right (Hintermüller, Ito and
     Kunisch 2002).
     """
-    n_rays = rays.shape[1]
-    along, r, trial = np.empty(n_rays), np.empty(6), np.empty(6)
+    along, r, trial = np.empty(rays.shape[1]), np.empty(6), np.empty(6)
     gradient, hessian, step = np.empty(6), np.empty((6, 6)), np.empty(6)
     for k in range(targets.shape[0]):
-        for a in range(6):
-            r[a] = 0.0
-        for j in range(n_rays):
-            along[j] = 0.0
-            weights[k, j] = np.nan
-        value = 0.0
+        _fill(r, 0.0)
+        _fill(along, 0.0)
+        _fill(weights[k], np.nan)
         residuals[k] = np.inf
+        value = 0.0
         for _ in range(_STEPS):
             _newton_system(rays[k], targets[k], square, r, along, gradient, hessian)
             if _product(gradient, gradient) <= _ARRIVED * _ARRIVED:
-                for j in range(n_rays):
+                for j in range(rays.shape[1]):
                     weights[k, j] = along[j] / square
                 residuals[k] = np.sqrt(_product(r, r))
                 break
@@ -138,9 +135,15 @@ def _nearest_in_cones(rays, targets, square, weights, residuals):
                 if trial_value <= value - 1e-4 * length * slope + 1e-15:
                     break
                 length *= 0.5
-            for a in range(6):
-                r[a] = trial[a]
+            r, trial = trial, r
             value = trial_value
+
+
+@LazyKernel
+def _fill(vector, value):
+    """Set all of a vector to a value."""
+    for a in range(vector.shape[0]):
+        vector[a] = value
 
 
 @LazyKernel
