@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
-from excite.doctor.drive_fit import WIDTH, shares_left
+from excite.doctor.drive_fit import WIDTH, Predicted, shares_left
 from excite.doctor.likely_bodies import LikelyBodies
 from excite.doctor.reading import Reading
 from excite.errors import LogError
@@ -36,20 +35,6 @@ _REMEMBERED = 64
 FLOOR = 1e-3
 # Share of a torque's power that bodies make where they tell something of it.
 _TELLS = 0.05
-
-
-class Predicted(NamedTuple):
-    """What a model says of measured joints.
-
-    Attributes:
-        torque: of rigid bodies ``(n, n_torques)`` [N·m].
-        v: velocities ``(n, n_torques)``.
-        a: accelerations, likewise.
-    """
-
-    torque: Array
-    v: Array
-    a: Array
 
 
 @dataclass(frozen=True, eq=False)
