@@ -53,11 +53,6 @@ class TrueParameters:
     scatter: float = 0.0
 
     @property
-    def changed_links(self) -> tuple[str, ...]:
-        """Links that carry added parts, each once, in the robot's order."""
-        return tuple(link for _, link in sorted({(part.segment, part.link) for part in self.parts}))
-
-    @property
     def added_mass(self) -> float:
         """Mass of all parts together [kg]."""
         return float(sum(part.mass for part in self.parts))
