@@ -4,6 +4,8 @@ BIN := $(VENV)/bin
 MUTATION := .venv-mutation
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
+# Tests start many processes: Python is to keep what it has compiled for the next, whatever the shell says.
+export PYTHONDONTWRITEBYTECODE :=
 JOBS ?= 2
 
 .PHONY: demo manual test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean

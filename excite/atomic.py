@@ -157,7 +157,7 @@ def _hidden_folder(path: Path) -> Iterator[Path]:
         raise unwritable(path, ValueError("no name holds a zero byte"))
     made = missing_folders(path.parent)
     make_folder(path.parent)
-    hidden = _Hidden(*_locked_folder(path), made)
+    hidden = _locked_folder(path, made)
     _WRITTEN.hidden.add(hidden.folder)
     waits = False
     try:
@@ -177,7 +177,7 @@ def _hidden_folder(path: Path) -> Iterator[Path]:
             _remove(hidden)
 
 
-def _locked_folder(path: Path) -> tuple[Path, Path, int]:
+def _locked_folder(path: Path, made: tuple[Path, ...]) -> _Hidden:
     try:
         sweep(path.parent)
         while True:
@@ -188,7 +188,7 @@ def _locked_folder(path: Path) -> tuple[Path, Path, int]:
             with suppress(OSError):
                 fcntl.flock(lock, fcntl.LOCK_EX)
             if hidden.exists():
-                return hidden, path, lock
+                return _Hidden(hidden, path, lock, made)
             # Another process took it for a leftover before it was locked.
             os.close(lock)
     except (OSError, ValueError) as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -86,9 +87,21 @@ def _rest(
     return float(((target - rows / scale @ x) ** 2).sum()) / len(y)
 
 
-def band_rows(
-    robot: Robot, run: Recording, modelled: Sequence[str], sos: Array
-) -> tuple[Array, Array, Array]:
+class BandRows(NamedTuple):
+    """Equations of one recording in the band.
+
+    Attributes:
+        torque: less the nominal bodies' ``(m, n_joints)`` [N·m].
+        columns: of what is modelled ``(m, n_joints, n_columns)``.
+        moving: 1 where a joint moves, else 0, ``(m, n_joints)``.
+    """
+
+    torque: Array
+    columns: Array
+    moving: Array
+
+
+def band_rows(robot: Robot, run: Recording, modelled: Sequence[str], sos: Array) -> BandRows:
     """Equations of one recording in the band, edges left out and every eighth row kept.
 
     Args:
@@ -96,10 +109,6 @@ def band_rows(
         run: a recording.
         modelled: words of ``modelled`` of the log.
         sos: second-order sections of the low-pass.
-
-    Returns:
-        Torque less the nominal bodies' ``(m, n_joints)`` [N·m], columns of what is modelled
-        ``(m, n_joints, n_columns)``, and 1 where a joint moves, else 0, ``(m, n_joints)``.
     """
     model, n = robot.model, robot.n_joints
     data = model.createData()
@@ -121,4 +130,6 @@ def band_rows(
     a = np.concatenate([*columns, *own], axis=2) if columns or own else np.zeros((len(y), n, 0))
     take = slice(_EDGE, -_EDGE, _EVERY)
     moving = (np.abs(run.v) > _STILL)[take]
-    return sosfiltfilt(sos, y, axis=0)[take], sosfiltfilt(sos, a, axis=0)[take], moving.astype(float)
+    return BandRows(
+        sosfiltfilt(sos, y, axis=0)[take], sosfiltfilt(sos, a, axis=0)[take], moving.astype(float)
+    )

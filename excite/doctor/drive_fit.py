@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import nnls
 
@@ -15,6 +17,20 @@ _DEAD = 1e-12
 _TRACE = 1e-9 * np.eye(4)
 # Width over which dry friction changes sign [rad/s]: slower motion is mostly noise of the encoder after filtering.
 WIDTH = 0.02
+
+
+class Predicted(NamedTuple):
+    """What a model says of measured joints.
+
+    Attributes:
+        torque: of rigid bodies ``(n, n_torques)`` [N·m].
+        v: velocities ``(n, n_torques)``.
+        a: accelerations, likewise.
+    """
+
+    torque: Array
+    v: Array
+    a: Array
 
 
 def shares_left(torque: Array, model: Array, v: Array, a: Array) -> Array:

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
-from excite.doctor.drive_fit import WIDTH, shares_left
+from excite.arrays import Array, Moved
+from excite.doctor.drive_fit import WIDTH, Predicted, shares_left
 from excite.doctor.likely_bodies import LikelyBodies
 from excite.doctor.reading import Reading
 from excite.errors import LogError
@@ -63,7 +63,7 @@ class TorqueSamples:
     first: NDArray[np.int64]
     last: NDArray[np.int64]
     rate_hz: float
-    _models: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
+    _models: dict[bytes, Predicted] = field(default_factory=dict, repr=False)
 
     @property
     def measured_name(self) -> str:
@@ -79,7 +79,7 @@ class TorqueSamples:
         """Whether a joint slides; it has no quarter turns."""
         return slides(self.robot.model, int(self.places[joint]))
 
-    def motion(self, reading: Reading) -> tuple[Array, Array, Array]:
+    def motion(self, reading: Reading) -> Moved:
         """``q``, ``v``, ``a`` of the joints as the reading has them."""
         shift = self.q.shape[1] - self.v.shape[1]
         factor = reading.position_sign * reading.unit
@@ -95,10 +95,10 @@ class TorqueSamples:
             )
             found.append(made)
         found[0][:, self.places + shift] += reading.zero
-        return found[0], found[1], found[2]
+        return Moved(*found)
 
-    def predicted(self, reading: Reading) -> tuple[Array, Array, Array]:
-        """Nominal torques of rigid bodies, velocities and accelerations of measured joints, ``(n, n_torques)``."""
+    def predicted(self, reading: Reading) -> Predicted:
+        """What the nominal model says of measured joints."""
         key = reading.motion_key()
         if key not in self._models:
             q, v, a = self.motion(reading)
@@ -106,7 +106,7 @@ class TorqueSamples:
             torque = inverse_dynamics(self._under(reading.gravity), q, v, a)[:, columns]
             if len(self._models) >= _REMEMBERED:
                 del self._models[next(iter(self._models))]
-            self._models[key] = (torque, v[:, columns], a[:, columns])
+            self._models[key] = Predicted(torque, v[:, columns], a[:, columns])
         return self._models[key]
 
     def measured_torque(self, reading: Reading) -> Array:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.doctor.base_pose import BasePose
 from excite.doctor.likely_bodies import FLOOR, LikelyBodies
 from excite.doctor.reading import Reading
@@ -85,7 +85,7 @@ class WrenchSamples:
         """All channels are made by bodies, ``(6,)``."""
         return np.ones(6, dtype=np.bool_)
 
-    def motion(self, reading: Reading) -> tuple[Array, Array, Array]:
+    def motion(self, reading: Reading) -> Moved:
         """``q``, ``v``, ``a`` as the reading has them."""
         q, v, a = (values.copy() for values in self.motions[reading.pose])
         shift = q.shape[1] - v.shape[1]
@@ -93,7 +93,7 @@ class WrenchSamples:
         for values, offset in ((q, shift), (v, 0), (a, 0)):
             values[:, self.places + offset] = values[:, self.places[reading.position_of] + offset] * factor
         q[:, self.places + shift] += reading.zero
-        return q, v / reading.tick, a / reading.tick**2
+        return Moved(q, v / reading.tick, a / reading.tick**2)
 
     def measured(self, reading: Reading, q: Array) -> Array:
         """Wrench on the base that the sensors say, ``(n, 6)`` in the base frame, at configurations ``(n, nq)``."""

@@ -57,4 +57,4 @@ class Check(Document):
     motions: Annotated[list[CheckedMotion], Field(max_length=MOST_ENTRIES)] = Field(
         description="one entry a motion"
     )
-    assumed: Assumptions = Field(default=[], description="what no file said of the robot")
+    assumed: Assumptions = Field(default=[])

@@ -67,7 +67,9 @@ class AssumedValue(Block):
     consequence: Text = Field(description="what follows from it")
 
 
-Assumptions = Annotated[list[AssumedValue], Field(max_length=MOST_ENTRIES)]
+Assumptions = Annotated[
+    list[AssumedValue], Field(max_length=MOST_ENTRIES, description="what no file said of the robot")
+]
 
 
 class Made(Block):

@@ -65,6 +65,21 @@ class Remedy(Block):
     tried: Count = Field(description="number of refused candidates that were tried with it")
 
 
+# What a plan says of what refused its candidates, whether it has motions or none.
+RobotFile = Annotated[
+    FilePath | None,
+    Field(description="robot.yaml of a robot of one's own, relative to this document's folder"),
+]
+AllRefused = Annotated[
+    list[Refused],
+    Field(max_length=MOST_ENTRIES, description="what refuses candidates, the commonest first"),
+]
+Help = Annotated[
+    Remedy | None,
+    Field(description="the change most likely to help; null where none helps or enough candidates are safe"),
+]
+
+
 class SelectedMotion(Block):
     """A chosen motion."""
 
@@ -136,17 +151,10 @@ class Plan(Document):
 
     schema_: Literal["excite.plan/1"] = Field(alias="schema", description="version of this document")
     robot: Name = Field(description="name of the robot")
-    robot_file: FilePath | None = Field(
-        default=None, description="robot.yaml of a robot of one's own, relative to this document's folder"
-    )
+    robot_file: RobotFile = None
     candidates: Candidates = Field(description="what was generated and refused")
-    refused: Annotated[list[Refused], Field(max_length=MOST_ENTRIES)] = Field(
-        default=[], description="what refuses candidates, the commonest first"
-    )
-    remedy: Remedy | None = Field(
-        default=None,
-        description="the change most likely to help; null where enough candidates are safe, or none helps",
-    )
+    refused: AllRefused = Field(default=[])
+    remedy: Help = None
     selected: Annotated[list[SelectedMotion], Field(max_length=MOST_ENTRIES)] = Field(
         description="chosen motions, the first served first"
     )
@@ -160,7 +168,7 @@ class Plan(Document):
     forecast: Forecast | None = Field(
         default=None, description="what that makes of the target; null where the sensors' noise is not stated"
     )
-    assumed: Assumptions = Field(default=[], description="what no file said of the robot")
+    assumed: Assumptions = Field(default=[])
     rehearsed_load: Maybe = Field(
         default=None,
         description="what the robot carried on its back in the rehearsal, as a share of its mass; null of a robot "
@@ -176,14 +184,8 @@ class Refusals(Document):
 
     schema_: Literal["excite.refusals/1"] = Field(alias="schema", description="version of this document")
     robot: Name = Field(description="name of the robot")
-    robot_file: FilePath | None = Field(
-        default=None, description="robot.yaml of a robot of one's own, relative to this document's folder"
-    )
+    robot_file: RobotFile = None
     generated: Count = Field(description="number of candidate motions, none of which is safe")
-    refused: Annotated[list[Refused], Field(max_length=MOST_ENTRIES)] = Field(
-        description="what refuses candidates, the commonest first"
-    )
-    remedy: Remedy | None = Field(
-        default=None, description="the change most likely to help; null where none of those tried helps"
-    )
-    assumed: Assumptions = Field(default=[], description="what no file said of the robot")
+    refused: AllRefused
+    remedy: Help = None
+    assumed: Assumptions = Field(default=[])

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import InputError
 from excite.regressor.base_parameters import BaseParameters
 from excite.regressor.columns import DRIVE_TERMS, measured_columns, regressor_rows
@@ -80,7 +80,7 @@ def determined(factor: Array, tol: float) -> NDArray[np.bool_]:
     return np.asarray(present & (share <= _SHARE))
 
 
-def _state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> tuple[Array, Array, Array]:
+def _state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> Moved:
     """Random q, v, a, with ``foot`` still and its sole level."""
     limits, nq, nv = robot.limits, robot.n_base_q, robot.n_base_v
     q, v, a = robot.rest.copy(), np.zeros(robot.model.nv), np.zeros(robot.model.nv)
@@ -90,12 +90,12 @@ def _state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> tupl
     v[nv:] = free * random.normal(size=robot.n_joints)
     a[nv:] = free * 5.0 * random.normal(size=robot.n_joints)
     if not robot.floating:
-        return q, v, a
+        return Moved(q, v, a)
     if foot is None:
         quaternion = random.normal(size=4)
         q[3:7] = quaternion / np.linalg.norm(quaternion)
         v[:6], a[:6] = random.normal(size=6), 5.0 * random.normal(size=6)
-        return q, v, a
+        return Moved(q, v, a)
     model, data = robot.model, robot.model.createData()
     q[:7] = pin.SE3ToXYZQUAT(pin.SE3.Identity())
     pin.forwardKinematics(model, data, q)
@@ -107,4 +107,4 @@ def _state(robot: Robot, foot: Foot | None, random: np.random.Generator) -> tupl
     pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
     bias = data.a[foot.joint].vector
     a[:6] = np.linalg.solve(jacobian[:, :6], -jacobian[:, 6:] @ a[6:] - bias)
-    return q, v, a
+    return Moved(q, v, a)

@@ -19,12 +19,8 @@ from excite.human.laboratory import AXES, absent_markers, in_metres, up_axis, up
 from excite.human.log_folder import MeasuredTrial, human_log
 from excite.human.markers.calibration import Calibration, calibrate
 from excite.human.markers.marker_set import MarkerSet, find_marker_set, read_marker_set
+from excite.human.measured_trial import measured_trial
 from excite.human.pairing import paired_recordings
-from excite.human.plates.force_plates import plate_readings
-from excite.human.plates.support import support
-from excite.human.posture.joint_angles import joint_angles, near_singular
-from excite.human.posture.skeleton import place
-from excite.human.posture.trial_poses import trial_poses
 from excite.human.recording import Recording
 from excite.human.segments import NAMES
 from excite.human.subject import Subject
@@ -195,7 +191,7 @@ def measure_recordings(
     for number, recording in enumerate(upright_trials):
         progress("trials", number, len(upright_trials))
         findings += [*recording.findings, *absent_markers(recording, wanted)]
-        trial, report, found = _measured(body, calibration, recording, cutoff)
+        trial, report, found = measured_trial(body, calibration, recording, cutoff)
         measured.append(trial)
         reports[trial.name] = report
         findings += found
@@ -208,29 +204,6 @@ def _marker_set(settings: MeasureSettings, recordings: Sequence[Recording]) -> M
     if settings.markers is not None:
         return read_marker_set(settings.markers)
     return find_marker_set({label for recording in recordings for label in recording.markers})
-
-
-def _measured(
-    body: Body, calibration: Calibration, recording: Recording, cutoff_hz: float | None
-) -> tuple[MeasuredTrial, dict[str, Any], tuple[Finding, ...]]:
-    poses = trial_poses(calibration, recording, cutoff_hz)
-    placement = place(poses.pose, body.offsets)
-    readings, odd = plate_readings(recording, placement, body, cutoff_hz)
-    held = support(body, placement, readings, recording.rate_hz, recording.source)
-    name = recording.source.stem
-    trial = MeasuredTrial(name, poses, readings, held.frames, recording.rate_hz)
-    span = held.frames
-    report = {
-        "seconds": (span.stop - span.start) / recording.rate_hz,
-        "rate_hz": recording.rate_hz,
-        "plates_kg": held.mass,
-        "marker_rms_m": dict(poses.marker_rms),
-        "plates": [
-            {"plate": r.name, "foot": r.foot, "pressure_center_distance_m": r.distance} for r in readings
-        ],
-    }
-    singular = near_singular(joint_angles(poses.pose), name)
-    return trial, report, (*poses.findings, *odd, *held.findings, *singular)
 
 
 def write_person(person: MeasuredPerson, folder: Path) -> None:

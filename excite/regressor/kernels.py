@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import InputError
 from excite.regressor import loops, motion_loops
 from excite.regressor.tree import KinematicTree, read_tree
@@ -147,13 +147,13 @@ def _state(tree: KinematicTree) -> Array:
     return np.empty((tree.n_segments + 1, motion_loops.STATE_SIZE))
 
 
-def _trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+def _trajectory(tree: KinematicTree, q: Array, v: Array, a: Array) -> Moved:
     q, v, a = _checked(q, tree.nq, "q"), _checked(v, tree.nv, "v"), _checked(a, tree.nv, "a")
     if not len(q) == len(v) == len(a):
         raise InputError(
             f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples", remedy="hand over as many of each"
         )
-    return q, v, a
+    return Moved(q, v, a)
 
 
 def _checked(values: Array, width: int, name: str) -> Array:

@@ -100,6 +100,7 @@ def _distance_to_cone(rays: Array, target: Array) -> float:
         return np.inf
 
 
+# Loops in place of array expressions in what follows: each expression takes numba a second to compile.
 @LazyKernel
 def _nearest_in_cones(rays, targets, square, weights, residuals):
     """Solve ``min ½‖Gx − w‖² + ½ε²‖x‖², x ≥ 0`` for each sample; NaN and infinity where it did not arrive.
@@ -109,37 +110,58 @@ def _nearest_in_cones(rays, targets, square, weights, residuals):
     where it does not descend, arrive exactly once the set of active rays is right (Hintermüller, Ito and
     Kunisch 2002).
     """
-    along = np.empty(rays.shape[1])
-    for k in range(len(targets)):
-        r = np.zeros(6)
-        along[:] = 0.0
-        value = 0.0
-        weights[k] = np.nan
+    along, r, trial = np.empty(rays.shape[1]), np.empty(6), np.empty(6)
+    gradient, hessian, step = np.empty(6), np.empty((6, 6)), np.empty(6)
+    for k in range(targets.shape[0]):
+        _fill(r, 0.0)
+        _fill(along, 0.0)
+        _fill(weights[k], np.nan)
         residuals[k] = np.inf
+        value = 0.0
         for _ in range(_STEPS):
-            gradient, hessian = _newton_system(rays[k], targets[k], square, r, along)
-            if (gradient * gradient).sum() <= _ARRIVED * _ARRIVED:
-                weights[k] = along / square
-                residuals[k] = np.sqrt((r * r).sum())
+            _newton_system(rays[k], targets[k], square, r, along, gradient, hessian)
+            if _product(gradient, gradient) <= _ARRIVED * _ARRIVED:
+                for j in range(rays.shape[1]):
+                    weights[k, j] = along[j] / square
+                residuals[k] = np.sqrt(_product(r, r))
                 break
-            step = _cholesky_solve(hessian, gradient)
-            slope = (gradient * step).sum()
+            _cholesky_solve(hessian, gradient, step)
+            slope = _product(gradient, step)
             length = 1.0
             for _ in range(_HALVINGS):
-                trial = r - length * step
+                for a in range(6):
+                    trial[a] = r[a] - length * step[a]
                 trial_value = _dual(rays[k], targets[k], square, trial, along)
                 if trial_value <= value - 1e-4 * length * slope + 1e-15:
                     break
                 length *= 0.5
-            r = trial
+            r, trial = trial, r
             value = trial_value
+
+
+@LazyKernel
+def _fill(vector, value):
+    """Set all of a vector to a value."""
+    for a in range(vector.shape[0]):
+        vector[a] = value
+
+
+@LazyKernel
+def _product(one, other):
+    """Scalar product of two vectors of six."""
+    total = 0.0
+    for a in range(6):
+        total += one[a] * other[a]
+    return total
 
 
 @LazyKernel
 def _dual(rays, target, square, r, along):
     """The dual's value at ``r``; ``max(0, Gᵀr)`` goes into ``along``."""
-    value = (r * (0.5 * r - target)).sum()
-    for j in range(len(rays)):
+    value = 0.0
+    for a in range(6):
+        value += r[a] * (0.5 * r[a] - target[a])
+    for j in range(rays.shape[0]):
         product = 0.0
         for a in range(6):
             product += rays[j, a] * r[a]
@@ -149,25 +171,28 @@ def _dual(rays, target, square, r, along):
 
 
 @LazyKernel
-def _newton_system(rays, target, square, r, along):
-    """The dual's gradient, and its Hessian's lower triangle."""
-    gradient = r - target
-    hessian = np.eye(6)
-    for j in range(len(rays)):
+def _newton_system(rays, target, square, r, along, gradient, hessian):
+    """Fill in the dual's gradient, and its Hessian's lower triangle."""
+    for a in range(6):
+        gradient[a] = r[a] - target[a]
+        for b in range(a):
+            hessian[a, b] = 0.0
+        hessian[a, a] = 1.0
+    for j in range(rays.shape[0]):
         if along[j] > 0.0:
             for a in range(6):
                 scaled = rays[j, a] / square
                 gradient[a] += scaled * along[j]
                 for b in range(a + 1):
                     hessian[a, b] += scaled * rays[j, b]
-    return gradient, hessian
 
 
 @LazyKernel
-def _cholesky_solve(matrix, right):
-    """Solution of a positive definite system whose lower triangle is given; overwrites the triangle."""
-    n = len(right)
-    x = right.copy()
+def _cholesky_solve(matrix, right, x):
+    """Solve for ``x`` a positive definite system whose lower triangle is given; overwrites the triangle."""
+    n = right.shape[0]
+    for a in range(n):
+        x[a] = right[a]
     for a in range(n):
         for b in range(a):
             matrix[a, a] -= matrix[a, b] * matrix[a, b]
@@ -183,4 +208,3 @@ def _cholesky_solve(matrix, right):
         for c in range(a + 1, n):
             x[a] -= matrix[c, a] * x[c]
         x[a] /= matrix[a, a]
-    return x

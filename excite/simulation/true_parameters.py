@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -50,11 +51,6 @@ class TrueParameters:
     phi: Array
     parts: tuple[AddedPart, ...] = ()
     scatter: float = 0.0
-
-    @property
-    def changed_links(self) -> tuple[str, ...]:
-        """Links that carry added parts, each once, in the robot's order."""
-        return tuple(link for _, link in sorted({(part.segment, part.link) for part in self.parts}))
 
     @property
     def added_mass(self) -> float:
@@ -177,8 +173,15 @@ def scattered_parameters(robot: Robot, rng: np.random.Generator, *, scatter: flo
     return TrueParameters(phi, (), scatter)
 
 
-def _places(robot: Robot) -> tuple[list[int], list[int], int]:
+class _Places(NamedTuple):
     """Segments of the hands, of the heads, and the trunk."""
+
+    hands: list[int]
+    heads: list[int]
+    trunk: int
+
+
+def _places(robot: Robot) -> _Places:
     parents = [robot.model.parents[segment.joint] - 1 for segment in robot.segments]
     paths = [_path(parents, index) for index in range(len(parents))]
     masses = robot.nominal_parameters[::10]
@@ -199,7 +202,7 @@ def _places(robot: Robot) -> tuple[list[int], list[int], int]:
     shared = set.intersection(*(set(paths[end][1:]) for end in ends))
     if not shared:
         raise InputError(f"{robot.name} has no trunk to put anything into", remedy="use scattered_parameters")
-    return hands, heads, max(shared)
+    return _Places(hands, heads, max(shared))
 
 
 def _is_head(name: str) -> bool:

@@ -14,6 +14,7 @@ from excite.doctor.examine import examine
 from excite.errors import LogError
 from excite.logs.files import load_log
 from excite.logs.robot import nominal_robot
+from tests.diagnosis.few_trials import few_trials
 
 
 def test_tilted_base_is_named_sized_and_closed(gap_dir: Path):
@@ -30,7 +31,7 @@ def test_tilted_base_is_named_sized_and_closed(gap_dir: Path):
 
 
 def test_offset_below_the_coulomb_level_is_ambiguous(gap_dir: Path):
-    result = diagnose(gap_dir / "arm" / "case_012")
+    result = diagnose(few_trials(load_log(gap_dir / "arm" / "case_012")))
     assert result.verdict == "ambiguous"
     assert {item.effect for item in result.ambiguous_with} == {"torque_bias", "coulomb_asymmetry"}
     assert result.location == "joint7"
@@ -41,7 +42,7 @@ def test_offset_below_the_coulomb_level_is_ambiguous(gap_dir: Path):
 
 
 def test_a_contact_that_no_effect_explains_is_unknown_and_placed(gap_dir: Path):
-    result = diagnose(gap_dir / "arm" / "case_015")
+    result = diagnose(few_trials(load_log(gap_dir / "arm" / "case_015")))
     assert (result.verdict, result.effect, result.location) == ("unknown", None, "panda_joint3")
     assert result.where[0].channel == "panda_joint3"
 

@@ -24,7 +24,8 @@ def test_every_parameter_is_in_the_table_with_its_own_numbers() -> None:
     found = identification_of(robot, parameters)
     table = find_differences(found.to_json()["standard_parameters"])
     rows = list(csv.DictReader(io.StringIO(table.to_csv())))
-    assert len(rows) == 60 and list(table.by_link()) == [segment.link for segment in robot.segments]
+    assert [row["link"] for row in rows[::10]] == [segment.link for segment in robot.segments]
+    assert len(rows) == 60
     names = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
     for k, segment in enumerate(robot.segments):
         for i, name in enumerate(names):

@@ -72,10 +72,14 @@ class Chromium:
             deviceScaleFactor=1,
             mobile=width < 600,
         )
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self._call("Emulation.setEmulatedMedia", media=media, features=[scheme])
+        self.look(dark=dark, media=media)
         self._call("Page.navigate", url=page.resolve().as_uri())
         self.wait("document.readyState === 'complete'")
+
+    def look(self, *, dark: bool = False, media: str = "") -> None:
+        """Change the reader's colours, and what the page is shown on."""
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self._call("Emulation.setEmulatedMedia", media=media, features=[scheme])
 
     def move_mouse(self, x: float, y: float) -> None:
         """Over a place in the window [px]."""

@@ -31,9 +31,9 @@ def browser() -> Iterator[Chromium]:
     chromium.close()
 
 
-@pytest.mark.parametrize("width", [1400, 400])
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize(("width", "dark"), [(1400, False), (400, True)])
 def test_nothing_is_said_asked_for_or_cut_off(width: int, dark: bool, page: Path, browser: Chromium) -> None:
+    """In the colours that the page was opened in, and in the others, to which the reader's system changes then."""
     browser.open(page, width, dark=dark)
     browser.wait("window.replays && replays.length === 1")
     browser.ask("Promise.all(replays.map((one) => one.ready)).then(() => 1)")
@@ -41,11 +41,17 @@ def test_nothing_is_said_asked_for_or_cut_off(width: int, dark: bool, page: Path
         holder = f"document.querySelectorAll('.interactive')[{number}]"
         browser.ask(f"{holder}.scrollIntoView()")
         browser.wait(f"{holder}.classList.contains('ready')")
-    assert browser.said == []
-    assert browser.ask("replays[0].failed") is None
-    assert browser.ask("document.documentElement.scrollWidth") <= width
-    shown = "[...document.querySelectorAll('.plot, .replay-bar > *, .tile')]"
-    assert browser.ask(f"{shown}.filter((one) => one.getBoundingClientRect().right > innerWidth).length") == 0
+    paper = "getComputedStyle(document.body).backgroundColor"
+    first = browser.ask(paper)
+    for changed in (False, True):
+        browser.look(dark=dark is not changed)
+        assert (browser.ask(paper) != first) is changed
+        assert browser.said == []
+        assert browser.ask("replays[0].failed") is None
+        assert browser.ask("document.documentElement.scrollWidth") <= width
+        shown = "[...document.querySelectorAll('.plot, .replay-bar > *, .tile')]"
+        cut_off = f"{shown}.filter((one) => one.getBoundingClientRect().right > innerWidth).length"
+        assert browser.ask(cut_off) == 0
 
 
 def test_the_robot_moves_as_pinocchio_says(page: Path, browser: Chromium) -> None:

@@ -24,7 +24,7 @@ from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.urdf import stl
 from excite.robot.scaffold.description import scaffold_description
 from excite.robot.scaffold.files import write_scaffold
-from excite.robot.shapes.mesh_files import mesh_points, read_meshes
+from excite.robot.shapes.mesh_files import read_meshes
 from tests.corpus.arm import MJCF, replaced
 from tests.robot.small import ARM
 
@@ -32,6 +32,11 @@ NASTY = [
     "", " ", "nan", "inf", "-inf", "1e300", "-1", "0", "1e999", "１", "1,5", "0x10", "1 2 3 4 5 6 7", "x" * 5000,
     "\u2028", "/dev/zero", "..", "9" * 400, "true", "0 0 0", "1 1e17 1", "upper", "lower", "elbow",
 ]  # fmt: skip
+
+
+def one_mesh(path: Path) -> np.ndarray:
+    """Corners of one file."""
+    return read_meshes([path])[path]
 
 
 def mutated(text: str, data: st.DataObject) -> bytes:
@@ -147,11 +152,11 @@ def test_a_damaged_stl_is_read_or_refused(kind: str, tmp_path: Path) -> None:
         content = f"solid part\n{facets}endsolid part\n".encode()
     path, rng = tmp_path / "part.stl", random.Random(1)
     path.write_bytes(content)
-    np.testing.assert_allclose(mesh_points(path), corners.reshape(-1, 3), atol=1e-6)
+    np.testing.assert_allclose(one_mesh(path), corners.reshape(-1, 3), atol=1e-6)
     for _ in range(200):
         path.write_bytes(damaged(content, rng))
         try:
-            points = mesh_points(path)
+            points = one_mesh(path)
         except RobotError as error:
             assert "part.stl" in str(error)
         else:
@@ -166,7 +171,7 @@ def test_an_stl_whose_count_disagrees_with_its_size_is_refused(triangles: int, t
     with pytest.raises(
         RobotError, match=r"part\.stl: mesh is no whole STL file.*; it is damaged: export it again"
     ):
-        mesh_points(path)
+        one_mesh(path)
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".dae"])
@@ -174,7 +179,7 @@ def test_a_mesh_that_the_loader_refuses_is_one_error(suffix: str, tmp_path: Path
     path = tmp_path / f"part{suffix}"
     path.write_bytes(os.urandom(200))
     with pytest.raises(RobotError, match=rf"part\{suffix}: mesh cannot be read"):
-        mesh_points(path)
+        one_mesh(path)
 
 
 def test_a_mesh_that_keeps_the_loader_busy_is_one_error(
@@ -184,7 +189,7 @@ def test_a_mesh_that_keeps_the_loader_busy_is_one_error(
     monkeypatch.setattr(excite.robot.shapes.mesh_files, "BATCH_SECONDS", 0.01)
     monkeypatch.setattr(excite.robot.shapes.mesh_files, "SECONDS_A_MEGABYTE", 0.0)
     with pytest.raises(RobotError, match=r"takes its reader more than 0\.01 s; check"):
-        mesh_points(mesh)
+        one_mesh(mesh)
 
 
 def test_meshes_of_one_robot_are_read_as_one_by_one() -> None:
@@ -192,7 +197,7 @@ def test_meshes_of_one_robot_are_read_as_one_by_one() -> None:
     paths = sorted(folder.rglob("*.obj"))[:2] + sorted((folder / "ur_description").rglob("*.stl"))[:2]
     together = read_meshes(paths)
     for path in paths:
-        np.testing.assert_array_equal(together[path], mesh_points(path))
+        np.testing.assert_array_equal(together[path], one_mesh(path))
 
 
 @pytest.mark.parametrize(

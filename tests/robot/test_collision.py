@@ -17,7 +17,7 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes, shape_pairs
 from excite.robot.shapes.com_box import com_boxes, shape_bounds
 from excite.robot.shapes.ignored_pairs import review_pairs
-from excite.robot.shapes.mesh_files import mesh_points
+from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import shape_points
 
 
@@ -72,7 +72,8 @@ def test_hulls_are_never_farther_apart_than_the_meshes(ur10: Robot) -> None:
 def test_shapes_of_talos_legs_hold_the_meshes_and_no_more(mesh: str) -> None:
     """Every corner of the mesh is inside; nothing sticks out of the mesh's exact hull by more than 1 mm."""
     link = {"hip_y": "leg_right_3_link", "knee": "leg_right_4_link", "ankle_X": "leg_right_6_link"}[mesh]
-    points = mesh_points(example_robot_data() / f"talos_data/meshes/v2/{mesh}_collision.stl")
+    path = example_robot_data() / f"talos_data/meshes/v2/{mesh}_collision.stl"
+    points = read_meshes([path])[path]
     exact = ConvexHull(points * [1, -1, 1])
     (shape,) = (s for s in collision_shapes(load_robot("talos")) if s.link == link)
     planes = ConvexHull(shape.vertices).equations

@@ -13,10 +13,15 @@ from scipy.spatial import ConvexHull
 
 from excite.errors import RobotError
 from excite.robot.catalogue import example_robot_data
-from excite.robot.shapes.mesh_files import mesh_points
+from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.meshes import convex_hull
 
 MESHES = ["g1_description/meshes/head_link.STL", "talos_data/meshes/v2/hip_y_collision.stl"]
+
+
+def one_mesh(path: Path) -> np.ndarray:
+    """Corners of one file."""
+    return read_meshes([path])[path]
 
 
 def excess(hull_vertices: np.ndarray, points: np.ndarray) -> float:
@@ -27,7 +32,7 @@ def excess(hull_vertices: np.ndarray, points: np.ndarray) -> float:
 
 @pytest.mark.parametrize("mesh", MESHES)
 def test_hull_contains_the_mesh_and_is_little_larger(mesh: str) -> None:
-    points = mesh_points(example_robot_data() / mesh)
+    points = one_mesh(example_robot_data() / mesh)
     hull = convex_hull(points)
     assert len(hull.vertices) <= 96
     assert excess(hull.vertices, points) < 1e-9
@@ -68,7 +73,7 @@ def test_ascii_and_binary_stl_agree(tmp_path: Path) -> None:
     (tmp_path / "a.stl").write_text("\n".join([*ascii_lines, "endsolid s"]))
     (tmp_path / "b.stl").write_bytes(binary)
     for name in ("a.stl", "b.stl"):
-        np.testing.assert_allclose(mesh_points(tmp_path / name), corners.reshape(-1, 3))
+        np.testing.assert_allclose(one_mesh(tmp_path / name), corners.reshape(-1, 3))
 
 
 @pytest.mark.parametrize(
@@ -78,4 +83,4 @@ def test_bad_mesh_is_one_error(name: str, content: bytes | None, tmp_path: Path)
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(RobotError, match=r"(none|bad)\.(stl|obj): .*; .*(check|export)"):
-        mesh_points(tmp_path / name)
+        one_mesh(tmp_path / name)

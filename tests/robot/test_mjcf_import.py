@@ -13,7 +13,7 @@ from excite.errors import InputError, RobotError
 from excite.robot.loading import load_robot
 from excite.robot.mjcf.conversion import convert_mjcf, is_mjcf
 from excite.robot.scaffold.files import write_scaffold
-from excite.robot.shapes.mesh_files import mesh_points
+from excite.robot.shapes.mesh_files import read_meshes
 
 ODD = """
 <mujoco model="odd">
@@ -105,7 +105,8 @@ def test_limits_geometry_and_torques_are_carried_over(tmp_path: Path) -> None:
     np.testing.assert_allclose(model.effortLimit[order[:2]], [40.0, 12.0])
     assert list(conversion.meshes) == ["meshes/wedge.stl"]
     # The mesh is stored about its own centre: its extents are those of the corners given.
-    points = mesh_points(tmp_path / "meshes" / "wedge.stl")
+    path = tmp_path / "meshes" / "wedge.stl"
+    points = read_meshes([path])[path]
     assert len(np.unique(points.round(6), axis=0)) == 5
     assert np.linalg.norm(points.max(axis=0) - points.min(axis=0)) > 0.3
     text = conversion.urdf

@@ -69,7 +69,7 @@ def test_the_probe_finds_the_first_and_names_the_closest(g1: Robot) -> None:
     assert probe.first(path[:3]) is None
     pair = collision_model(g1).collisionPairs[int(np.argmin(all_distances(g1, path[3]) - keep))]
     names = [collision_model(g1).geometryObjects[i].name.rsplit("_", 1)[0] for i in (pair.first, pair.second)]
-    assert probe.culprit(path[3]) == " - ".join(names)
+    assert probe.closest(path[3])[0] == " - ".join(names)
 
 
 # --- How fast bodies approach

@@ -22,18 +22,19 @@ from tests.simulation.motions import generator
 
 def test_five_kilograms_are_added_where_hrp2_got_them(g1: Robot) -> None:
     truth = hrp2_like_changes(g1, generator(0))
-    assert truth.changed_links == ("torso_link", "left_wrist_yaw_link", "right_wrist_yaw_link")
+    links = {part.link for part in truth.parts}
+    assert links == {"torso_link", "left_wrist_yaw_link", "right_wrist_yaw_link"}
     assert truth.added_mass == pytest.approx(5.0)
     difference = (truth.phi - g1.nominal_parameters).reshape(-1, 10)
     assert difference[:, 0].sum() == pytest.approx(5.0)
     changed = {g1.segments[row].link for row in np.flatnonzero(np.abs(difference).max(axis=1) > 0.0)}
-    assert changed == set(truth.changed_links)
+    assert changed == links
 
 
 def test_a_robot_with_a_head_gets_cameras_in_it() -> None:
     truth = hrp2_like_changes(load_robot("talos"), generator(0))
     assert [part.what for part in truth.parts].count("cameras") == 1
-    assert any("head" in link for link in truth.changed_links)
+    assert any("head" in part.link for part in truth.parts)
 
 
 def test_same_generator_same_truth(g1: Robot) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,10 +59,10 @@ def fitted_alone(folder: Path) -> dict[str, Any]:
     """
     log = arm_log(folder)
     settings = ProblemSettings(cutoff_hz=_CUTOFF_HZ, drive_terms=())
-    parts = [(trial, *_trial(log, trial, settings)) for trial in log.log.trials]
-    named, n_modelled = parts[0][2], parts[0][3]
+    parts = [(trial, _trial(log, trial, settings)) for trial in log.log.trials]
+    named, n_modelled = parts[0][1].named, parts[0][1].n_modelled
     learn, judge = (
-        _joined([rows for trial, rows, *_ in parts if (trial.role == "validation") is validation])
+        _joined([equations.rows for trial, equations in parts if (trial.role == "validation") is validation])
         for validation in (False, True)
     )
     weight = np.ones(learn.values.shape[1])
@@ -96,7 +96,15 @@ def fitted_alone(folder: Path) -> dict[str, Any]:
     return {"schema": "excite.blind_answer/1", "program": program, "effects": effects}
 
 
-def _trial(log: ArmLog, trial: Trial, settings: ProblemSettings) -> tuple[TrialRows, list[_Named], int]:
+class _Equations(NamedTuple):
+    """A trial's rows, columns of effects that may be named, and how many of what is modelled stand before them."""
+
+    rows: TrialRows
+    named: list[_Named]
+    n_modelled: int
+
+
+def _trial(log: ArmLog, trial: Trial, settings: ProblemSettings) -> _Equations:
     filters = settings.filters(floating=False)
     k = trial_kinematics(log.robot, log.log.header, trial, settings, filters)
     session = k.time - k.time[0] + (trial.start_s or 0.0)
@@ -112,7 +120,7 @@ def _trial(log: ArmLog, trial: Trial, settings: ProblemSettings) -> tuple[TrialR
     values = np.concatenate([*parts, torque[:, :, None]], axis=2)
     moving = np.abs(k.v) > _STILL
     rows = filtered_rows(lambda part: values[part], k, filters, k.valid[:, None] & moving)
-    return rows, named, known.shape[2]
+    return _Equations(rows, named, known.shape[2])
 
 
 def _joined(rows: list[TrialRows]) -> _Rows:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -182,8 +182,16 @@ def _joint_field(name: str, field: str, rest: float) -> Any:
     return write
 
 
-def _servo(log: ArmLog, trial: Trial) -> tuple[Drives, Array, Array]:
-    """Drives with the log's gains and nothing else; time from the trial's start [s], and what they are told then.
+class _Servo(NamedTuple):
+    """Drives with a log's gains and nothing else; time from the trial's start [s], and what they are told then."""
+
+    drives: Drives
+    time: Array
+    command: Array
+
+
+def _servo(log: ArmLog, trial: Trial) -> _Servo:
+    """The servo of a trial.
 
     Commands between rows of the log are on a spline: on straight lines between them stiff servos would
     be told to change their speed in jumps.
@@ -204,4 +212,4 @@ def _servo(log: ArmLog, trial: Trial) -> tuple[Drives, Array, Array]:
     time = np.arange(0.0, grid[-1] - grid[0], _STEP_S)
     command, speed = spline(grid[0] + time), spline(grid[0] + time, 1)
     follows = controller.get("velocity_reference") != "none"
-    return drives, time, command + (kd / np.maximum(kp, 1e-12)) * speed * follows
+    return _Servo(drives, time, command + (kd / np.maximum(kp, 1e-12)) * speed * follows)

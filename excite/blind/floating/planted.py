@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.motion.generators.bodyparts import leg_joints
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
@@ -13,7 +13,7 @@ from excite.robot.robot import Robot
 _MOST_STEPS, _CLOSE = 20, 1e-10
 
 
-def planted(robot: Robot, model: pin.Model, motion: Motion) -> tuple[Array, Array, Array]:
+def planted(robot: Robot, model: pin.Model, motion: Motion) -> Moved:
     """The motion with the legs' joints such that base and soles go where they were planned to go."""
     nominal = robot.model
     moved = {
@@ -33,7 +33,7 @@ def planted(robot: Robot, model: pin.Model, motion: Motion) -> tuple[Array, Arra
             q[:, column + 1] += shift[:, k]
             v[:, column] += rates[0][:, k]
             a[:, column] += rates[1][:, k]
-    return q, v, a
+    return Moved(q, v, a)
 
 
 def _leg_shift(nominal: pin.Model, model: pin.Model, foot: int, chain: list[int], plan: Array) -> list[Array]:

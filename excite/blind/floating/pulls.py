@@ -9,6 +9,9 @@ import numpy as np
 
 from excite.arrays import Array
 
+Vector = tuple[float, float, float]
+"""Three coordinates."""
+
 
 class Pull(Protocol):
     """A force on a point of a link.
@@ -22,7 +25,7 @@ class Pull(Protocol):
     def joint(self) -> int: ...
 
     @property
-    def point(self) -> tuple[float, float, float]: ...
+    def point(self) -> Vector: ...
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
         """World force ``(n, 3)`` [N] at ``time (n,)`` on a point at ``place (n, 3)`` with ``speed (n, 3)``."""
@@ -40,10 +43,10 @@ class Tether:
     """
 
     joint: int
-    point: tuple[float, float, float]
-    steady: tuple[float, float, float]
+    point: Vector
+    steady: Vector
     stiffness: float
-    hooked: tuple[float, float, float]
+    hooked: Vector
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
         return np.asarray(np.array(self.steady) - self.stiffness * (place - np.array(self.hooked)))
@@ -61,7 +64,7 @@ class Table:
     """
 
     joint: int
-    point: tuple[float, float, float]
+    point: Vector
     height: float
     depth: float
     load: float
@@ -83,7 +86,7 @@ class Jostle:
     """
 
     joint: int
-    point: tuple[float, float, float]
+    point: Vector
     size: float
     seed: int
 
@@ -103,7 +106,7 @@ class Drag:
     """
 
     joint: int
-    point: tuple[float, float, float]
+    point: Vector
     damping: float
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
@@ -121,7 +124,7 @@ class Slosh:
     """
 
     joint: int
-    point: tuple[float, float, float]
+    point: Vector
     mass: float
     hertz: float
     ratio: float

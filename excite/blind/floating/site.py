@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.blind.floating.pulls import Vector
 from excite.blind.floating.truth import Truth
 from excite.blind.hidden import HiddenEffect
 from excite.motion.generators.bodyparts import leg_joints
@@ -35,7 +36,7 @@ class Site:
     def draw(self, low: float, high: float) -> float:
         return self.size * float(self.rng.uniform(low, high))
 
-    def vector(self, low: float, high: float) -> tuple[float, float, float]:
+    def vector(self, low: float, high: float) -> Vector:
         """A random direction of a length between ``low`` and ``high``."""
         way = self.rng.standard_normal(3)
         x, y, z = (float(part) for part in self.draw(low, high) * way / np.linalg.norm(way))
@@ -100,7 +101,7 @@ class Site:
     def link(self, segment: int) -> str:
         return self.truth.stand.robot.segments[segment].link
 
-    def centre(self, segment: int) -> tuple[float, float, float]:
+    def centre(self, segment: int) -> Vector:
         """Centre of mass in the frame of the segment's joint."""
         x, y, z = (float(c) for c in self.truth.stand.robot.model.inertias[segment + 1].lever)
         return x, y, z

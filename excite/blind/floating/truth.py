@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -119,8 +120,15 @@ def _foot(robot: Robot, link: str) -> Foot:
     return next(foot for foot in robot.feet if foot.link == link)
 
 
-def _poses(model: pin.Model, q: Array, v: Array, joints: set[int]) -> tuple[Array, Array, Array]:
+class _Poses(NamedTuple):
     """World rotations, positions, and velocities (linear, angular, of the joint's origin) of some joints."""
+
+    rotation: Array
+    position: Array
+    speeds: Array
+
+
+def _poses(model: pin.Model, q: Array, v: Array, joints: set[int]) -> _Poses:
     data, n = model.createData(), model.njoints
     rotation, position = np.zeros((len(q), n, 3, 3)), np.zeros((len(q), n, 3))
     speeds = np.zeros((len(q), n, 6))
@@ -130,7 +138,7 @@ def _poses(model: pin.Model, q: Array, v: Array, joints: set[int]) -> tuple[Arra
             pose, twist = data.oMi[j], data.v[j]
             rotation[k, j], position[k, j] = pose.rotation, pose.translation
             speeds[k, j, :3], speeds[k, j, 3:] = pose.rotation @ twist.linear, pose.rotation @ twist.angular
-    return rotation, position, speeds
+    return _Poses(rotation, position, speeds)
 
 
 def _inverse_dynamics(

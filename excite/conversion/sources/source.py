@@ -9,9 +9,8 @@ from typing import ClassVar
 from excite.conversion.recording import Recording
 from excite.errors import LogError
 
-# An hour at 1 kHz of an arm with 55 channels has 1.6 GB as text; bags carry images beside them, which are not read.
+# An hour at 1 kHz of an arm with 55 channels has 1.6 GB as text.
 MAX_SOURCE_BYTES = 4_000_000_000
-MAX_BAG_BYTES = 200_000_000_000
 # As many numbers as a log folder's trial may hold.
 MAX_NUMBERS = 200_000_000
 

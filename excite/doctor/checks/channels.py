@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from excite.doctor.check import Check, Outcome
@@ -34,18 +36,25 @@ class Channels(Check):
         return Outcome(log, tuple(_finding(item, what) for item in found), doubts)
 
 
-def _read(robot: Robot, log: Log) -> tuple[Reading, tuple[Misreading, ...], str]:
-    """The likeliest reading of the log, what was found on the way, and what was measured."""
+class _Read(NamedTuple):
+    """The likeliest reading of a log, what was found on the way, and what was measured."""
+
+    reading: Reading
+    found: tuple[Misreading, ...]
+    what: str
+
+
+def _read(robot: Robot, log: Log) -> _Read:
     stated = Reading.as_stated(log)
     if log.header.free_base:
         wrenches = wrench_samples(robot, log) if log.header.sensors else None
         if wrenches is not None:
-            return *misreadings(wrenches, stated, OF_WRENCHES), wrenches.measured_name
+            return _Read(*misreadings(wrenches, stated, OF_WRENCHES), wrenches.measured_name)
     elif log.header.torque not in {None, "none"}:
         torques = torque_samples(robot, log)
         if torques is not None:
-            return *misreadings(torques, stated, OF_TORQUES), torques.measured_name
-    return stated, (), ""
+            return _Read(*misreadings(torques, stated, OF_TORQUES), torques.measured_name)
+    return _Read(stated, (), "")
 
 
 def _without_scale(reading: Reading, found: tuple[Misreading, ...]) -> Reading:

@@ -68,11 +68,6 @@ class Differences:
 
     rows: tuple[Difference, ...]
 
-    def by_link(self) -> dict[str, tuple[Difference, ...]]:
-        """The rows of each link."""
-        links = dict.fromkeys(row.link for row in self.rows)
-        return {link: tuple(row for row in self.rows if row.link == link) for link in links}
-
     def summary(self) -> str:
         """Masses of all links and the parameters that clearly changed, for a terminal."""
         shown = [row for row in self.rows if row.parameter == "m" or row.clear]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -161,7 +162,16 @@ def _stated(link: Element, file: Path) -> Array | None:
     return None
 
 
-def _values(inertial: Element, file: Path) -> tuple[float, Array, Array, Array]:
+class _Inertial(NamedTuple):
+    """Mass, centre, roll-pitch-yaw and inertia ``(3, 3)`` as an ``<inertial>`` states them."""
+
+    mass: float
+    com: Array
+    rpy: Array
+    inertia: Array
+
+
+def _values(inertial: Element, file: Path) -> _Inertial:
     parts = {}
     for child in inertial.children:
         parts[child.tag] = ElementTree.Element(child.tag, dict(child.attributes))
@@ -171,7 +181,7 @@ def _values(inertial: Element, file: Path) -> tuple[float, Array, Array, Array]:
     inertia = np.zeros((3, 3))
     inertia[_UPPER] = six
     inertia.T[_UPPER] = six
-    return numbers(parts["mass"], "value", 1, file, "mass")[0], com, rpy, inertia
+    return _Inertial(numbers(parts["mass"], "value", 1, file, "mass")[0], com, rpy, inertia)
 
 
 def _unchanged_since_loading(robot: Robot, members: Iterable[list[Member]], file: Path) -> None:
@@ -205,7 +215,7 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array, name: str, fi
         )
         return
     inertial = found[0]
-    turn = pin.rpy.rpyToMatrix(*_values(inertial, file)[2])
+    turn = pin.rpy.rpyToMatrix(*_values(inertial, file).rpy)
     moments = (turn.T @ body.inertia @ turn)[_UPPER]
     origin = inertial.named("origin")
     if origin:

@@ -103,36 +103,31 @@ class LoadedMjcf(LoadedModel):
     def __init__(self, robot: Robot, model: mujoco.MjModel, names: MujocoNames) -> None:
         self._robot, self._model, self._names = robot, model, names
         place = mujoco_places(robot, model, names).v[robot.n_base_v :]
-        self._drives = {
+        drives = {
             "viscous": np.asarray(model.dof_damping[place], dtype=float),
             "coulomb": np.asarray(model.dof_frictionloss[place], dtype=float),
             "armature": np.asarray(model.dof_armature[place], dtype=float),
         }
-
-    @property
-    def drives(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._drives
-
-    @property
-    def servos(self) -> Mapping[str, Array]:
-        """Of the position servos that are named like their joints; NaN where a joint has none."""
-        import mujoco
-
-        model, names = self._model, self._robot.joint_names
-        rows = np.full((4, len(names)), np.nan)
-        for column, name in enumerate(names):
-            motor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
-            if motor >= 0:
-                late = model.actuator_dynprm[motor, 0] if model.actuator_dyntype[motor] else np.nan
-                gain, bias = model.actuator_gainprm[motor], model.actuator_biasprm[motor]
-                rows[:, column] = gain[0], -bias[2], model.actuator_forcerange[motor, 1], late
-        return dict(zip(("kp", "kd", "torque_limit", "delay"), rows, strict=True))
+        super().__init__(drives, _servos(model, robot.joint_names))
 
     def torques(self, states: States) -> Array:
         """MuJoCo's own; dry friction, which it solves as a constraint, is that of a joint that moves."""
         whole = mujoco_torques(self._robot, self._model, self._names, states)
-        return with_friction(self._robot, whole, states, {"coulomb": self._drives["coulomb"]})
+        return with_friction(self._robot, whole, states, {"coulomb": self.drives["coulomb"]})
+
+
+def _servos(model: mujoco.MjModel, names: tuple[str, ...]) -> dict[str, Array]:
+    """Terms of the position servos that are named like their joints; NaN where a joint has none."""
+    import mujoco
+
+    rows = np.full((4, len(names)), np.nan)
+    for column, name in enumerate(names):
+        motor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+        if motor >= 0:
+            late = model.actuator_dynprm[motor, 0] if model.actuator_dyntype[motor] else np.nan
+            gain, bias = model.actuator_gainprm[motor], model.actuator_biasprm[motor]
+            rows[:, column] = gain[0], -bias[2], model.actuator_forcerange[motor, 1], late
+    return dict(zip(("kp", "kd", "torque_limit", "delay"), rows, strict=True))
 
 
 def _move_paths(text: XmlText, old: Path, new: Path) -> None:

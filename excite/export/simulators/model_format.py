@@ -32,17 +32,16 @@ class Rendered:
 
 
 class LoadedModel(ABC):
-    """A robot as it was read again from files, by a reader that shares nothing with their writer."""
+    """A robot as it was read again from files, by a reader that shares nothing with their writer.
 
-    @property
-    @abstractmethod
-    def drives(self) -> Mapping[str, Array]:
-        """Terms of joints that the files hold, ``(n_joints,)`` each in the robot's order."""
+    Attributes:
+        drives: terms of joints that the files hold, ``(n_joints,)`` each in the robot's order.
+        servos: terms of servos that they hold, likewise.
+    """
 
-    @property
-    def servos(self) -> Mapping[str, Array]:
-        """Terms of servos that the files hold, ``(n_joints,)`` each in the robot's order; none by default."""
-        return {}
+    def __init__(self, drives: Mapping[str, Array], servos: Mapping[str, Array] | None = None) -> None:
+        self.drives = drives
+        self.servos = servos or {}
 
     @abstractmethod
     def torques(self, states: States) -> Array:

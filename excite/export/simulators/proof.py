@@ -10,6 +10,7 @@ moves the torques well above their rounding.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,14 @@ def prove(model_format: ModelFormat, subject: Subject) -> Proof:
     return Proof(error, len(felt), tuple(unseen), tuple(deaf), tuple(not_held))
 
 
+class _Followed(NamedTuple):
+    """Names of inertial parameters that are followed, that nothing depends on, and that are not followed."""
+
+    felt: list[str]
+    unseen: list[str]
+    deaf: list[str]
+
+
 class _Trial:
     """A subject in a format, its states, and the torques that are read of it."""
 
@@ -125,8 +134,8 @@ class _Trial:
         wanted = with_friction(self.robot, self.states.torque, self.states, drives)
         return float(np.abs(self.base - wanted).max() / max(float(np.abs(wanted).max()), 1e-9))
 
-    def bodies(self) -> tuple[list[str], list[str], list[str]]:
-        """Names of inertial parameters that are followed, that nothing depends on, and that are not followed."""
+    def bodies(self) -> _Followed:
+        """Which inertial parameters are followed."""
         added, steps = self._added()
         parameters = self.subject.parameters
         plain, _ = self._torques(self.subject.but(parameters + added.ravel(), {}))
@@ -146,7 +155,7 @@ class _Trial:
                     unseen.append(here)
                 else:
                     (felt if missed <= _MISSED * own + self.floor / 10.0 else deaf).append(here)
-        return felt, unseen, deaf
+        return _Followed(felt, unseen, deaf)
 
     def _added(self) -> tuple[Array, Array]:
         """A body for each segment, ``(n, 10)``, and how far each of its parameters is changed, ``(n, 10)``."""

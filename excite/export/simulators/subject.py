@@ -90,11 +90,6 @@ class Subject:
         """Name of the files, without suffix."""
         return re.sub(r"[^A-Za-z0-9_-]", "_", self.robot.name) or "robot"
 
-    @property
-    def identified_terms(self) -> tuple[str, ...]:
-        """Terms of joints that some joint has a value of, out of :data:`JOINT_TERMS`."""
-        return tuple(term for term in JOINT_TERMS if np.isfinite(self.term(term)).any())
-
     def term(self, name: str) -> Array:
         """A term of all joints as it was found, ``(n_joints,)``; NaN where it was not, or no joint has it."""
         values = (self.drives.get(f"{name}.{joint}", np.nan) for joint in self.robot.joint_names)

@@ -58,20 +58,17 @@ class LoadedUrdf(LoadedModel):
     def __init__(self, robot: Robot, text: bytes) -> None:
         self._robot, self._text = robot, text
         joints = {joint.get("name"): joint for joint in fromstring(text).findall("joint")}
-        self._drives = {
-            term: np.array([_dynamics(joints[name], attribute) for name in robot.joint_names])
-            for term, attribute in _ATTRIBUTES.items()
-        }
-
-    @property
-    def drives(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._drives
+        super().__init__(
+            {
+                term: np.array([_dynamics(joints[name], attribute) for name in robot.joint_names])
+                for term, attribute in _ATTRIBUTES.items()
+            }
+        )
 
     def torques(self, states: States) -> Array:
         """See :class:`LoadedModel`."""
         bodies = pinocchio_torques(self._robot, self._text, states)
-        return with_friction(self._robot, bodies, states, self._drives)
+        return with_friction(self._robot, bodies, states, self.drives)
 
 
 def _dynamics(joint: ElementTree.Element, attribute: str) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,10 +191,15 @@ def _adjust(
     return Calibration(model, changed, rms, len(sound))
 
 
-def _shared_equations(
-    model: MarkerModel, points: Array, pose: Pose, basis: Array
-) -> tuple[Array, Array, float]:
-    """Normal equations of dimensions and places with the postures eliminated."""
+class _Normal(NamedTuple):
+    """Normal equations of dimensions and places with the postures eliminated: matrix, right-hand side, cost."""
+
+    matrix: Array
+    right: Array
+    cost: float
+
+
+def _shared_equations(model: MarkerModel, points: Array, pose: Pose, basis: Array) -> _Normal:
     placed = place(pose, model.offsets)
     predicted = placed.points(model.segment, model.local)
     seen = np.asarray(np.isfinite(points).all(axis=2))
@@ -220,7 +226,7 @@ def _shared_equations(
     flat = shared.reshape(-1, shared.shape[2])
     h = flat.T @ flat - np.tensordot(mixed, eliminated, ((0, 1), (0, 1)))
     g = flat.T @ right.ravel() - np.einsum("nji,nj->i", eliminated, np.einsum("nij,ni->nj", own, right))
-    return h, g, float((right**2).sum())
+    return _Normal(h, g, float((right**2).sum()))
 
 
 def _carries(joint: int, segment: int) -> bool:

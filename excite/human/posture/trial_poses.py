@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,9 +168,15 @@ def _in_long_gap(shown: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
     return long
 
 
-def _prior(
-    model: MarkerModel, points: Array, pose: Pose, time: Array
-) -> tuple[Pose | None, Array | None, list[Finding]]:
+class _Prior(NamedTuple):
+    """A posture to stay near, with what weight, and the segments that were lost."""
+
+    pose: Pose
+    weight: Array
+    lost: list[Finding]
+
+
+def _prior(model: MarkerModel, points: Array, pose: Pose, time: Array) -> _Prior:
     """Where markers of a joint's whole outer limb are lost for a while, its posture is interpolated and held."""
     shown = np.asarray(np.isfinite(points).all(axis=2))
     usual = shown.any(axis=0)
@@ -194,4 +201,4 @@ def _prior(
         seconds = float((~enough).sum() * np.median(np.diff(time)))
         text = f"{NAMES[k]}: too few of its markers for {seconds:.2f} s; its posture is interpolated there"
         lost.append(Finding("lost_segment", text, {"seconds": seconds}, (NAMES[k],)))
-    return Pose(pose.position, standing), weight, lost
+    return _Prior(Pose(pose.position, standing), weight, lost)

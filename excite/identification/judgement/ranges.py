@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -168,7 +168,15 @@ def _of_link(
     return found
 
 
-def _of_a_body(low: Array, middle: Array, high: Array) -> tuple[Array, Array, Array]:
+class _Ends(NamedTuple):
+    """Ends of ranges, and what lies in their middle."""
+
+    low: Array
+    middle: Array
+    high: Array
+
+
+def _of_a_body(low: Array, middle: Array, high: Array) -> _Ends:
     """Ends and middles without what no body's inertia can be, whatever the others are within their ranges."""
     low, middle, high = low.copy(), middle.copy(), high.copy()
     for i in _MOMENTS:
@@ -182,7 +190,7 @@ def _of_a_body(low: Array, middle: Array, high: Array) -> tuple[Array, Array, Ar
         middle[i] = np.clip(middle[i], -most, most)
         most = 0.5 * high[moment]
         low[i], high[i] = max(low[i], -most), min(high[i], most)
-    return low, middle, high
+    return _Ends(low, middle, high)
 
 
 def _quantities(ten: Array) -> Array:

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from tokenize import TokenError
-from typing import IO, Any, ClassVar
+from typing import IO, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.lib import format as npy
@@ -100,11 +100,19 @@ def _array(archive: zipfile.ZipFile, item: zipfile.ZipInfo, path: Path) -> NDArr
     return values.reshape(shape, order="F" if fortran else "C")
 
 
-def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+class _Header(NamedTuple):
+    """What an array's member says of it."""
+
+    shape: tuple[int, ...]
+    fortran: bool
+    dtype: np.dtype[Any]
+
+
+def _header(stream: IO[bytes]) -> _Header:
     version = npy.read_magic(stream)
     if version not in _HEADERS:
         raise ValueError(f"format {version} of arrays")
     shape, fortran, dtype = _HEADERS[version](stream)
     if any(length < 0 for length in shape):
         raise ValueError(f"shape {shape}")
-    return shape, fortran, dtype
+    return _Header(shape, fortran, dtype)

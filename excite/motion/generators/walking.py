@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.motion.generators.bodyparts import leg_joints, pelvis_height
 from excite.motion.generators.candidate import Candidate, SupportPhase
 from excite.motion.generators.footprints import Sole, Step, Swing, resting_soles, sole_curve, there_and_back
@@ -159,7 +159,7 @@ def _swing(
     return Swing(float(times[0]), float(times[1]), up, turn, aside)
 
 
-def _com(pattern: WalkPattern, rest: Array) -> tuple[Array, Array, Array]:
+def _com(pattern: WalkPattern, rest: Array) -> Moved:
     """Offset of the centre of mass from where it rests, and its derivatives, at the pattern's knots.
 
     The pattern ends half way between the soles; during the last stance the centre of mass returns to where it rests.
@@ -173,7 +173,7 @@ def _com(pattern: WalkPattern, rest: Array) -> tuple[Array, Array, Array]:
     velocity[last] -= 30.0 * u**2 * (1.0 - u) ** 2 * left / stance
     acceleration[last] -= 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) * left / stance**2
     com[0] = 0.0
-    return com, velocity, acceleration
+    return Moved(com, velocity, acceleration)
 
 
 def _pelvis(

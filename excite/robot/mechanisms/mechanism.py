@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from excite.arrays import Array
+from excite.arrays import Array, Moved
 from excite.errors import MotionError
 from excite.robot.mechanisms.closing import SINGULAR, ClosedTree
 
@@ -25,7 +25,7 @@ _PULLED = 0.6
 class Mechanism(ClosedTree):
     """A tree that is closed, and how velocities, accelerations and forces go through it to its motors."""
 
-    def completed(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    def completed(self, q: Array, v: Array, a: Array) -> Moved:
         """Configurations, velocities and accelerations of which the passive ones follow from the others.
 
         Args:
@@ -49,7 +49,7 @@ class Mechanism(ClosedTree):
             a[i, self.passive] = -inverse @ (
                 jacobian[:, driven] @ a[i, driven] + self._drift(q[i], v[i], data)
             )
-        return q, v, a
+        return Moved(q, v, a)
 
     def velocities(self, q: Array, v: Array) -> Array:
         """Velocities ``(n, nv)`` of which the passive ones follow from the others, at closed ``q`` ``(n, nq)``."""

@@ -11,25 +11,18 @@ import numpy as np
 import yaml
 
 from excite.arrays import Array
-from excite.errors import RobotError
 from excite.robot.robot import Robot
 from excite.robot.scaffold import numbers
-from excite.robot.scaffold.guesses import JointGuess, guess_joints, guess_pairs
-from excite.robot.scaffold.held import MASSLESS, Held, held_joints
+from excite.robot.scaffold.bare_model import BareModel, bare_model
+from excite.robot.scaffold.guesses import JointGuess, guess_pairs
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest, find_rest, weak_joints
 from excite.robot.scaffold.said import Said
-from excite.robot.scaffold.solids import box_shapes
-from excite.robot.scaffold.stand_in import StandIn
 from excite.robot.scaffold.structure import assumed_structure
-from excite.robot.scaffold.tied import tied
 from excite.robot.scaffold.values import Values
 from excite.robot.shapes.collision import TABLE
 from excite.robot.shapes.ground import ground_height, links_below
-from excite.robot.urdf.inertia import inertial_faults
-from excite.robot.urdf.reading import parse_urdf
-from excite.robot.urdf.tree import MAX_NAME, check_tree
-from excite.robot.weights import check_weights
+from excite.robot.urdf.tree import MAX_NAME
 
 
 def scaffold_description(
@@ -69,19 +62,6 @@ def scaffold_description(
     )
 
 
-def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
-    """What to say of a model none of whose joints is left to move."""
-    if held and all(one.why == MASSLESS for one in held.values()):
-        what, remedy = (
-            "states no masses",
-            "add <inertial> to its links: the maker's figures, or a CAD program's",
-        )
-        return RobotError(what, source=path, remedy=remedy)
-    named = ", ".join(list(held)[:3])
-    remedy = f"state limits that let {named} move" if held else "describe at least one"
-    return RobotError("has no joint that moves", source=path, remedy=remedy)
-
-
 def draft(
     path: Path,
     folder: str | Path | None,
@@ -94,83 +74,43 @@ def draft(
     Joints in ``weak`` are held still where it says [rad or m].
     """
     weak = weak or {}
-    root = parse_urdf(path)
-    joints = check_tree(root, path)
-    guesses = guess_joints(joints, path)
-    slides = {name for name, joint in joints.items() if joint.get("type") == "prismatic"}
-    together = tied(joints, said.loops, said.couplings)
-    held = held_joints(root, joints, guesses, together.joints)
-    held |= {name: Held(value, "its drive cannot hold what it carries") for name, value in weak.items()}
-    held |= together.holding(held, guesses)
-    still_names = _with_followers(held, guesses)
-    free = tuple(guess for guess in guesses if guess.name not in still_names)
-    if not free:
-        raise _nothing_moves(held, path)
-    for name, joint in joints.items():
-        # As they will be read: what is held moves nothing, and no fault of its inertia matters.
-        if name in still_names:
-            joint.set("type", "fixed")
-    still, loose = (_faults(root, joints, floating, path) for floating in (False, True))
-    locked = {name: one.value for name, one in held.items()}
-    stand_in = StandIn(path, free, locked, tuple(still), _margin(free), together.moving(held))
-    built = stand_in.with_geometry()
-    robot = built.robot
-    check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
-    order = {name: index for index, name in enumerate(robot.joint_names)}
-    free = tuple(sorted(free, key=lambda guess: order[guess.name]))
-    authored = [] if built.kind else box_shapes(robot)
-    if built.kind is None:
-        robot = stand_in.robot("authored", authored)
-    figure = Figure(robot)
-    rest = find_rest(figure, _wanted(robot, said.posture), said, rng)
-    more_weak = weak_joints(figure, rest)
-    if more_weak and len(more_weak) < len(free):
+    model = bare_model(path, said, weak)
+    rest = find_rest(model.figure, _wanted(model.robot, said.posture), said, rng)
+    more_weak = weak_joints(model.figure, rest)
+    if more_weak and len(more_weak) < len(model.free):
         return draft(path, folder, rng, said, {**weak, **more_weak})
-    ground = None if rest.base == "floating" else ground_height(figure.model, figure.shapes, rest.q)
-    faults = loose if rest.base == "floating" else still
-    made = Values(path, robot, free, rest, figure, rng)
-    assumed = [*assumed_structure(held, faults, built.fault, rest, ground, figure), *rest.assumed]
+    return _content(model, rest, Path(folder or path.parent), rng)
+
+
+def _content(model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator) -> dict[str, Any]:
+    """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
+    robot, path, stands = model.robot, model.path, rest.base == "floating"
+    made = Values(path, robot, model.free, rest, model.figure, rng)
+    slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
     limits, more = made.limits(slides)
-    sensors, noise = numbers.sensors(
-        made.torque, _base_link(root, joints) if rest.base == "floating" else None
+    sensors, noise = numbers.sensors(made.torque, _base_link(model.root, model.joints) if stands else None)
+    ground = None if stands else ground_height(model.figure.model, model.figure.shapes, rest.q)
+    structure = assumed_structure(
+        model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure
     )
-    margin = _margin(free)
+    joints = {n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6}
+    pairs = [list(pair) for pair in guess_pairs(robot)]
     content: dict[str, Any] = {
         "schema": "excite.robot/1",
         "name": path.stem[:MAX_NAME],
-        "title": root.get("name", "") or path.stem,
-        "model": {
-            "path": os.path.relpath(path.resolve(), Path(folder or path.parent).resolve()),
-            **(
-                {"acknowledged": {k: f"as the model has it: {v}" for k, v in faults.items()}}
-                if faults
-                else {}
-            ),
-            "source": f"the file {path.name}",
-        },
+        "title": model.root.get("name", "") or path.stem,
+        "model": _model(path, folder, model.faults[stands]),
         "base": rest.base,
-        **({"locked_joints": locked} if locked else {}),
-        **together.moving(held),
-        "posture": {
-            "joints": {
-                n: round(float(v), 5) for n, v in zip(robot.joint_names, rest.q, strict=True) if abs(v) > 1e-6
-            },
-            "source": rest.source,
-        },
-        "limits": {"position": _positions(free, margin), **limits},
-        **({"feet": made.feet()} if rest.base == "floating" else {}),
+        **({"locked_joints": model.locked} if model.held else {}),
+        **model.moving,
+        "posture": {"joints": joints, "source": rest.source},
+        "limits": {"position": _positions(model.free, model.margin), **limits},
+        **({"feet": made.feet()} if stands else {}),
         "sensors": sensors,
         "controller": made.controller(),
-        **({"segments": {"pairs": [list(p) for p in guess_pairs(robot)]}} if guess_pairs(robot) else {}),
-        "collision": {
-            "geometry": built.kind or "authored",
-            **({"shapes": authored} if authored else {}),
-            "margin": robot.description.collision.margin,
-            **({} if ground is None else {"table_height": round(ground, 4)}),
-            "ignored_pairs": [list(p) for p in _ignored(rest, figure, ground)],
-            "source": "convex hulls of the model's geometry; pairs computed by excite.robot.shapes.ignored_pairs",
-        },
-        "assumed": [one.model_dump() for one in (*assumed, *more, *noise)],
+        **({"segments": {"pairs": pairs}} if pairs else {}),
+        "collision": _collision(model, rest, ground),
+        "assumed": [one.model_dump() for one in (*structure, *rest.assumed, *more, *noise)],
     }
     follow = {name for name, passive in zip(robot.joint_names, robot.passive, strict=True) if passive}
     for block in (*limits.values(), sensors.get("noise_torque"), *content["controller"].values()):
@@ -179,22 +119,23 @@ def draft(
     return content
 
 
-def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> set[str]:
-    """Names of joints that are held, and of those that follow them."""
-    names = set(held)
-    while more := {guess.name for guess in guesses if guess.follows in names} - names:
-        names |= more
-    return names
+def _model(path: Path, folder: Path, faults: dict[str, str]) -> dict[str, Any]:
+    """The block ``model``: where the file is, seen from a folder, and what is wrong with it."""
+    taken = {"acknowledged": {k: f"as the model has it: {v}" for k, v in faults.items()}} if faults else {}
+    where = os.path.relpath(path.resolve(), folder.resolve())
+    return {"path": where, **taken, "source": f"the file {path.name}"}
 
 
-def _faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:
-    return {name: error.what for name, error in inertial_faults(root, joints, floating, path).items()}
-
-
-def _margin(free: tuple[JointGuess, ...]) -> float:
-    """Margin to the position limits, small against the shortest range [rad or m]."""
-    shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
-    return min(0.03, float(f"{0.05 * shortest:.1g}"))
+def _collision(model: BareModel, rest: Rest, ground: float | None) -> dict[str, Any]:
+    """The block ``collision``; ``ground`` is the table's height [m], None for a robot that stands on it."""
+    return {
+        "geometry": model.geometry.kind or "authored",
+        **({"shapes": model.authored} if model.authored else {}),
+        "margin": model.robot.description.collision.margin,
+        **({} if ground is None else {"table_height": round(ground, 4)}),
+        "ignored_pairs": [list(p) for p in _ignored(rest, model.figure, ground)],
+        "source": "convex hulls of the model's geometry; pairs computed by excite.robot.shapes.ignored_pairs",
+    }
 
 
 def _positions(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,14 @@ class Standing:
 
     q: Array
     feet: tuple[FootGuess, ...]
+
+
+class _Contacts(NamedTuple):
+    """Heights of the soles' middles, their tilts, and the centre of mass from their middle [m, rad]."""
+
+    heights: Array
+    tilts: Array
+    offset: Array
 
 
 class Footing:
@@ -91,8 +100,7 @@ class Footing:
         cosine = parts[k] @ parts[k + 1] / max(sizes[k] * sizes[k + 1], 1e-12)
         return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
-    def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> tuple[Array, Array, Array]:
-        """Heights of the soles' middles, their tilts, and the centre of mass from their middle [m, rad]."""
+    def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> _Contacts:
         figure = self.figure
         centre = figure.centre(q)
         heights, tilts, middles = [], [], []
@@ -107,7 +115,7 @@ class Footing:
             elif len(corners) == 2:
                 tilts.append((corners[1] - corners[0])[2] / np.linalg.norm(corners[1] - corners[0]))
         middle = np.mean(middles, axis=0)
-        return np.array(heights), np.array(tilts), (centre - middle)[:2]
+        return _Contacts(np.array(heights), np.array(tilts), (centre - middle)[:2])
 
     def _placement(self, foot: FootGuess) -> pin.SE3:
         model = self.figure.model

@@ -10,6 +10,7 @@ from excite.arrays import Array
 from excite.robot.description import Assumed, Base
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.mechanisms.building import limb_columns
+from excite.robot.scaffold.footing import Standing
 from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.standing import Postures
@@ -55,66 +56,55 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     allowed = frozenset((*review.ignored, *said.ignored, *((b, a) for a, b in said.ignored)))
     postures = Postures(figure, search, wanted, rng)
     legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
-    base: Base = "fixed"
+    standing = postures.standing(legs, allowed) if legs else None
+    base: Base = "floating" if legs else "fixed"
     feet: tuple[FootGuess, ...] = ()
     notes: list[Assumed] = []
-    q = None
-    if legs:
-        standing = postures.standing(legs, allowed)
-        narrow = standing is not None and not has_area(postures.footing.corners(standing, legs))
-        stiff = standing is not None and not _steered(figure, legs, standing.feet)
-        tied = standing is not None and _tied(figure, legs)
-        base = "held" if standing is None or narrow or stiff or tied else "floating"
-        if standing is None:
-            notes.append(_said("base", "held", "no standing posture was found: hold the robot up, legs free"))
-        elif narrow:
-            notes.append(
-                _said("base", "held", "its feet span no area to stand on: hold the robot up, legs free")
-            )
-        elif stiff:
-            few = "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
-            notes.append(_said("base", "held", few))
-        elif tied:
-            few = "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
-            notes.append(_said("base", "held", few))
-        else:
-            q, feet = standing.q, standing.feet
-            source = "found: feet on one plane, centre of mass above their middle"
-    elif said.floating:
+    unsteady = _unsteady(figure, postures, legs, standing) if legs or said.floating else ""
+    if unsteady:
         base = "held"
-        notes.append(_said("base", "held", "no legs were found that it could stand on: hold it still"))
-    if q is None:
+        notes.append(_said("base", "held", unsteady))
+    if standing is not None and base == "floating":
+        q, feet = standing.q, standing.feet
+        source = "found: feet on one plane, centre of mass above their middle"
+    else:
         ground = ground_height(figure.model, figure.shapes, wanted)
         above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]
-        q = _first_clear(postures, [*above, None], allowed)
+        clear = _first_clear(postures, [*above, None], allowed)
         source = "found near zero, or the model's own posture: free of collision, above the ground"
-        q = wanted if q is None else q
+        q = wanted if clear is None else clear
     q = np.round(q, 5)
     touching = postures.touching(q, allowed, _SLACK)
     if touching:
         names = ", ".join(f"{a} and {b}" for a, b in touching[:5])
-        notes.append(
-            _said(
-                "links that touch at rest",
-                names,
-                "no posture was found that parts them: they are not kept apart",
-            )
-        )
-    ignored = tuple(
-        dict.fromkeys((*review.ignored, *(p for p in said.ignored if p in search.pairs), *touching))
-    )
+        why = "no posture was found that parts them: they are not kept apart"
+        notes.append(_said("links that touch at rest", names, why))
     known = set(search.pairs)
+    ignored = tuple(dict.fromkeys((*review.ignored, *(p for p in said.ignored if p in known), *touching)))
     ignored += tuple((b, a) for a, b in said.ignored if (b, a) in known and (b, a) not in ignored)
     if ignored:
-        notes.append(
-            _said(
-                "pairs of links not kept apart",
-                f"{len(review.always)} always near, {len(review.at_rest)} near at rest, {len(review.never)} never",
-                "found in 100 random postures; they stand in collision.ignored_pairs",
-            )
+        found = (
+            f"{len(review.always)} always near, {len(review.at_rest)} near at rest, {len(review.never)} never"
         )
+        where = "found in 100 random postures; they stand in collision.ignored_pairs"
+        notes.append(_said("pairs of links not kept apart", found, where))
     notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
     return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
+
+
+def _unsteady(figure: Figure, postures: Postures, legs: list[int], standing: Standing | None) -> str:
+    """Why a robot that ought to stand on legs is held; empty where it stands."""
+    if not legs:
+        return "no legs were found that it could stand on: hold it still"
+    if standing is None:
+        return "no standing posture was found: hold the robot up, legs free"
+    if not has_area(postures.footing.corners(standing, legs)):
+        return "its feet span no area to stand on: hold the robot up, legs free"
+    if not _steered(figure, legs, standing.feet):
+        return "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
+    if _tied(figure, legs):
+        return "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
+    return ""
 
 
 def _first_clear(

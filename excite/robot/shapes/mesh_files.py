@@ -29,19 +29,14 @@ _BINARY_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attr
 _DAMAGED = "it is damaged: export it again"
 
 
-def mesh_points(path: Path) -> Array:
-    """Corners of a mesh file, ``(n, 3)``, in its own unit and frame; shared corners may be repeated.
+def read_meshes(paths: Iterable[Path]) -> dict[Path, Array]:
+    """Corners of mesh files by path, ``(n, 3)``, in their own unit and frame; shared corners may be repeated.
 
     STL is read here; any other format (Collada, OBJ) goes through coal's loader, in a process of its own.
 
     Raises:
-        RobotError: the file is missing, unreadable, damaged or too large, or holds no finite point.
+        RobotError: a file is missing, unreadable, damaged or too large, or holds no finite point.
     """
-    return read_meshes([path])[path]
-
-
-def read_meshes(paths: Iterable[Path]) -> dict[Path, Array]:
-    """Corners of several mesh files by path; arguments and errors as for :func:`mesh_points`."""
     found: dict[Path, Array] = {}
     others: list[Path] = []
     for path in dict.fromkeys(paths):

@@ -47,10 +47,6 @@ class CollisionProbe:
                 return i
         return None
 
-    def culprit(self, q: Array) -> str:
-        """Names of the two closest bodies of a configuration, as ``LINK - LINK``."""
-        return self.closest(q)[0]
-
     def closest(self, q: Array) -> tuple[str, float, float]:
         """The two bodies of a configuration that lack most of their distance: ``LINK - LINK``, what it is, and what
         it has to be [m]."""

@@ -139,21 +139,11 @@ class LoadedIsaacLab(LoadedModel):
             fields["torque_limit"] = "joint_effort_limit"
         read = {term: by_joint(given.get(name), joints) for term, name in fields.items()}
         read["delay"] = by_joint(given.get("min_delay"), joints) * PHYSICS_DT
-        self._drives = {
+        drives = {
             term: np.where(np.isfinite(read[term]), read[term], tree.drives[term]) for term in JOINT_TERMS
         }
-        self._servos = {term: read[term] for term in SERVO_TERMS}
-
-    @property
-    def drives(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._drives
-
-    @property
-    def servos(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._servos
+        super().__init__(drives, {term: read[term] for term in SERVO_TERMS})
 
     def torques(self, states: States) -> Array:
         """See :class:`LoadedModel`."""
-        return self._tree.torques(states, self._drives)
+        return self._tree.torques(states, self.drives)

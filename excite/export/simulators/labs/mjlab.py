@@ -161,27 +161,15 @@ class LoadedMjlab(LoadedModel):
             for term, name in _FIELDS.items()
         }
         lags = [float(row.get("delay_min_lag", np.nan)) for row in rows]
-        self._servos = {
-            **{term: read[term] for term in SERVO_TERMS if term in read},
-            "delay": np.array(lags) * PHYSICS_DT,
-        }
-        self._drives = {
+        drives = {
             term: np.where(np.isfinite(read[term]), read[term], model.drives[term]) for term in JOINT_TERMS
         }
-
-    @property
-    def drives(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._drives
-
-    @property
-    def servos(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._servos
+        servos = {term: read[term] for term in SERVO_TERMS if term in read}
+        super().__init__(drives, {**servos, "delay": np.array(lags) * PHYSICS_DT})
 
     def torques(self, states: States) -> Array:
         """MuJoCo's own, with the difference that the configuration makes."""
-        more = {term: self._drives[term] - self._model.drives[term] for term in JOINT_TERMS}
+        more = {term: self.drives[term] - self._model.drives[term] for term in JOINT_TERMS}
         return with_friction(self._robot, self._model.torques(states), states, more)
 
 

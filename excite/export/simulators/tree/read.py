@@ -78,19 +78,10 @@ class LoadedTree(LoadedModel):
         drives: Mapping[str, Array],
         servos: Mapping[str, Array],
     ) -> None:
-        self._robot, self._drives, self._servos = robot, drives, servos
+        super().__init__(drives, servos)
+        self._robot = robot
         self._model = _assembled(robot, bodies, joints)
         self._columns = [self._model.joints[self._model.getJointId(name)].idx_v for name in robot.joint_names]
-
-    @property
-    def drives(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._drives
-
-    @property
-    def servos(self) -> Mapping[str, Array]:
-        """See :class:`LoadedModel`."""
-        return self._servos
 
     def torques(self, states: States, drives: Mapping[str, Array] | None = None) -> Array:
         """See :class:`LoadedModel`; ``drives`` in place of those of the file."""
@@ -102,7 +93,7 @@ class LoadedTree(LoadedModel):
         for row in range(len(states.q)):
             q[place], v[at], a[at] = states.q[row], states.v[row], states.a[row]
             bodies[row] = pin.rnea(self._model, data, q, v, a)[at]
-        return with_friction(self._robot, bodies, states, self._drives if drives is None else drives)
+        return with_friction(self._robot, bodies, states, self.drives if drives is None else drives)
 
 
 def _assembled(robot: Robot, bodies: Mapping[str, ReadBody], joints: Sequence[ReadJoint]) -> pin.Model:

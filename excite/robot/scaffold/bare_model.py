@@ -1,0 +1,136 @@
+"""A bare model as its files tell it: which joints are left to move, which are held still, and its geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from excite.errors import RobotError
+from excite.robot.robot import Robot
+from excite.robot.scaffold.guesses import JointGuess, guess_joints
+from excite.robot.scaffold.held import MASSLESS, Held, held_joints
+from excite.robot.scaffold.limbs import Figure
+from excite.robot.scaffold.said import Said
+from excite.robot.scaffold.solids import box_shapes
+from excite.robot.scaffold.stand_in import StandIn, WithGeometry
+from excite.robot.scaffold.tied import tied
+from excite.robot.urdf.inertia import inertial_faults
+from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.tree import check_tree
+from excite.robot.weights import check_weights
+
+
+@dataclass(frozen=True, eq=False)
+class BareModel:
+    """A model without a description.
+
+    Attributes:
+        path: the URDF.
+        root: its XML.
+        joints: its joints' XML by name; those that are held are fixed there.
+        free: joints left to move, in the robot's order.
+        held: joints that are held still, by name.
+        moving: blocks ``loops`` and ``couplings`` of which no joint is held.
+        margin: to the position limits [rad or m].
+        geometry: which collision geometry could be built.
+        authored: boxes in its place where none could.
+        figure: the robot, with stand-ins for what a person has to say.
+        faults: what is wrong with links' inertia, on a base that is free (True) or not.
+    """
+
+    path: Path
+    root: Any
+    joints: dict[str, Any]
+    free: tuple[JointGuess, ...]
+    held: dict[str, Held]
+    moving: dict[str, list[dict[str, Any]]]
+    margin: float
+    geometry: WithGeometry
+    authored: list[dict[str, Any]]
+    figure: Figure
+    faults: dict[bool, dict[str, str]]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of ``figure``."""
+        return self.figure.robot
+
+    @property
+    def locked(self) -> dict[str, float]:
+        """Where joints are held [rad or m]."""
+        return {name: one.value for name, one in self.held.items()}
+
+
+def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
+    """Read a URDF without a description.
+
+    Args:
+        path: the URDF.
+        said: what another format said beside it.
+        weak: joints that are held still because their drives are too weak, and where [rad or m].
+
+    Raises:
+        RobotError: the URDF is missing or absurd in a way that no description can mend, or nothing in it moves.
+    """
+    root = parse_urdf(path)
+    joints = check_tree(root, path)
+    guesses = guess_joints(joints, path)
+    together = tied(joints, said.loops, said.couplings)
+    held = held_joints(root, joints, guesses, together.joints)
+    held |= {name: Held(value, "its drive cannot hold what it carries") for name, value in weak.items()}
+    held |= together.holding(held, guesses)
+    still_names = _with_followers(held, guesses)
+    free = tuple(guess for guess in guesses if guess.name not in still_names)
+    if not free:
+        raise _nothing_moves(held, path)
+    for name, joint in joints.items():
+        # As they will be read: what is held moves nothing, and no fault of its inertia matters.
+        if name in still_names:
+            joint.set("type", "fixed")
+    faults = {floating: _faults(root, joints, floating, path) for floating in (False, True)}
+    locked = {name: one.value for name, one in held.items()}
+    moving, margin = together.moving(held), _margin(free)
+    stand_in = StandIn(path, free, locked, tuple(faults[False]), margin, moving)
+    geometry = stand_in.with_geometry()
+    robot = geometry.robot
+    check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
+    order = {name: index for index, name in enumerate(robot.joint_names)}
+    free = tuple(sorted(free, key=lambda guess: order[guess.name]))
+    authored = [] if geometry.kind else box_shapes(robot)
+    if geometry.kind is None:
+        robot = stand_in.robot("authored", authored)
+    figure = Figure(robot)
+    return BareModel(path, root, joints, free, held, moving, margin, geometry, authored, figure, faults)
+
+
+def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
+    """What to say of a model none of whose joints is left to move."""
+    if held and all(one.why == MASSLESS for one in held.values()):
+        what, remedy = (
+            "states no masses",
+            "add <inertial> to its links: the maker's figures, or a CAD program's",
+        )
+        return RobotError(what, source=path, remedy=remedy)
+    named = ", ".join(list(held)[:3])
+    remedy = f"state limits that let {named} move" if held else "describe at least one"
+    return RobotError("has no joint that moves", source=path, remedy=remedy)
+
+
+def _with_followers(held: Mapping[str, Held], guesses: tuple[JointGuess, ...]) -> set[str]:
+    """Names of joints that are held, and of those that follow them."""
+    names = set(held)
+    while more := {guess.name for guess in guesses if guess.follows in names} - names:
+        names |= more
+    return names
+
+
+def _faults(root: Any, joints: dict[str, Any], floating: bool, path: Path) -> dict[str, str]:
+    return {name: error.what for name, error in inertial_faults(root, joints, floating, path).items()}
+
+
+def _margin(free: tuple[JointGuess, ...]) -> float:
+    """Margin to the position limits, small against the shortest range [rad or m]."""
+    shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
+    return min(0.03, float(f"{0.05 * shortest:.1g}"))
