@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +21,19 @@ from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest, find_rest, weak_joints
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.solids import box_shapes
-from excite.robot.scaffold.stand_in import StandIn
+from excite.robot.scaffold.stand_in import APART, StandIn
 from excite.robot.scaffold.structure import assumed_structure
 from excite.robot.scaffold.tied import tied
 from excite.robot.scaffold.values import Values
-from excite.robot.shapes.collision import TABLE
-from excite.robot.shapes.ground import ground_height, links_below
+from excite.robot.shapes.collision import TABLE, collision_shapes
+from excite.robot.shapes.ground import ground_height, links_below, reach
 from excite.robot.urdf.inertia import inertial_faults
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import MAX_NAME, check_tree
 from excite.robot.weights import check_weights
+
+# Distance that links keep, of the longest limb's length: 10 mm in arms of a third of a metre and more.
+_APART_SHARE = 0.03
 
 
 def scaffold_description(
@@ -114,6 +118,10 @@ def draft(
     locked = {name: one.value for name, one in held.items()}
     stand_in = StandIn(path, free, locked, tuple(still), _margin(free), together.moving(held))
     built = stand_in.with_geometry()
+    apart = _apart(built.robot)
+    if apart < stand_in.apart:
+        stand_in = replace(stand_in, apart=apart)
+        built = stand_in.with_geometry()
     robot = built.robot
     check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
     order = {name: index for index, name in enumerate(robot.joint_names)}
@@ -121,12 +129,14 @@ def draft(
     authored = [] if built.kind else box_shapes(robot)
     if built.kind is None:
         robot = stand_in.robot("authored", authored)
-    figure = Figure(robot)
+    figure = Figure(robot, guessed=built.kind is None)
     rest = find_rest(figure, _wanted(robot, said.posture), said, rng)
     more_weak = weak_joints(figure, rest)
     if more_weak and len(more_weak) < len(free):
         return draft(path, folder, rng, said, {**weak, **more_weak})
-    ground = None if rest.base == "floating" else ground_height(figure.model, figure.shapes, rest.q)
+    ground = None
+    if rest.base != "floating":
+        ground = ground_height(figure.model, figure.shapes, rest.q, held_up=rest.base == "held")
     faults = loose if rest.base == "floating" else still
     made = Values(path, robot, free, rest, figure, rng)
     assumed = [*assumed_structure(held, faults, built.fault, rest, ground, figure), *rest.assumed]
@@ -195,6 +205,13 @@ def _margin(free: tuple[JointGuess, ...]) -> float:
     """Margin to the position limits, small against the shortest range [rad or m]."""
     shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
     return min(0.03, float(f"{0.05 * shortest:.1g}"))
+
+
+def _apart(robot: Robot) -> float:
+    """Distance that links keep, small against the longest limb [m]."""
+    shapes = collision_shapes(robot) if robot.description.collision.geometry != "authored" else ()
+    longest = reach(robot.model, shapes, from_base=False)
+    return min(APART, float(f"{_APART_SHARE * longest:.1g}")) if longest > 0.0 else APART
 
 
 def _positions(free: tuple[JointGuess, ...], margin: float) -> dict[str, Any]:

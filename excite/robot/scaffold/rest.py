@@ -10,6 +10,7 @@ from excite.arrays import Array
 from excite.robot.description import Assumed, Base
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.mechanisms.building import limb_columns
+from excite.robot.scaffold.footing import Standing
 from excite.robot.scaffold.limbs import Figure, FootGuess
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.standing import Postures
@@ -60,31 +61,19 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     notes: list[Assumed] = []
     q = None
     if legs:
-        standing = postures.standing(legs, allowed)
-        narrow = standing is not None and not has_area(postures.footing.corners(standing, legs))
-        stiff = standing is not None and not _steered(figure, legs, standing.feet)
-        tied = standing is not None and _tied(figure, legs)
-        base = "held" if standing is None or narrow or stiff or tied else "floating"
-        if standing is None:
-            notes.append(_said("base", "held", "no standing posture was found: hold the robot up, legs free"))
-        elif narrow:
-            notes.append(
-                _said("base", "held", "its feet span no area to stand on: hold the robot up, legs free")
-            )
-        elif stiff:
-            few = "its legs have too few joints to move it over feet that stay: hold the robot up, legs free"
-            notes.append(_said("base", "held", few))
-        elif tied:
-            few = "joints of its legs follow from others, and no balance was planned so: hold the robot up, legs free"
-            notes.append(_said("base", "held", few))
-        else:
+        standing = None if figure.guessed else postures.standing(legs, allowed)
+        why = _cannot_stand(figure, postures, standing, legs)
+        base = "floating" if why is None else "held"
+        if why is not None:
+            notes.append(_said("base", "held", f"{why}: hold the robot up, legs free"))
+        elif standing is not None:
             q, feet = standing.q, standing.feet
             source = "found: feet on one plane, centre of mass above their middle"
     elif said.floating:
         base = "held"
         notes.append(_said("base", "held", "no legs were found that it could stand on: hold it still"))
     if q is None:
-        ground = ground_height(figure.model, figure.shapes, wanted)
+        ground = ground_height(figure.model, figure.shapes, wanted, held_up=base == "held")
         above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]
         q = _first_clear(postures, [*above, None], allowed)
         source = "found near zero, or the model's own posture: free of collision, above the ground"
@@ -115,6 +104,23 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         )
     notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
     return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
+
+
+def _cannot_stand(
+    figure: Figure, postures: Postures, standing: Standing | None, legs: list[int]
+) -> str | None:
+    """Why no balance can be planned on legs, None where it can."""
+    if figure.guessed:
+        return "no geometry says where its soles are"
+    if standing is None:
+        return "no standing posture was found"
+    if not has_area(postures.footing.corners(standing, legs)):
+        return "its feet span no area to stand on"
+    if not _steered(figure, legs, standing.feet):
+        return "its legs have too few joints to move it over feet that stay"
+    if _tied(figure, legs):
+        return "joints of its legs follow from others, and no balance was planned so"
+    return None
 
 
 def _first_clear(
