@@ -55,17 +55,32 @@ class Choice:
     load: float | None
 
 
+@dataclass(frozen=True)
+class Rehearsed:
+    """Which motions stood their rehearsal, by name and load, so that none is rehearsed twice."""
+
+    stood: dict[tuple[str, float], bool] = field(default_factory=dict)
+
+
 def choose(
-    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, jobs: Jobs, progress: Progress
+    robot: Robot,
+    pool: Pool,
+    base: BaseParameters,
+    rule: Rule,
+    jobs: Jobs,
+    progress: Progress,
+    rehearsed: Rehearsed | None = None,
 ) -> Choice:
     """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
 
-    Where all of them fall under the load that a robot should carry, they are rehearsed with the least.
+    Where all of them fall under the load that a robot should carry, they are rehearsed with the least. What is known
+    from rehearsals before stands in ``rehearsed``, and what these tell is added.
     """
+    known = rehearsed or Rehearsed()
     try:
-        return _choose(robot, pool, base, rule, UNKNOWN_LOAD, jobs, progress)
+        return _choose(robot, pool, base, rule, UNKNOWN_LOAD, jobs, progress, known)
     except _AllFall:
-        return _choose(robot, pool, base, rule, LEAST_LOAD, jobs, progress)
+        return _choose(robot, pool, base, rule, LEAST_LOAD, jobs, progress, known)
 
 
 class _AllFall(NoSolutionError):
@@ -80,10 +95,10 @@ def _choose(
     load: float,
     jobs: Jobs,
     progress: Progress,
+    known: Rehearsed,
 ) -> Choice:
-    fallen: set[str] = set()
-    stood: set[str] = set()
     while True:
+        fallen = {name for name in pool.names if not known.stood.get((name, load), True)}
         left = pool.without(fallen)
         if fallen and not left.entries:
             raise _AllFall(
@@ -101,12 +116,12 @@ def _choose(
             )
         validation = _unchosen_in_turn(left, selection.indices)
         names = left.names
-        new = [i for i in (*selection.indices, *validation) if names[i] not in stood]
+        new = [i for i in (*selection.indices, *validation) if (names[i], load) not in known.stood]
         if not new:
             return Choice(left, selection, validation, len(fallen), load if can_fall(robot) else None)
         verdicts = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
         for i, stands in zip(new, verdicts, strict=True):
-            (stood if stands else fallen).add(names[i])
+            known.stood[names[i], load] = stands
 
 
 def candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None) -> Candidates:

@@ -7,25 +7,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.campaign.candidates.refusal import FirstOf, none_is_safe, refusals_of
+from excite.campaign.candidates.judged import ENOUGH, N_CANDIDATES, TURNS, Judged
+from excite.campaign.candidates.refusal import none_is_safe
 from excite.campaign.candidates.registry import SEARCHES
 from excite.campaign.candidates.search import Asked
 from excite.campaign.candidates.series import SeriesSettings
-from excite.campaign.candidates.source import candidates_of, check_generator
-from excite.campaign.choice import Rule, choose
+from excite.campaign.candidates.source import check_generator
+from excite.campaign.choice import Choice, Rehearsed, Rule, choose
 from excite.campaign.expected.forecast import TARGET_RSD, check_target
 from excite.campaign.planned import Plan
 from excite.campaign.pool import Keeper, Pool, ranked_segments
-from excite.errors import InputError
+from excite.errors import InputError, NoSolutionError
 from excite.excitation.conditioning import conditioning
 from excite.excitation.selection import BEST_THREE, check_selection
 from excite.motion.motion import Motion
 from excite.parallel.jobs import Jobs
 from excite.progress import Progress, silent
 from excite.reading.number import check_count, check_number, check_seed
-from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.robot.robot import Robot
-from excite.safety.filter import filter_candidates
+from excite.safety.filter_report import FilterReport
 from excite.temporary_folder import TemporaryFolder
 
 # Each takes some ten milliseconds, and those that are safe wait on disk: a million are a night's work of one machine.
@@ -40,7 +41,7 @@ FELL = "fell_in_rehearsal"
 def plan(
     robot: Robot,
     *,
-    n_candidates: int = 140,
+    n_candidates: int | None = None,
     targets: Sequence[str] = (),
     generator: str | None = None,
     series: SeriesSettings | None = None,
@@ -61,7 +62,8 @@ def plan(
 
     Args:
         robot: the robot.
-        n_candidates: how many candidate motions to generate.
+        n_candidates: how many candidate motions to generate; if None 140, and twice as many more while fewer than
+            three motions come of them.
         targets: joints to aim at; all, if empty.
         generator: the only one to use: a name of the registry, or of a search such as ``optimised_fourier``,
             of which each candidate is a start; None for the robot's mixture.
@@ -87,33 +89,25 @@ def plan(
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
         InputError: fewer than one candidate asked for, or settings that do not go together.
     """
-    check_count(n_candidates, "n_candidates", 1, MAX_CANDIDATES)
+    count = N_CANDIDATES if n_candidates is None else n_candidates
+    check_count(count, "n_candidates", 1, MAX_CANDIDATES)
     check_target(target_rsd)
     _check_settings(generator, series, selection, budget_s)
     root = check_seed(seed)
-    started = time.perf_counter()
-    asked = Asked(robot, n_candidates, targets, series, jobs, progress)
-    source = candidates_of(generator, asked, root)
-    generated = time.perf_counter()
+    asked = Asked(robot, count, targets, series, jobs, progress)
     folder = TemporaryFolder()
-    keeper = Keeper(folder.path, prefix)
-    first = FirstOf(source.candidates)
-    report = filter_candidates(robot, first, jobs=jobs, total=source.count, progress=progress, keep=keeper)
-    refusals = refusals_of(robot, report, first, jobs, accepted=len(report.kept))
-    filtered = time.perf_counter()
-    if not report.kept:
-        raise none_is_safe(robot, refusals)
-    base = structural_base_parameters(robot)
-    pool = Pool(report.kept, folder, ranked_segments(robot))
-    ranked = time.perf_counter()
-    choice = choose(robot, pool, base, Rule(selection, budget_s), jobs, progress)
+    judged = Judged(generator, asked, root, Keeper(folder.path, prefix), TURNS if n_candidates is None else 1)
+    seconds_of = dict.fromkeys(("generate", "filter", "rank", "choose"), 0.0)
+    report, base, choice = _chosen(judged, Rule(selection, budget_s), folder, seconds_of)
+    refusals = judged.refusals(report)
+    started = time.perf_counter()
     pool = choice.pool
     indices = choice.selection.indices
     chosen = conditioning(robot, pool.factors.only(indices), base)
     seconds = float(pool.durations[list(indices)].sum())
     unchosen = conditioning(robot, pool.factors.only(pool.first_seconds(seconds)), base)
     rejected = {**report.rejected, FELL: choice.fallen} if choice.fallen else report.rejected
-    finished = time.perf_counter()
+    seconds_of["choose"] += time.perf_counter() - started
     return Plan(
         robot=robot,
         generated=report.generated,
@@ -124,16 +118,40 @@ def plan(
         validation=choice.validation,
         conditioning=chosen,
         unchosen=unchosen,
-        stages={
-            "generate": generated - started,
-            "filter": filtered - generated,
-            "rank": ranked - filtered,
-            "choose": finished - ranked,
-        },
+        stages={**seconds_of, **judged.seconds},
         load=choice.load,
         target_rsd=target_rsd,
         before=tuple(before),
     )
+
+
+def _chosen(
+    judged: Judged, rule: Rule, folder: TemporaryFolder, seconds: dict[str, float]
+) -> tuple[FilterReport, BaseParameters, Choice]:
+    """Candidates judged, and motions chosen of the safe ones: of more while there are too few, as far as that goes.
+
+    ``seconds`` of the stages ``rank`` and ``choose`` are added up in passing.
+    """
+    robot, rehearsed = judged.asked.robot, Rehearsed()
+    while True:
+        report = judged.more()
+        if not report.kept:
+            raise none_is_safe(robot, judged.refusals(report))
+        filtered = time.perf_counter()
+        base = structural_base_parameters(robot)
+        pool = Pool(report.kept, folder, ranked_segments(robot))
+        ranked = time.perf_counter()
+        seconds["rank"] += ranked - filtered
+        try:
+            choice = choose(robot, pool, base, rule, judged.asked.jobs, judged.asked.progress, rehearsed)
+        except NoSolutionError:
+            if judged.exhausted:
+                raise
+            continue
+        finally:
+            seconds["choose"] += time.perf_counter() - ranked
+        if len(choice.pool.entries) >= ENOUGH or judged.exhausted:
+            return report, base, choice
 
 
 def _check_settings(

@@ -32,8 +32,14 @@ NAME = "plan"
 def command(
     robot: RobotArgument,
     candidates: Annotated[
-        int, typer.Option("--candidates", min=1, help="Candidate motions to generate.")
-    ] = 140,
+        int | None,
+        typer.Option(
+            "--candidates",
+            min=1,
+            help="Candidate motions to generate; 140 if left out, and twice as many more while fewer than three "
+            "motions come of them.",
+        ),
+    ] = None,
     target: Annotated[
         list[str] | None, typer.Option("--joint", help="Aim at this joint (may be repeated).")
     ] = None,

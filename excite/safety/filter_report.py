@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from excite.motion.motion import Motion
 from excite.robot.robot import Robot
-from excite.safety.refusals import RefusalTally, Refused
+from excite.safety.refusals import RefusalTally, Refused, joined_refusals
 from excite.safety.repairs.draft import Rejection
 from excite.safety.verdict import Verdict
+
+_Number = TypeVar("_Number", int, float)
 
 # Rejected candidates whose places are remembered, so that they can be tried again with a change.
 _FIRST = 64
@@ -52,30 +54,53 @@ class FilterReport:
     """What became of all candidates, in their order.
 
     Attributes:
-        generated: number of candidates.
         outcomes: one per candidate; none where accepted motions were handed to ``keep``, so that memory does not grow
             with the number of candidates.
         kept: what ``keep`` made of the accepted motions.
         rejected: number of rejected candidates by reason, the commonest first.
-        acceptance: share of accepted candidates by generator.
+        made: number of candidates by generator.
+        accepted: number of accepted ones by generator.
         stage_seconds: processor time by stage, over all candidates and processes [s].
         refused: what refuses them, by pair of links, joint, contact or limit, the commonest first.
         first_refused: indices of the first rejected candidates, a few.
     """
 
-    generated: int
     outcomes: tuple[FilterOutcome, ...]
     kept: tuple[Any, ...]
     rejected: dict[str, int]
-    acceptance: dict[str, float]
+    made: dict[str, int]
+    accepted: dict[str, int]
     stage_seconds: dict[str, float]
     refused: tuple[Refused, ...] = ()
     first_refused: tuple[int, ...] = ()
 
     @property
+    def generated(self) -> int:
+        """Number of candidates."""
+        return sum(self.made.values())
+
+    @property
+    def acceptance(self) -> dict[str, float]:
+        """Share of accepted candidates by generator."""
+        return {name: self.accepted[name] / count for name, count in sorted(self.made.items())}
+
+    @property
     def motions(self) -> tuple[Motion, ...]:
         """The accepted motions, but for those handed to ``keep``."""
         return tuple(o.motion for o in self.outcomes if o.accepted and o.motion is not None)
+
+    def joined(self, more: FilterReport) -> FilterReport:
+        """The report of these candidates and of ``more`` after them."""
+        return FilterReport(
+            outcomes=(*self.outcomes, *more.outcomes),
+            kept=(*self.kept, *more.kept),
+            rejected=_commonest_first(_added(self.rejected, more.rejected)),
+            made=_added(self.made, more.made),
+            accepted=_added(self.accepted, more.accepted),
+            stage_seconds=_added(self.stage_seconds, more.stage_seconds),
+            refused=joined_refusals(self.refused, more.refused),
+            first_refused=(*self.first_refused, *(self.generated + index for index in more.first_refused)),
+        )
 
     def summary(self) -> str:
         """One line for a person."""
@@ -109,12 +134,24 @@ def counted(robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool) -> 
         if whole:
             held.append(outcome)
     return FilterReport(
-        generated=made.total(),
         outcomes=tuple(held),
         kept=tuple(kept),
-        rejected=dict(sorted(reasons.items(), key=lambda item: (-item[1], item[0]))),
-        acceptance={name: accepted[name] / count for name, count in sorted(made.items())},
+        rejected=_commonest_first(reasons),
+        made=dict(made),
+        accepted=dict(accepted),
         stage_seconds=seconds,
         refused=tally.refused(),
         first_refused=tuple(first),
     )
+
+
+def _commonest_first(reasons: Mapping[str, int]) -> dict[str, int]:
+    return dict(sorted(reasons.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _added(one: Mapping[str, _Number], other: Mapping[str, _Number]) -> dict[str, _Number]:
+    """Numbers by name, added up; names in the order in which they come."""
+    added = dict(one)
+    for name, number in other.items():
+        added[name] = added[name] + number if name in added else number
+    return added

@@ -113,17 +113,11 @@ class RefusalTally:
             if key not in seen or found.excess > seen[key].excess:
                 seen[key] = found
         for key, found in seen.items():
-            known = self._found.get(key)
-            if known is not None:
-                worse = found if found.excess > known.excess else known
-                found = replace(worse, candidates=known.candidates + 1)
-            self._found[key] = found
+            self._found[key] = _together(self._found.get(key), found)
 
     def refused(self) -> tuple[Refused, ...]:
         """All that refuses, the commonest first."""
-        return tuple(
-            sorted(self._found.values(), key=lambda item: (-item.candidates, item.reason, item.where))
-        )
+        return _commonest_first(self._found.values())
 
     def _causes(
         self,
@@ -160,6 +154,27 @@ class RefusalTally:
     def _unit(self, reason: str, where: str) -> str:
         unit = _UNITS.get(reason, "")
         return _SLIDING.get(unit, unit) if where in self._sliding else unit
+
+
+def joined_refusals(one: Iterable[Refused], other: Iterable[Refused]) -> tuple[Refused, ...]:
+    """What refuses either of two sets of candidates, the commonest first."""
+    found: dict[tuple[str, str], Refused] = {}
+    for item in (*one, *other):
+        key = (item.reason, item.where)
+        found[key] = _together(found.get(key), item)
+    return _commonest_first(found.values())
+
+
+def _together(known: Refused | None, found: Refused) -> Refused:
+    """The worse of two of the same kind, with the number of candidates of both."""
+    if known is None:
+        return found
+    worse = found if found.excess > known.excess else known
+    return replace(worse, candidates=known.candidates + found.candidates)
+
+
+def _commonest_first(found: Iterable[Refused]) -> tuple[Refused, ...]:
+    return tuple(sorted(found, key=lambda item: (-item.candidates, item.reason, item.where)))
 
 
 def refusals_table(refused: Iterable[Refused], generated: int) -> str:

@@ -13,7 +13,7 @@ from excite.arrays import Array
 from excite.errors import RobotError
 from excite.report.replay.bodies import bodies
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model
+from excite.robot.shapes.collision import collision_model, geometry_data
 from excite.viewer.clip import Clip
 from excite.viewer.thing import Thing
 
@@ -244,4 +244,4 @@ def _collisions(robot: Robot) -> tuple[pin.GeometryModel, pin.GeometryData, floa
     except RobotError:
         return None
     links = [item.name.rsplit("_", 1)[0] for item in geometry.geometryObjects]
-    return geometry, geometry.createData(), float(robot.description.collision.margin), links
+    return geometry, geometry_data(geometry), float(robot.description.collision.margin), links

@@ -13,7 +13,7 @@ from excite.identification.inertia import pseudo_inertia_matrices
 from excite.identification.load.weighing import weigh_load
 from excite.logs.robot import nominal_robot
 from tests.benchmarks.table import Row
-from tests.reproduction import airbot_play_load, airbot_play_sessions, emps, lwr, tiago, tx40
+from tests.reproduction import airbot_play_load, airbot_play_sessions, emps, lwr, solo12, tiago, tx40
 from tests.reproduction.human_2020 import Recording
 from tests.reproduction.recordings import panda_log, ur10e_log
 from tests.reproduction.test_panda import ALPHA, BY_HAND, TERMS, validation_rmse
@@ -29,7 +29,7 @@ def rows() -> list[Row]:
         return [Row("recordings of real arms", "", f"not found in {DATA}; set EXCITE_DATA", None)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        parts = (_ur10e, _ur10e_load, _panda, _emps, _lwr, _tx40, _tiago, _airbot_play, _person)
+        parts = (_ur10e, _ur10e_load, _panda, _emps, _lwr, _tx40, _tiago, _solo12, _airbot_play, _person)
         return [row for part in parts for row in part(folder)]
 
 
@@ -125,6 +125,14 @@ def _tiago(folder: Path) -> list[Row]:
     percent = tiago.percents(tiago.tiago_log(DATA, folder))
     what = "TIAGo arm 1–4: last third by joint, share of torque standard deviation (5 Hz)"
     return [_below(what, np.round(percent), np.array(tiago.BY_HAND))]
+
+
+def _solo12(folder: Path) -> list[Row]:
+    fits = solo12.fits_left_out(DATA, folder).values()
+    percent = [100.0 * fit.rmse / fit.reference_rmse for fit in fits]
+    text = f"{min(percent):.0f} … {max(percent):.0f} %, median {np.median(percent):.0f} %"
+    what = "Solo12 (log of a simulation, no force sensor): last thirds by joint, RMSE as share of the URDF's, 12 joints"
+    return [Row.holds(what, "< 100 % each", text, max(percent) < 100.0)]
 
 
 def _airbot_play(folder: Path) -> list[Row]:

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from excite.campaign.check import check
+from excite.campaign.on_disk import OnDisk
 from excite.campaign.plan import plan
 from excite.campaign.planned import Plan
 from excite.campaign.rank import rank
 from excite.campaign.rehearsal import loaded_robot, rehearse
 from excite.errors import InputError, NoSolutionError, UnknownNameError
 from excite.motion.files import load_motion
+from excite.motion.motion import Motion
 from excite.robot.robot import Robot
 from excite.simulation.replay import replay
 
@@ -127,3 +129,33 @@ def test_a_one_leg_stance_carries_a_load_of_which_the_model_does_not_know(
         carrying = loaded_robot(g1, offset)
         assert carrying.truth.added_mass == pytest.approx(0.15 * g1.mass)
         assert replay(carrying, swings[0]).on_its_feet
+
+
+def test_where_few_are_safe_more_candidates_are_drawn(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of a plan that asks for as many at once; who says a number gets that number."""
+    judged = import_module("excite.campaign.candidates.judged")
+    planned = import_module("excite.campaign.plan")
+    for module in (judged, planned):
+        monkeypatch.setattr(module, "N_CANDIDATES", 1)
+    few = plan(ur10, seed=3, generator="fourier")
+    once = plan(ur10, n_candidates=3, seed=3, generator="fourier")
+    assert few.generated == once.generated == 3 and few.pool.names == once.pool.names
+    assert few.to_json()["selected"] == once.to_json()["selected"]
+    assert plan(ur10, n_candidates=2, seed=3, generator="fourier").generated == 2
+
+
+def test_more_are_drawn_where_motions_fall(ur10: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    choice = import_module("excite.campaign.choice")
+    rehearsed: list[str] = []
+
+    def falls(robot: Robot, motions: OnDisk[Motion], load: float, **_: object) -> tuple[bool, ...]:
+        names = [motion.name for motion in motions]
+        rehearsed.extend(f"{name} {load}" for name in names)
+        return tuple(int(name[-3:]) >= 3 for name in names)
+
+    monkeypatch.setattr(choice, "rehearse", falls)
+    monkeypatch.setattr(import_module("excite.campaign.plan"), "N_CANDIDATES", 3)
+    found = plan(ur10, seed=3, generator="fourier")
+    assert found.generated in (6, 9) and found.rejected["fell_in_rehearsal"] >= 2
+    assert len(found.pool.names) >= 3 and all(int(name[-3:]) >= 3 for name in found.pool.names)
+    assert len(rehearsed) == len(set(rehearsed)), "none is rehearsed twice with one load"

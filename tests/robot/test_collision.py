@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,14 @@ import pytest
 import yaml
 from scipy.spatial import ConvexHull
 
+import excite
 from excite.errors import RobotError
 from excite.robot.catalogue import data_folder, example_robot_data
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes, shape_pairs
 from excite.robot.shapes.com_box import com_boxes, shape_bounds
-from excite.robot.shapes.ignored_pairs import review_pairs
+from excite.robot.shapes.ignored_pairs import PairSearch, review_pairs
 from excite.robot.shapes.mesh_files import read_meshes
 from excite.robot.shapes.shape import shape_points
 
@@ -24,6 +26,11 @@ from excite.robot.shapes.shape import shape_points
 @pytest.fixture(scope="module")
 def ur10() -> Robot:
     return load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return load_robot("g1")
 
 
 def edited(name: str, folder: Path, **collision: object) -> Path:
@@ -237,3 +244,22 @@ def test_bounds_of_primitives_match_points_on_their_surface(tmp_path: Path) -> N
         lower, upper = shape_bounds(shape)
         np.testing.assert_allclose(lower, points.min(axis=0), atol=2e-4)
         np.testing.assert_allclose(upper, points.max(axis=0), atol=2e-4)
+
+
+def test_what_distances_are_does_not_depend_on_what_was_asked_before(g1: Robot) -> None:
+    rng = np.random.default_rng(5)
+    q = np.tile(g1.rest, (20, 1))
+    q[:, 7:] = rng.uniform(g1.limits.position_lower, g1.limits.position_upper, (20, g1.n_joints))
+    there, back = PairSearch(g1), PairSearch(g1)
+    first = [there.distances(row) for row in q]
+    second = [back.distances(row) for row in q[::-1]][::-1]
+    np.testing.assert_array_equal(first, second)
+
+
+def test_nobody_makes_data_of_geometry_that_remember() -> None:
+    """Data that coal makes begin each search where the last one ended: only geometry_data takes that away."""
+    sources = Path(excite.__file__).parent.rglob("*.py")
+    made = [
+        path.name for path in sources if re.search(r"geometry\.createData\(|GeometryData\(", path.read_text())
+    ]
+    assert made == ["collision.py"]

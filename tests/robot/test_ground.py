@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from excite.robot.scaffold.files import write_scaffold
 from excite.robot.shapes.collision import TABLE, collision_shapes
+from excite.robot.shapes.ground import bottom
 from excite.safety.check import check_motion
+from tests.robot.test_scaffold import biped
 
 
 @pytest.fixture(scope="module")
@@ -89,3 +92,22 @@ def test_who_says_that_nothing_is_there_is_believed(described: Path) -> None:
 def test_with_and_without_ground_are_two_robots(described: Path) -> None:
     """What was checked for the one is not taken for checked for the other."""
     assert edited(described).hash != edited(described, table_height=None).hash
+
+
+def test_what_is_held_up_reaches_no_ground(tmp_path: Path) -> None:
+    """A biped without a word on its soles' shape: its legs swing free, whatever their joints do."""
+    path = tmp_path / "two.urdf"
+    path.write_text(re.sub(r"<collision>.*?</collision>", "", biped()))
+    robot = load_robot(write_scaffold(path, tmp_path / "held").description)
+    assert robot.description.base == "held" and not robot.feet
+    said = " ".join(str(one) for one in robot.description.assumed)
+    assert "where its soles are" in said and "hold the robot so high" in said
+    ground = robot.description.collision.table_height
+    data, rng = robot.model.createData(), np.random.default_rng(3)
+    lowest = np.inf
+    for _ in range(200):
+        q = rng.uniform(robot.limits.position_lower, robot.limits.position_upper)
+        pin.forwardKinematics(robot.model, data, q)
+        own = [shape for shape in collision_shapes(robot) if shape.link != TABLE and shape.joint]
+        lowest = min(lowest, *(bottom(shape, data.oMi[shape.joint])[:, 2].min() for shape in own))
+    assert ground is not None and lowest - 0.5 < ground < lowest - 0.1

@@ -98,6 +98,7 @@ def cart() -> str:
 
 
 def written(text: str, folder: Path, name: str = "mine.urdf", source: Source | None = None) -> Robot:
+    folder.mkdir(exist_ok=True)
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return load_robot(write_scaffold(path, folder, source=source).description)
@@ -236,3 +237,32 @@ def test_what_cannot_be_described_is_refused(text: str, message: str, tmp_path: 
     path.write_text(text)
     with pytest.raises(RobotError, match=message):
         scaffold_description(path)
+
+
+def test_boxes_of_made_up_inertia_are_no_longer_than_the_links(tmp_path: Path) -> None:
+    text = re.sub(r'i(xx|yy|zz)="[^"]*"', r'i\1="1"', hand_on_an_arm())
+    robot = written(text, tmp_path)
+    boxes = [shape for shape in robot.description.collision.shapes if shape.kind == "box"]
+    assert len(boxes) == 4
+    # Joints lie 0.3 m apart, and the centres of mass on them.
+    assert max(max(box.size) for box in boxes) <= 0.6 + 1e-4
+
+
+def test_small_robots_keep_small_distances(tmp_path: Path) -> None:
+    """An arm of 1.2 m, and one of a tenth of its size."""
+    box = '<collision><geometry><box size="0.2 0.05 0.05"/></geometry></collision></link>'
+    large = re.sub(r"</link>", box, hand_on_an_arm())
+    small = re.sub(r'(xyz|size)="([^"]*)"', _tenth, large)
+    assert written(large, tmp_path / "l").description.collision.margin == 0.01
+    assert written(small, tmp_path / "s").description.collision.margin == pytest.approx(0.004, abs=1e-3)
+
+
+def _tenth(match: re.Match[str]) -> str:
+    numbers = [float(x) for x in match.group(2).split()]
+    scale = 1.0 if max(abs(x) for x in numbers) == 1.0 else 0.1
+    return f'{match.group(1)}="{" ".join(str(scale * x) for x in numbers)}"'
+
+
+def test_links_without_geometry_are_named(tmp_path: Path) -> None:
+    said = [str(one) for one in written(cart(), tmp_path).description.assumed]
+    assert any("links without geometry: shoulder" in one for one in said)

@@ -32,19 +32,18 @@ _ADVICE = {
 _FEW = 0.5
 
 
-class FirstOf(Iterable[Candidate | Proposal]):
+class FirstOf:
     """Candidates as they are read, of which the first are remembered, so that refused ones can be tried again."""
 
     # Among these are as many refused ones as are tried, where few are safe.
     _HELD = 64
 
-    def __init__(self, candidates: Iterable[Candidate | Proposal]) -> None:
-        self._candidates = candidates
+    def __init__(self) -> None:
         self.held: list[Candidate | Proposal] = []
 
-    def __iter__(self) -> Iterator[Candidate | Proposal]:
-        """The candidates, once."""
-        for candidate in self._candidates:
+    def reading(self, candidates: Iterable[Candidate | Proposal]) -> Iterator[Candidate | Proposal]:
+        """The candidates, once; others may be read after them."""
+        for candidate in candidates:
             if len(self.held) < self._HELD:
                 self.held.append(candidate)
             yield candidate

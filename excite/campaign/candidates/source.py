@@ -37,8 +37,10 @@ def check_generator(name: str | None) -> None:
         raise UnknownNameError("generator", name, sorted(known))
 
 
-def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSequence) -> Source:
+def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSequence, turn: int = 0) -> Source:
     """The candidates that a generator, a search or (None) the robot's mixture of generators makes of a seed.
+
+    In a later ``turn`` these are as many more, as if all had been asked for at once; a search has only the first.
 
     Raises:
         UnknownNameError: a target is no joint of the robot.
@@ -50,5 +52,8 @@ def candidates_of(generator: str | None, asked: Asked, seed: np.random.SeedSeque
         found = SEARCHES.make(generator).candidates(asked, child_seed(seed, 0))
         return Source(found, len(found))
     mix = None if generator is None else {generator: 1.0}
-    proposals = plan_proposals(asked.robot, asked.count, seed, mix=mix, targets=asked.targets)
+    before = turn * asked.count
+    proposals = plan_proposals(
+        asked.robot, before + asked.count, seed, mix=mix, targets=asked.targets, beyond=before
+    )
     return Source(proposals, asked.count)

@@ -13,7 +13,7 @@ from excite.excitation.optimisation.objective import Layout, Sampling
 from excite.excitation.optimisation.segments import closest_points
 from excite.regressor.kernels import Placements, forward_kinematics
 from excite.regressor.tree import PRISMATIC, read_tree
-from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes
+from excite.robot.shapes.collision import TABLE, collision_model, collision_shapes, geometry_data
 from excite.robot.shapes.shape import Shape
 
 # Pairs farther apart than this beyond the margin do not enter [m].
@@ -61,7 +61,7 @@ class Clearance:
         self._sampling, self._tree = Sampling(layout, time), read_tree(robot.model)
         self._model, self._data = robot.model, robot.model.createData()
         self._geometry = collision_model(robot)
-        self._state = self._geometry.createData()
+        self._state = geometry_data(self._geometry)
         self._required = robot.description.collision.margin + extra
         self._joints = layout.joints + (2 if robot.floating else 1)
         shapes = collision_shapes(robot)

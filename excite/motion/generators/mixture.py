@@ -67,8 +67,16 @@ def plan_proposals(
     *,
     mix: Mapping[str, float] | None = None,
     targets: Sequence[str] = (),
+    beyond: int = 0,
 ) -> Iterator[Proposal]:
-    """What :func:`plan_candidates` draws, not drawn yet; same arguments and errors."""
+    """What :func:`plan_candidates` draws, not drawn yet; same arguments and errors.
+
+    Of ``count`` proposals those are left out that a plan of ``beyond`` has.
+    """
+    if beyond:
+        known = {item.name for item in plan_proposals(robot, beyond, seed, mix=mix, targets=targets)}
+        every = plan_proposals(robot, count, seed, mix=mix, targets=targets)
+        return (item for item in every if item.name not in known)
     shares = dict(mix if mix is not None else usual_mix(robot, aimed=bool(targets)))
     for joint in targets:
         robot.joint_index(joint)

@@ -15,7 +15,7 @@ from excite.errors import ExciteError
 from excite.motion.motion import Motion
 from excite.report.replay.packed import packed, packed_indices
 from excite.robot.robot import Limits, Robot
-from excite.robot.shapes.collision import collision_model
+from excite.robot.shapes.collision import collision_model, geometry_data
 from excite.safety.checks.balance import ZMP_MARGIN, support_margin
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
@@ -206,7 +206,7 @@ def _nearest(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], A
     geometry = collision_model(robot)
     if not len(geometry.collisionPairs):
         return None
-    data, found = robot.model.createData(), geometry.createData()
+    data, found = robot.model.createData(), geometry_data(geometry)
     n = motion.n_samples
     values, where = np.empty(n), np.empty(n, dtype=np.int64)
     joints, points = np.empty((n, 2), dtype=np.int64), np.empty((n, 6))

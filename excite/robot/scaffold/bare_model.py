@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,17 @@ from excite.robot.scaffold.held import MASSLESS, Held, held_joints
 from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.solids import box_shapes
-from excite.robot.scaffold.stand_in import StandIn, WithGeometry
+from excite.robot.scaffold.stand_in import APART, StandIn, WithGeometry
 from excite.robot.scaffold.tied import tied
+from excite.robot.shapes.collision import collision_shapes
+from excite.robot.shapes.ground import reach
 from excite.robot.urdf.inertia import inertial_faults
 from excite.robot.urdf.reading import parse_urdf
 from excite.robot.urdf.tree import check_tree
 from excite.robot.weights import check_weights
+
+# Distance that links keep, of the longest limb's length: 10 mm in arms of a third of a metre and more.
+_APART_SHARE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +99,10 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     moving, margin = together.moving(held), _margin(free)
     stand_in = StandIn(path, free, locked, tuple(faults[False]), margin, moving)
     geometry = stand_in.with_geometry()
+    apart = _apart(geometry.robot)
+    if apart < stand_in.apart:
+        stand_in = replace(stand_in, apart=apart)
+        geometry = stand_in.with_geometry()
     robot = geometry.robot
     check_weights(robot.model, robot.model.effortLimit[-robot.n_joints :], path)
     order = {name: index for index, name in enumerate(robot.joint_names)}
@@ -101,7 +110,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     authored = [] if geometry.kind else box_shapes(robot)
     if geometry.kind is None:
         robot = stand_in.robot("authored", authored)
-    figure = Figure(robot)
+    figure = Figure(robot, guessed=geometry.kind is None)
     return BareModel(path, root, joints, free, held, moving, margin, geometry, authored, figure, faults)
 
 
@@ -134,3 +143,10 @@ def _margin(free: tuple[JointGuess, ...]) -> float:
     """Margin to the position limits, small against the shortest range [rad or m]."""
     shortest = min((g.position[1] - g.position[0] for g in free if g.position), default=1.0)
     return min(0.03, float(f"{0.05 * shortest:.1g}"))
+
+
+def _apart(robot: Robot) -> float:
+    """Distance that links keep, small against the longest limb [m]."""
+    shapes = collision_shapes(robot) if robot.description.collision.geometry != "authored" else ()
+    longest = reach(robot.model, shapes, from_base=False)
+    return min(APART, float(f"{_APART_SHARE * longest:.1g}")) if longest > 0.0 else APART

@@ -89,7 +89,10 @@ def _content(model: BareModel, rest: Rest, folder: Path, rng: np.random.Generato
     slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
     limits, more = made.limits(slides)
     sensors, noise = numbers.sensors(made.torque, _base_link(model.root, model.joints) if stands else None)
-    ground = None if stands else ground_height(model.figure.model, model.figure.shapes, rest.q)
+    ground = None
+    if not stands:
+        held_up = rest.base == "held"
+        ground = ground_height(model.figure.model, model.figure.shapes, rest.q, held_up=held_up)
     structure = assumed_structure(
         model.held, model.faults[stands], model.geometry.fault, rest, ground, model.figure
     )

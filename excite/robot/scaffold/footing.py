@@ -100,6 +100,24 @@ class Footing:
         cosine = parts[k] @ parts[k + 1] / max(sizes[k] * sizes[k + 1], 1e-12)
         return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
+    def agility(self, stand: Standing, leg: int, foot: FootGuess) -> float:
+        """Least speed of a point foot at unit speed of its leg's joints, of its distance from the hip [1/rad].
+
+        It is infinite of other feet, and of legs with fewer than three joints.
+        """
+        figure, chain = self.figure, self.figure.chain(leg)
+        if len(foot.sole) != 1 or len(chain) < 3:
+            return np.inf
+        figure.centre(stand.q)
+        pin.computeJointJacobians(figure.model, figure.data, stand.q)
+        tip = (figure.data.oMi[leg] * self._placement(foot)).act(foot.sole[0])
+        turn = pin.getJointJacobian(figure.model, figure.data, leg, pin.LOCAL_WORLD_ALIGNED)
+        lever = tip - figure.data.oMi[leg].translation
+        linear = turn[:3] - pin.skew(lever) @ turn[3:]
+        slowest = np.linalg.svd(linear[:, [joint - 1 for joint in chain]])[1][-1]
+        hip = figure.data.oMi[chain[0]].translation
+        return float(slowest / max(np.linalg.norm(tip - hip), 1e-9))
+
     def _contacts(self, q: Array, legs: list[int], feet: tuple[FootGuess, ...]) -> _Contacts:
         figure = self.figure
         centre = figure.centre(q)

@@ -47,11 +47,12 @@ class Figure:
 
     Attributes:
         robot: with a fixed base.
+        guessed: whether its shapes are guesses, none of which says where a sole is.
         points: points at joint 0 and every other one, in the joint's frame, of which one is the lowest.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self.robot, self.model = robot, robot.model
+    def __init__(self, robot: Robot, *, guessed: bool = False) -> None:
+        self.robot, self.model, self.guessed = robot, robot.model, guessed
         self.data = robot.model.createData()
         self.shapes = collision_shapes(robot)
 

@@ -56,7 +56,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
     allowed = frozenset((*review.ignored, *said.ignored, *((b, a) for a, b in said.ignored)))
     postures = Postures(figure, search, wanted, rng)
     legs = [] if said.floating is False else figure.legs(wanted, free=bool(said.floating))
-    standing = postures.standing(legs, allowed) if legs else None
+    standing = postures.standing(legs, allowed) if legs and not figure.guessed else None
     base: Base = "floating" if legs else "fixed"
     feet: tuple[FootGuess, ...] = ()
     notes: list[Assumed] = []
@@ -68,7 +68,7 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         q, feet = standing.q, standing.feet
         source = "found: feet on one plane, centre of mass above their middle"
     else:
-        ground = ground_height(figure.model, figure.shapes, wanted)
+        ground = ground_height(figure.model, figure.shapes, wanted, held_up=base == "held")
         above = [ground] if said.posture is not None else [ground + _HEADROOM * figure.reach, ground]
         clear = _first_clear(postures, [*above, None], allowed)
         source = "found near zero, or the model's own posture: free of collision, above the ground"
@@ -96,6 +96,8 @@ def _unsteady(figure: Figure, postures: Postures, legs: list[int], standing: Sta
     """Why a robot that ought to stand on legs is held; empty where it stands."""
     if not legs:
         return "no legs were found that it could stand on: hold it still"
+    if figure.guessed:
+        return "no geometry says where its soles are: hold the robot up, legs free"
     if standing is None:
         return "no standing posture was found: hold the robot up, legs free"
     if not has_area(postures.footing.corners(standing, legs)):

@@ -1,4 +1,7 @@
-"""Boxes in place of geometry that a model lacks: those whose mass, spread evenly, has the links' inertia."""
+"""Boxes in place of geometry that a model lacks: those whose mass, spread evenly, has the links' inertia.
+
+No link is taken to be longer than its joints say: inertia that was made up, 1 kg·m² for any link, would fill the room.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,8 @@ import pinocchio as pin
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 
-# Thinner or longer boxes than links of robots are come of inertia that was made up [m].
-_THINNEST, _LONGEST = 0.01, 1.0
+# Thinner boxes than links of robots are come of inertia that was made up [m].
+_THINNEST = 0.01
 
 
 def box_shapes(robot: Robot) -> list[dict[str, Any]]:
@@ -25,7 +28,9 @@ def box_shapes(robot: Robot) -> list[dict[str, Any]]:
         if np.linalg.det(axes) < 0.0:
             axes[:, 0] = -axes[:, 0]
         squares = 6.0 * (moments.sum() - 2.0 * moments) / inertia.mass
-        size = np.clip(np.sqrt(np.maximum(squares, 0.0)), _THINNEST, _LONGEST)
+        sides = np.sqrt(np.maximum(squares, 0.0))
+        sides *= min(1.0, _longest(robot.model, segment.joint) / max(float(sides.max()), 1e-9))
+        size = np.maximum(sides, _THINNEST)
         _, placement = link_placement(robot.model, segment.link, robot.source, "collision.shapes")
         pose = placement.actInv(pin.SE3(axes, inertia.lever))
         shapes.append(
@@ -38,3 +43,14 @@ def box_shapes(robot: Robot) -> list[dict[str, Any]]:
             }
         )
     return shapes
+
+
+def _longest(model: pin.Model, joint: int) -> float:
+    """Length that a link has at most: twice the way from its centre to the farthest of its joints, or to its parent's
+    joint where it has no other [m]."""
+    centre = model.inertias[joint].lever
+    ends = [model.jointPlacements[other].translation for other in model.children[joint]]
+    ways = [float(np.linalg.norm(centre - end)) for end in (np.zeros(3), *ends)]
+    if model.parents[joint]:
+        ways.append(0.5 * float(np.linalg.norm(model.jointPlacements[joint].translation)))
+    return 2.0 * max(ways)

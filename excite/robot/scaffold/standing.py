@@ -13,21 +13,21 @@ from excite.errors import MotionError
 from excite.robot.holding import TORQUE_SHARE, holding_torques, usable_torque
 from excite.robot.scaffold.footing import Footing, Standing
 from excite.robot.scaffold.limbs import Figure
+from excite.robot.scaffold.stances import Stances
 from excite.robot.shapes.ignored_pairs import PairSearch
 
-# Bends of hip, knee and ankle from which standing postures are sought, and how far hips turn out [rad].
-_BENDS = (0.5, -0.5, 0.7, -0.7, 0.35, -0.35, 0.9, -0.9, 0.2, -0.2)
-_WIDE = (0.0, 0.12)
 # Room that motions need about a standing posture: of the legs' joints to their limits [rad], between links [m]. Sways
 # of the Go2 and the HyQ turn knees by some 0.3 rad (with 0.16 rad of room no candidate of either passes, with 0.35 most
 # do); candidates of a humanoid whose links rest at the margin collide.
 _ROOM, _APART = 0.35, 0.02
 # Angle of knees from which a leg can lift and lower its hip both ways [rad]: the bundled humanoids stand with 0.7.
 _BEND = 0.6
+# Least speed of a point foot at unit speed of its leg's joints, of its distance from the hip, so that it can follow in
+# every direction. Other makers' quadrupeds have 0.2 … 0.3; on legs with 0.14 (ANYmal's hind ones, little bent) and 0.10
+# (CENTAURO's, whose feet rest below the axes that turn their hips) most and all of the candidates are out of reach.
+_AGILE = 0.2
 # Share of the usable torque down to which a posture is eased: beside it there must be others that can be held, too.
 _EASE = 0.8
-# Cosine of 37 degrees: axes this near to each other, or to the ground, count as along them.
-_ALONG = 0.8
 # Random postures of what does not stand, from near the wanted posture outwards; a dual arm needs some tens.
 _TRIES = 300
 
@@ -42,6 +42,7 @@ class Postures:
         self.lower, self.upper = limits.position_lower + room, limits.position_upper - room
         self.footing = Footing(figure, self.lower, self.upper)
         self.wanted = np.clip(wanted, limits.position_lower, limits.position_upper)
+        self.stances = Stances(figure, self.lower, self.upper, self.wanted)
 
     def clear(self, ground: float | None, ignored: frozenset[tuple[str, str]]) -> Array | None:
         """A posture near the wanted one without collision and above the ground that the drives can hold; one that
@@ -129,7 +130,7 @@ class Postures:
     def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass above their middle, and nothing touching."""
         best: tuple[float, Standing, int] | None = None
-        for start in self._starts(legs):
+        for start in self.stances.of(legs):
             found = self.footing.stand(start, legs)
             if found is None:
                 continue
@@ -163,6 +164,8 @@ class Postures:
             min(apart, default=_APART) / _APART,
             min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
             / _BEND,
+            min(self.footing.agility(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
+            / _AGILE,
         )
         return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
 
@@ -192,54 +195,3 @@ class Postures:
             if len(after) < len(touching):
                 q, touching = drawn, after
         return q
-
-    def _starts(self, legs: list[int]) -> list[Array]:
-        starts = [self.wanted] if np.any(self.wanted) else []
-        starts += [self._bent(legs, bend, wide) for wide in _WIDE for bend in _BENDS]
-        return [*starts, self.wanted]
-
-    def _bent(self, legs: list[int], bend: float, wide: float) -> Array:
-        """The wanted posture with knees bent, each leg to the side that its limits allow."""
-        q = self.wanted.copy()
-        model, data = self.figure.model, self.figure.data
-        pin.computeJointJacobians(model, data, pin.neutral(model))
-        for leg in legs:
-            pitch, signs = self._pitches(leg)
-            self._widen(q, leg, wide)
-            if len(pitch) < 2:
-                continue
-            pattern = np.zeros(len(pitch))
-            pattern[:3] = np.array([1.0, -2.0, 1.0])[: len(pitch)]
-            both = [side * bend * pattern * np.array(signs) for side in (1.0, -1.0)]
-            clipped = [np.clip(angles, self.lower[pitch], self.upper[pitch]) for angles in both]
-            lost = [float(np.abs(a - b).sum()) for a, b in zip(both, clipped, strict=True)]
-            q[pitch] = clipped[0] if lost[0] <= lost[1] + 1e-9 else clipped[1]
-        return np.clip(q, self.lower, self.upper)
-
-    def _pitches(self, leg: int) -> tuple[list[int], list[float]]:
-        """Joints of a leg that bend it, as indices, and which way each turns: most of its level axes are parallel."""
-        level = []
-        for joint in self.figure.chain(leg):
-            turn = pin.getJointJacobian(self.figure.model, self.figure.data, joint, pin.LOCAL_WORLD_ALIGNED)
-            axis = turn[3:5, joint - 1]
-            if np.linalg.norm(axis) > _ALONG:
-                level.append((joint - 1, axis / np.linalg.norm(axis)))
-        groups = [[one for one in level if abs(one[1] @ axis) > _ALONG] for _, axis in level]
-        # Where as many roll as pitch, those across the robot bend it.
-        group = max(groups, key=lambda one: (len(one), abs(one[0][1][1])), default=[])
-        if not group:
-            return [], []
-        forth = group[0][1] * (1.0 if group[0][1][1] >= 0.0 else -1.0)
-        return [index for index, _ in group], [float(np.sign(axis @ forth)) for _, axis in group]
-
-    def _widen(self, q: Array, leg: int, wide: float) -> None:
-        """Turn a leg's hip out by ``wide`` [rad] and its ankle back, if joints for that are there."""
-        model, data = self.figure.model, self.figure.data
-        columns = {
-            joint: pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)[3, joint - 1]
-            for joint in self.figure.chain(leg)
-        }
-        rolls = [joint for joint, share in columns.items() if abs(share) > 0.8]
-        side = np.sign(data.oMi[leg].translation[1])
-        for joint, turn in zip((rolls[:1] + rolls[-1:])[: len(rolls)], (1.0, -1.0), strict=False):
-            q[joint - 1] += turn * side * wide * np.sign(columns[joint])

@@ -44,7 +44,20 @@ def assumed_structure(
             Assumed(
                 what="geometry",
                 value="boxes of the links' own inertia",
-                consequence=f"collisions are checked roughly: the model's geometry cannot be used ({geometry[:150]})",
+                consequence=(
+                    "no longer than their joints say; collisions are checked roughly: the model's geometry cannot be "
+                    f"used ({geometry[:150]})"
+                ),
+            )
+        )
+    shaped = {shape.joint for shape in figure.shapes}
+    bare = [segment.link for segment in figure.robot.segments if segment.joint not in shaped]
+    if bare:
+        found.append(
+            Assumed(
+                what="links without geometry",
+                value=", ".join(bare[:6]) + (", …" if len(bare) > 6 else ""),
+                consequence="nothing checks what they touch: give them <collision>, or collision.shapes",
             )
         )
     if ground is not None:
@@ -55,7 +68,11 @@ def assumed_structure(
             Assumed(
                 what="ground",
                 value=f"a plane at {ground:.3f} m of the base's frame",
-                consequence=f"motions stay above it: state collision.table_height if it is elsewhere{more}",
+                consequence=(
+                    f"hold the robot so high that this is its floor: nothing it may reach touches it{more}"
+                    if rest.base == "held"
+                    else f"motions stay above it: state collision.table_height if it is elsewhere{more}"
+                ),
             )
         )
     else:

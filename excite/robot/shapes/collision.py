@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,22 @@ def collision_model(robot: Robot) -> pin.GeometryModel:
             model.addCollisionPair(pin.CollisionPair(first, second))
         _MODELS[robot.hash] = model
     return _MODELS[robot.hash]
+
+
+def geometry_data(geometry: pin.GeometryModel) -> pin.GeometryData:
+    """Data for a geometry model in which no answer depends on what was asked before.
+
+    Coal would begin each search where the last one of the same pair ended, and end up to 1e-6 m elsewhere: the same
+    question would have an answer for each history. That saves a tenth of the time of distances of a G1, and none of a
+    UR10's or of the search for collisions.
+    """
+    data = geometry.createData()
+    with warnings.catch_warnings():
+        # What coal names in its place, gjk_initial_guess, does not take it away.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        for request in (*data.distanceRequests, *data.collisionRequests):
+            request.enable_cached_gjk_guess = False
+    return data
 
 
 def shape_pairs(

@@ -9,11 +9,11 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.description import RobotDescription
-from excite.robot.shapes.shape import Shape
+from excite.robot.shapes.shape import Shape, shape_points
 
 # Hulls of meshes stand out below a mounting plane by a hundredth of their size [m].
 _FLANGE = 0.02
-# Below all that a robot that hangs may reach [m].
+# Below all that a robot that hangs or is held up may reach [m].
 _CLEAR = 0.1
 
 
@@ -22,26 +22,51 @@ def ground_is_assumed(description: RobotDescription) -> bool:
     return description.base == "fixed" and "table_height" not in description.collision.model_fields_set
 
 
-def ground_height(model: pin.Model, shapes: Sequence[Shape], rest: Array) -> float:
+def ground_height(model: pin.Model, shapes: Sequence[Shape], rest: Array, *, held_up: bool = False) -> float:
     """Height of the ground in the frame of a fixed base [m].
 
     It is the plane that the base is mounted on: that of its frame, or its lowest point where it stands on a pedestal.
-    Of a robot that hangs, most of whose mass rests lower, it lies below all that the robot may reach.
+    Of a robot that hangs, most of whose mass rests lower, and of one that is held up, it lies below all that the robot
+    may reach.
 
     Args:
         model: the robot's, base fixed.
         shapes: its shapes.
         rest: its posture of rest ``(n_joints,)``.
+        held_up: whether it has legs that shall swing free of the ground.
     """
     data = model.createData()
     centre = whole_centre(model, data, rest)
     low = lowest_points(shapes, data)
     base = low.get(0, 0.0)
     plane = base if base < -_FLANGE else 0.0
+    if held_up:
+        return min(plane, *low.values(), -reach(model, shapes, from_base=True)) - _CLEAR
     if centre[2] >= plane - _FLANGE:
         return plane
-    reach = sum(float(np.linalg.norm(place.translation)) for place in list(model.jointPlacements)[1:])
-    return min(plane, *low.values()) - reach - _CLEAR
+    together = sum(float(np.linalg.norm(place.translation)) for place in list(model.jointPlacements)[1:])
+    return min(plane, *low.values()) - together - _CLEAR
+
+
+def reach(model: pin.Model, shapes: Sequence[Shape], *, from_base: bool) -> float:
+    """Length that no limb exceeds, whatever its joints do, to the farthest point of its shapes [m].
+
+    Args:
+        model: the robot's, base fixed.
+        shapes: its shapes.
+        from_base: measured from the base's frame, else from the limb's own first joint.
+    """
+    length = np.zeros(model.njoints)
+    for joint in range(1, model.njoints):
+        parent = model.parents[joint]
+        if parent or from_base:
+            length[joint] = length[parent] + np.linalg.norm(model.jointPlacements[joint].translation)
+        if model.joints[joint].shortname().startswith("JointModelP"):
+            at = model.joints[joint].idx_q
+            length[joint] += max(abs(model.lowerPositionLimit[at]), abs(model.upperPositionLimit[at]))
+    moving = [shape for shape in shapes if shape.joint or from_base]
+    farthest = [np.linalg.norm(shape_points(shape), axis=1).max() + length[shape.joint] for shape in moving]
+    return float(max(farthest, default=0.0))
 
 
 def links_below(

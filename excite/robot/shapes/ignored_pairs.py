@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import TABLE, collision_shapes, shape_pairs
+from excite.robot.shapes.collision import TABLE, collision_shapes, geometry_data, shape_pairs
 from excite.robot.shapes.shape import coal_geometry
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ class PairSearch:
         column = {pair: index for index, pair in enumerate(self.pairs)}
         self.columns = np.array([column[name] for name in names], dtype=np.int64)
         self.joints = {shape.link: shape.joint for shape in shapes}
-        self.data, self.geometry_data = robot.model.createData(), self.geometry.createData()
+        self.data, self.geometry_data = robot.model.createData(), geometry_data(self.geometry)
 
     def posture(self, joints: Array) -> Array:
         q = self.robot.rest.copy()

@@ -18,8 +18,8 @@ from excite.safety.repairs.steering import Steering, steering
 
 _TURNS = {"x": "roll", "y": "pitch", "z": "yaw"}
 _TOLERANCE = 1e-9
-# Steps of Newton's method; towards rest, where something is left to choose, they shrink by a share each.
-_ITERATIONS, _ITERATIONS_SPARE = 12, 60
+# Steps of Newton's method.
+_ITERATIONS = 12
 
 
 def _kinematic_urdf(robot: Robot) -> str:
@@ -83,10 +83,13 @@ class Balancer:
         legs = {robot.joint_names[i] for foot in robot.feet for i in leg_joints(robot, foot)}
         solver = placo.KinematicsSolver(self._wrapper)
         solver.enable_joint_limits(False)
+        can = steering(robot)
+        # Joints that no task needs would drift, or creep towards rest by steps that do not end: with two to a leg of
+        # CENTAURO no candidate was solved.
+        legs -= {robot.joint_names[i] for i in can.idle}
         for joint in names[2:]:
             if joint not in legs:
                 solver.mask_dof(joint)
-        can = steering(robot)
         self._feet = {}
         for foot in robot.feet:
             self._feet[foot.name] = _foot_task(solver, self._wrapper, robot, foot, can)
@@ -102,13 +105,6 @@ class Balancer:
         self._height = solver.add_position_task(pelvis, self._pelvis_rest[:3, 3])
         self._height.mask.set_axises("z" if "height" in can.trunk else "")
         self._height.configure("pelvis_height", "hard", 1.0)
-        self._iterations = _ITERATIONS_SPARE if can.spare else _ITERATIONS
-        if can.spare:
-            # What no task needs stays near rest, where it would else drift to its limits.
-            posture = solver.add_joints_task()
-            at_rest = dict(zip(robot.joint_names, robot.rest[robot.n_base_q :], strict=True))
-            posture.set_joints({joint: float(at_rest[joint]) for joint in sorted(legs)})
-            posture.configure("posture", "soft", 1.0)
         self._solver = solver
         # Targets as every later solve leaves them: placo rounds a pose that it is handed.
         self._reset_feet()
@@ -150,7 +146,7 @@ class Balancer:
 
     def _converge(self, start: Array) -> bool:
         self._set(start)
-        for _ in range(self._iterations):
+        for _ in range(_ITERATIONS):
             try:
                 step = self._solver.solve(True)
             except RuntimeError:

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model
+from excite.robot.shapes.collision import collision_model, geometry_data
 
 # Distance beyond the required margin that repairs keep, so that nothing happens between their samples [m].
 EXTRA = 0.004
@@ -22,7 +22,7 @@ class CollisionProbe:
         self._model = robot.model
         self._data = robot.model.createData()
         self._geometry = collision_model(robot).copy()
-        self._state = self._geometry.createData()
+        self._state = geometry_data(self._geometry)
         self._set_margins(robot)
         self._manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             self._model, self._geometry, self._state

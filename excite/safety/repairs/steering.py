@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import qr
 
 from excite.arrays import Array
 from excite.motion.generators.bodyparts import leg_joints, pelvis_joint
@@ -28,12 +29,13 @@ class Steering:
     Attributes:
         trunk: among ``x, y`` (centre of mass), ``height, roll, pitch, yaw`` (pelvis).
         soles: by flat foot, among ``x, y, z, roll, pitch, yaw``; the others follow from these.
-        spare: coordinates that all of these leave free: those of legs with more joints than a foot needs.
+        idle: joints of legs that have more than their foot needs, as indices into ``joint_names``: held at rest, they
+            leave all of these to be prescribed, and as well as any others would.
     """
 
     trunk: frozenset[str]
     soles: dict[str, frozenset[str]]
-    spare: int
+    idle: tuple[int, ...]
 
 
 def steering(robot: Robot) -> Steering:
@@ -62,7 +64,9 @@ def steering(robot: Robot) -> Steering:
         turns.remove(freest)
         if chosen.takes(wanted[freest][moving]):
             trunk.append(freest)
-    return Steering(frozenset(trunk), soles, chosen.spare)
+    return Steering(
+        frozenset(trunk), soles, tuple(moving[k] - robot.n_base_v for k in chosen.idle(robot.n_base_v))
+    )
 
 
 class _Independent:
@@ -71,10 +75,15 @@ class _Independent:
     def __init__(self, size: int) -> None:
         self._basis = np.zeros((0, size))
 
-    @property
-    def spare(self) -> int:
-        """How many more there can be."""
-        return self._basis.shape[1] - len(self._basis)
+    def idle(self, first: int) -> list[int]:
+        """Coordinates from ``first`` on that the rows do not need: QR with pivots picks those that serve them best."""
+        spare = self._basis.shape[1] - len(self._basis)
+        if spare == 0:
+            return []
+        base, others = self._basis[:, :first], self._basis[:, first:]
+        left = others - base @ np.linalg.lstsq(base, others, rcond=None)[0]
+        _, pivots = qr(left, mode="r", pivoting=True)
+        return sorted(first + int(k) for k in pivots[len(pivots) - spare :])
 
     def left(self, row: Array) -> float:
         """Share of a row that does not follow from those taken."""
