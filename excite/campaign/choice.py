@@ -45,7 +45,9 @@ class Choice:
         selection: which of them go on.
         validation: which of the others judge the result.
         fallen: how many fell.
-        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall.
+        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall, and where the
+            user broke off before it.
+        interrupted: whether the user broke off: a robot that can fall has not rehearsed them.
     """
 
     pool: Pool
@@ -53,19 +55,38 @@ class Choice:
     validation: tuple[int, ...]
     fallen: int
     load: float | None
+    interrupted: bool = False
 
 
 def choose(
-    robot: Robot, pool: Pool, base: BaseParameters, rule: Rule, jobs: Jobs, progress: Progress
+    robot: Robot,
+    pool: Pool,
+    base: BaseParameters,
+    rule: Rule,
+    jobs: Jobs,
+    progress: Progress,
+    *,
+    interrupted: bool = False,
 ) -> Choice:
     """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
 
-    Where all of them fall under the load that a robot should carry, they are rehearsed with the least.
+    Where all of them fall under the load that a robot should carry, they are rehearsed with the least. Where the user
+    broke off already, or does now, they are chosen without a rehearsal.
     """
+    fallen: set[str] = set()
     try:
-        return _choose(robot, pool, base, rule, UNKNOWN_LOAD, jobs, progress)
-    except _AllFall:
-        return _choose(robot, pool, base, rule, LEAST_LOAD, jobs, progress)
+        if not interrupted:
+            try:
+                return _choose(robot, pool, base, rule, UNKNOWN_LOAD, jobs, progress, fallen)
+            except _AllFall:
+                fallen.clear()
+                return _choose(robot, pool, base, rule, LEAST_LOAD, jobs, progress, fallen)
+    except KeyboardInterrupt:
+        # Without those of which it is known that they fall.
+        interrupted = True
+    left = pool.without(fallen)
+    selection = _selected(robot, left, base, rule)
+    return Choice(left, selection, _unchosen_in_turn(left, selection.indices), len(fallen), None, interrupted)
 
 
 class _AllFall(NoSolutionError):
@@ -80,8 +101,9 @@ def _choose(
     load: float,
     jobs: Jobs,
     progress: Progress,
+    fallen: set[str],
 ) -> Choice:
-    fallen: set[str] = set()
+    """The choice; the names of those that fall are added to ``fallen`` as they are found."""
     stood: set[str] = set()
     while True:
         left = pool.without(fallen)
@@ -92,13 +114,7 @@ def _choose(
                 best=left.motions,
                 remedy="ask for more candidates, or for calmer motions",
             )
-        selection = select(rule.name, candidates(robot, left, base, rule)) if left.entries else None
-        if selection is None or not selection.indices:
-            raise NoSolutionError(
-                f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
-                best=left.motions,
-                remedy="ask for more candidates",
-            )
+        selection = _selected(robot, left, base, rule)
         validation = _unchosen_in_turn(left, selection.indices)
         names = left.names
         new = [i for i in (*selection.indices, *validation) if names[i] not in stood]
@@ -107,6 +123,18 @@ def _choose(
         verdicts = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
         for i, stands in zip(new, verdicts, strict=True):
             (stood if stands else fallen).add(names[i])
+
+
+def _selected(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:
+    """What a rule selects; raises NoSolutionError where that is nothing."""
+    selection = select(rule.name, candidates(robot, left, base, rule)) if left.entries else None
+    if selection is None or not selection.indices:
+        raise NoSolutionError(
+            f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
+            best=left.motions,
+            remedy="ask for more candidates",
+        )
+    return selection
 
 
 def candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None) -> Candidates:

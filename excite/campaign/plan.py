@@ -57,7 +57,8 @@ def plan(
 
     What is chosen was found safe by the independent check, and stood its rehearsal in simulation. Accepted motions
     wait in a temporary folder (of ``TMPDIR``) for as long as the plan is there, so that memory does not grow with
-    their number.
+    their number. A user who interrupts (Ctrl-C) after the first of them gets the best so far, not rehearsed:
+    ``interrupted`` of the plan says so.
 
     Args:
         robot: the robot.
@@ -82,6 +83,7 @@ def plan(
         The plan.
 
     Raises:
+        KeyboardInterrupt: the user interrupted before any candidate was accepted.
         NoSolutionError: no candidate was accepted; the error says what refuses most and what would help; its
             ``best`` are the :class:`~excite.campaign.candidates.refusal.Refusals`.
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
@@ -98,15 +100,20 @@ def plan(
     folder = TemporaryFolder()
     keeper = Keeper(folder.path, prefix)
     first = FirstOf(source.candidates)
-    report = filter_candidates(robot, first, jobs=jobs, total=source.count, progress=progress, keep=keeper)
+    report = filter_candidates(
+        robot, first, jobs=jobs, total=source.count, progress=progress, keep=keeper, partial=True
+    )
     refusals = refusals_of(robot, report, first, jobs, accepted=len(report.kept))
     filtered = time.perf_counter()
     if not report.kept:
+        if report.interrupted:
+            raise KeyboardInterrupt
         raise none_is_safe(robot, refusals)
     base = structural_base_parameters(robot)
     pool = Pool(report.kept, folder, ranked_segments(robot))
     ranked = time.perf_counter()
-    choice = choose(robot, pool, base, Rule(selection, budget_s), jobs, progress)
+    rule = Rule(selection, budget_s)
+    choice = choose(robot, pool, base, rule, jobs, progress, interrupted=report.interrupted)
     pool = choice.pool
     indices = choice.selection.indices
     chosen = conditioning(robot, pool.factors.only(indices), base)
@@ -131,6 +138,7 @@ def plan(
             "choose": finished - ranked,
         },
         load=choice.load,
+        interrupted=choice.interrupted,
         target_rsd=target_rsd,
         before=tuple(before),
     )
