@@ -82,6 +82,8 @@ class Gathered:
 
     def add(self, time: float, fields: Sequence[Field], values: Sequence[float]) -> None:
         """One message at a time [s]."""
+        if self._n == self._columns.shape[1]:
+            self._grow()
         places = self._places(fields)
         row = np.full(1 + len(self._fields), np.nan)
         row[0] = time
@@ -130,6 +132,9 @@ class Gathered:
         if self._n < 2:
             return False
         kept = self._n // 2
+        if self._n % 2:
+            # The row without a partner stands for as many as it is the mean of.
+            self._block[:0] = [self._columns[:, self._n - 1].copy()] * self._every
         for column in self._columns:
             column[:kept] = 0.5 * (column[0 : 2 * kept : 2] + column[1 : 2 * kept : 2])
         self._n, self._every = kept, 2 * self._every
@@ -165,8 +170,6 @@ class Gathered:
         self._known[fields] = np.array([1 + self._index[field.name] for field in fields], dtype=int)
 
     def _append(self, row: Array) -> None:
-        if self._n == self._columns.shape[1]:
-            self._grow()
         self._columns[: len(row), self._n] = row
         self._columns[len(row) :, self._n] = np.nan
         self._n += 1
