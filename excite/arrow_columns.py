@@ -41,7 +41,10 @@ def read_numbers(file: pa.parquet.ParquetFile) -> dict[str, NDArray[Any]]:
     numbers = [field.name for field in schema if _is_number(field.type)]
     # All of them by no name: a name would also choose those that it begins.
     table = file.read() if len(numbers) == len(names) else file.read(columns=numbers).select(numbers)
-    found = numpy_columns(table)
+    columns = table.columns
+    # A column at a time, so that a long recording is not in memory twice.
+    del table
+    found = {name: _numpy(columns.pop(0)) for name in numbers}
     return {name: found.get(name, np.empty(0, dtype=object)) for name in names}
 
 

@@ -45,7 +45,9 @@ class Choice:
         selection: which of them go on.
         validation: which of the others judge the result.
         fallen: how many fell.
-        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall.
+        load: that the robot carried in the rehearsal, of its mass; None of a robot that cannot fall, and where the
+            user broke off before it.
+        interrupted: whether the user broke off: a robot that can fall has not rehearsed them.
     """
 
     pool: Pool
@@ -53,6 +55,7 @@ class Choice:
     validation: tuple[int, ...]
     fallen: int
     load: float | None
+    interrupted: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,10 @@ class Rehearsed:
     """Which motions stood their rehearsal, by name and load, so that none is rehearsed twice."""
 
     stood: dict[tuple[str, float], bool] = field(default_factory=dict)
+
+    def fallen(self, pool: Pool, load: float) -> set[str]:
+        """Names of motions of a pool that fell under a load."""
+        return {name for name in pool.names if not self.stood.get((name, load), True)}
 
 
 def choose(
@@ -70,17 +77,30 @@ def choose(
     jobs: Jobs,
     progress: Progress,
     rehearsed: Rehearsed | None = None,
+    *,
+    interrupted: bool = False,
 ) -> Choice:
     """Choose motions by a rule, rehearse them, and choose again without those that fell; raises NoSolutionError.
 
     Where all of them fall under the load that a robot should carry, they are rehearsed with the least. What is known
-    from rehearsals before stands in ``rehearsed``, and what these tell is added.
+    from rehearsals before stands in ``rehearsed``, and what these tell is added. Where the user broke off already, or
+    does now, they are chosen without a rehearsal, and without those of which it is known that they fall.
     """
     known = rehearsed or Rehearsed()
+    load = UNKNOWN_LOAD
     try:
-        return _choose(robot, pool, base, rule, UNKNOWN_LOAD, jobs, progress, known)
-    except _AllFall:
-        return _choose(robot, pool, base, rule, LEAST_LOAD, jobs, progress, known)
+        if not interrupted:
+            try:
+                return _choose(robot, pool, base, rule, load, jobs, progress, known)
+            except _AllFall:
+                load = LEAST_LOAD
+                return _choose(robot, pool, base, rule, load, jobs, progress, known)
+    except KeyboardInterrupt:
+        pass
+    fallen = known.fallen(pool, load)
+    left = pool.without(fallen)
+    selection = _selected(robot, left, base, rule)
+    return Choice(left, selection, _unchosen_in_turn(left, selection.indices), len(fallen), None, interrupted=True)
 
 
 class _AllFall(NoSolutionError):
@@ -98,7 +118,7 @@ def _choose(
     known: Rehearsed,
 ) -> Choice:
     while True:
-        fallen = {name for name in pool.names if not known.stood.get((name, load), True)}
+        fallen = known.fallen(pool, load)
         left = pool.without(fallen)
         if fallen and not left.entries:
             raise _AllFall(
@@ -107,13 +127,7 @@ def _choose(
                 best=left.motions,
                 remedy="ask for more candidates, or for calmer motions",
             )
-        selection = select(rule.name, candidates(robot, left, base, rule)) if left.entries else None
-        if selection is None or not selection.indices:
-            raise NoSolutionError(
-                f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
-                best=left.motions,
-                remedy="ask for more candidates",
-            )
+        selection = _selected(robot, left, base, rule)
         validation = _unchosen_in_turn(left, selection.indices)
         names = left.names
         new = [i for i in (*selection.indices, *validation) if (names[i], load) not in known.stood]
@@ -122,6 +136,18 @@ def _choose(
         verdicts = rehearse(robot, left.motions.only(new), load=load, jobs=jobs, progress=progress)
         for i, stands in zip(new, verdicts, strict=True):
             known.stood[names[i], load] = stands
+
+
+def _selected(robot: Robot, left: Pool, base: BaseParameters, rule: Rule) -> Selection:
+    """What a rule selects; raises NoSolutionError where that is nothing."""
+    selection = select(rule.name, candidates(robot, left, base, rule)) if left.entries else None
+    if selection is None or not selection.indices:
+        raise NoSolutionError(
+            f"none of the {len(left.entries)} safe motions excites any segment of {robot.name} to full rank",
+            best=left.motions,
+            remedy="ask for more candidates",
+        )
+    return selection
 
 
 def candidates(robot: Robot, pool: Pool, base: BaseParameters, rule: Rule | None = None) -> Candidates:

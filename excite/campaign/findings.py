@@ -29,6 +29,9 @@ from excite.robot.catalogue import data_folder
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
 
+# Deviations of a normal distribution within which 95 of 100 values lie.
+_NORMAL_95 = 1.96
+
 
 def robot_file(robot: Robot, folder: Path) -> dict[str, str]:
     """Where a robot of one's own is described, relative to a results folder; nothing for a bundled robot."""
@@ -108,12 +111,16 @@ def force_comparison(
 def mass_comparison(robot: Robot, identification: Identification, truth: Path | None) -> MassComparison:
     """Masses of all segments; the true ones where ``truth.json`` of a virtual robot is there."""
     changed = {item.link for item in identification.changes.segments}
+    known = identification.statistics.uncertainty
+    masses = slice(0, 10 * len(identification.masses), 10)
     return MassComparison(
         names=identification.identified.segments,
         nominal=identification.nominal[::10].copy(),
         identified=identification.masses,
         true=true_masses(robot, truth) if truth is not None and os.path.lexists(truth) else None,
         changed=np.array([link in changed for link in identification.links]),
+        half_width=None if known is None else _NORMAL_95 * known.std[masses],
+        determined=None if known is None else known.determined[masses].copy(),
     )
 
 

@@ -68,9 +68,11 @@ def campaign(
         progress: told as work proceeds.
 
     Returns:
-        The campaign; also written to ``campaign.json``.
+        The campaign; also written to ``campaign.json``. Of one that the user interrupts, the iterations that were
+        complete: ``interrupted`` says so, and ``resume`` goes on.
 
     Raises:
+        KeyboardInterrupt: the user interrupted before any iteration was complete.
         InputError: the folder holds a campaign, or another one than asked for, or another run writes there.
         NoSolutionError: no candidate is safe, or the estimator failed; what earlier iterations found is written.
         LogError: a recorded log does not fit.
@@ -79,7 +81,13 @@ def campaign(
     with claimed(Path(folder)):
         journal = Journal(Path(folder))
         journal.open(robot, settings, resume=resume)
-        return _run(_State(robot, settings, journal, jobs, progress))
+        state = _State(robot, settings, journal, jobs, progress)
+        try:
+            return _run(state)
+        except KeyboardInterrupt:
+            if not state.iterations:
+                raise
+            return state.finish(interrupted=True)
 
 
 def _run(state: _State) -> Campaign:
@@ -142,6 +150,9 @@ class _State:
             jobs=self.jobs,
             progress=self.progress,
         )
+        if made.interrupted:
+            # What is found complete when the campaign goes on was planned with all candidates.
+            raise KeyboardInterrupt
         made.save(self.journal.iteration(number))
         return PlannedMotions(tuple(made.motions), tuple(made.validation_motions), made.to_json())
 
@@ -191,7 +202,7 @@ class _State:
         self.progress("identify", len(self.iterations), self.settings.max_iterations)
         return missed
 
-    def finish(self, awaits: Path | None = None) -> Campaign:
+    def finish(self, awaits: Path | None = None, *, interrupted: bool = False) -> Campaign:
         """Write and return the result."""
         result = Campaign(
             robot=self.robot.name,
@@ -201,6 +212,7 @@ class _State:
             conditioning=self.conditioning,
             awaits=awaits,
             expected=self.expected,
+            interrupted=interrupted,
         )
         folder = self.journal.folder
         if self.identification is not None and self.conditioning is not None:

@@ -58,7 +58,8 @@ def plan(
 
     What is chosen was found safe by the independent check, and stood its rehearsal in simulation. Accepted motions
     wait in a temporary folder (of ``TMPDIR``) for as long as the plan is there, so that memory does not grow with
-    their number.
+    their number. A user who interrupts (Ctrl-C) after the first of them gets the best so far, not rehearsed:
+    ``interrupted`` of the plan says so.
 
     Args:
         robot: the robot.
@@ -84,6 +85,7 @@ def plan(
         The plan.
 
     Raises:
+        KeyboardInterrupt: the user interrupted before any candidate was accepted.
         NoSolutionError: no candidate was accepted; the error says what refuses most and what would help; its
             ``best`` are the :class:`~excite.campaign.candidates.refusal.Refusals`.
         UnknownNameError: a target is no joint of the robot, or the generator or the selection is unknown.
@@ -120,6 +122,7 @@ def plan(
         unchosen=unchosen,
         stages={**seconds_of, **judged.seconds},
         load=choice.load,
+        interrupted=choice.interrupted,
         target_rsd=target_rsd,
         before=tuple(before),
     )
@@ -136,6 +139,8 @@ def _chosen(
     while True:
         report = judged.more()
         if not report.kept:
+            if report.interrupted:
+                raise KeyboardInterrupt
             raise none_is_safe(robot, judged.refusals(report))
         filtered = time.perf_counter()
         base = structural_base_parameters(robot)
@@ -143,14 +148,23 @@ def _chosen(
         ranked = time.perf_counter()
         seconds["rank"] += ranked - filtered
         try:
-            choice = choose(robot, pool, base, rule, judged.asked.jobs, judged.asked.progress, rehearsed)
+            choice = choose(
+                robot,
+                pool,
+                base,
+                rule,
+                judged.asked.jobs,
+                judged.asked.progress,
+                rehearsed,
+                interrupted=report.interrupted,
+            )
         except NoSolutionError:
             if judged.exhausted:
                 raise
             continue
         finally:
             seconds["choose"] += time.perf_counter() - ranked
-        if len(choice.pool.entries) >= ENOUGH or judged.exhausted:
+        if len(choice.pool.entries) >= ENOUGH or judged.exhausted or choice.interrupted:
             return report, base, choice
 
 

@@ -46,6 +46,7 @@ class Plan(Tabled):
         load: that the robot carried on its back in the rehearsal, of its mass; None of a robot that cannot fall.
         target_rsd: that is asked for of the essential parameters [percent].
         before: motions that were run already, which what is to be expected counts too.
+        interrupted: whether the user broke off: chosen from what was accepted by then, and not rehearsed.
     """
 
     robot: Robot
@@ -61,6 +62,7 @@ class Plan(Tabled):
     load: float | None = None
     target_rsd: float = TARGET_RSD
     before: tuple[Motion, ...] = ()
+    interrupted: bool = False
 
     tables = ("motions", "segments", "base_parameters", "rejected")
 
@@ -143,6 +145,7 @@ class Plan(Tabled):
                 for item in self.selection.selected
             ],
             "rehearsed_load": self.load,
+            "interrupted": self.interrupted,
             "validation": [f"motions/{self.pool.names[i]}.parquet" for i in self.validation],
             "conditioning": dict(self.conditioning.to_json()),
             "base_parameters": []
@@ -162,6 +165,9 @@ class Plan(Tabled):
             f"chosen:   {self.conditioning.summary()}",
             f"unchosen: {self.unchosen.summary()}",
         ]
+        if self.interrupted:
+            rehearsed = ", and nobody has rehearsed them in simulation" if self.robot.floating else ""
+            lines.append(f"interrupted: the best of those accepted by then{rehearsed}")
         if self.validation:
             names = ", ".join(f"{self.pool.names[i]}.parquet" for i in self.validation)
             lines.append(f"written too, to validate on and not to identify from: motions/{names}")

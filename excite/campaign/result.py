@@ -58,6 +58,7 @@ class Campaign(Tabled):
         conditioning: of all chosen motions together.
         awaits: folder that a log has to be put into before ``--resume``; None when finished.
         expected: what the last plan said of the target; None where the sensors' noise is not stated.
+        interrupted: whether the user broke off: the iterations are those that were complete.
     """
 
     robot: str
@@ -67,6 +68,7 @@ class Campaign(Tabled):
     conditioning: Conditioning | None
     awaits: Path | None = None
     expected: Forecast | None = None
+    interrupted: bool = False
 
     tables = ("targets", "iterations")
 
@@ -101,7 +103,7 @@ class Campaign(Tabled):
     @property
     def targets_met(self) -> bool:
         """Whether every essential parameter reached the target."""
-        return self.awaits is None and bool(self.iterations) and not self.missed
+        return self.awaits is None and not self.interrupted and bool(self.iterations) and not self.missed
 
     def to_json(self) -> dict[str, Any]:
         """The ``excite.campaign/1`` document."""
@@ -111,6 +113,7 @@ class Campaign(Tabled):
             "target_rsd_percent": self.target_rsd,
             "iterations": [iteration.to_json() for iteration in self.iterations],
             "targets_met": self.targets_met,
+            "interrupted": self.interrupted,
             "awaits": None if self.awaits is None else str(self.awaits),
             "identification": None if self.identification is None else self.identification.to_json(),
         }
@@ -132,6 +135,8 @@ class Campaign(Tabled):
             if self.expected is not None:
                 lines.append(f"plan {len(self.iterations) + 1}, {self.expected.summary()}")
             lines.append(f"record the motions and put the log into {self.awaits}, then go on with --resume")
+        elif self.interrupted:
+            lines.append("interrupted: go on with --resume")
         elif self.targets_met:
             lines.append("all targets met")
         else:

@@ -11,6 +11,7 @@ import excite
 from excite.claim import claimed
 from excite.cli.session.command_help import METHOD_HELP
 from excite.cli.session.completion import one_of
+from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -70,6 +71,7 @@ def command(
         claimed(out or Path("campaign")) as folder,
         workers(jobs, cluster) as crew,
         progress_bars() as progress,
+        keeping_best(),
     ):
         loaded = excite.load_robot(robot)
         with refusals_shown(loaded, folder):
@@ -81,20 +83,24 @@ def command(
                 jobs=crew,
                 progress=progress,
             )
-        excite.report(folder)
+        if not result.interrupted:
+            excite.report(folder)
     emit(
         f"{result.summary()}\nwritten to {folder}",
         result.to_json(),
         as_json=as_json,
         then=_then(robot, folder, result, on_robot=on_robot),
     )
+    if result.interrupted:
+        say_interrupted(f"what is complete is in {folder}")
+        raise typer.Exit(exit_code_of_interruption())
     if not result.targets_met:
         raise typer.Exit(EXIT_NEGATIVE)
 
 
 def _then(robot: str, folder: Path, result: Campaign, *, on_robot: bool) -> str:
-    """What to go on with: the recording that is awaited, or what the last log says of the robot beside its model."""
-    if result.awaits is not None:
+    """What to go on with: the recording that is awaited, the campaign, or what the last log says beside the model."""
+    if result.awaits is not None or result.interrupted:
         mode = ["--on-robot"] if on_robot else []
         return command_line("campaign", robot, *mode, "--resume", "--out", folder)
     last = folder / f"iteration_{len(result.iterations)}" / "log"

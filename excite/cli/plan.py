@@ -10,6 +10,7 @@ import typer
 import excite
 from excite.campaign.candidates.registry import SEARCHES
 from excite.claim import claimed
+from excite.cli.session.interruption import exit_code_of_interruption, keeping_best, say_interrupted
 from excite.cli.session.options import (
     ClusterOption,
     JobsOption,
@@ -89,7 +90,12 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Plan excitation motions: candidates, safety, ranking, choice; writes motions and plan.json."""
-    with claimed(out or Path("plan")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
+    with (
+        claimed(out or Path("plan")) as folder,
+        workers(jobs, cluster) as crew,
+        progress_bars() as progress,
+        keeping_best(),
+    ):
         loaded = excite.load_robot(robot, keep=folder / "robot")
         with refusals_shown(loaded, folder):
             plan = excite.plan(
@@ -106,13 +112,17 @@ def command(
                 progress=progress,
             )
         plan.save(folder)
-        excite.report(folder)
+        if not plan.interrupted:
+            excite.report(folder)
     emit(
         f"{plan.summary()}\nwritten to {folder}",
         plan.to_json(),
         as_json=as_json,
-        then=command_line("capture", robot, folder),
+        then=command_line("report", folder) if plan.interrupted else command_line("capture", robot, folder),
     )
+    if plan.interrupted:
+        say_interrupted(f"the best so far is in {folder}")
+        raise typer.Exit(exit_code_of_interruption())
 
 
 def _series(criterion: str | None, period: float | None) -> SeriesSettings | None:

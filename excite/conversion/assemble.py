@@ -74,7 +74,14 @@ def _times(stream: Stream, clocks: dict[str, Mapped], rate_hz: float | None) -> 
 
 def _channels(stream: Stream, items: list[Mapped]) -> dict[str, Array]:
     columns = {column.name: column.values for column in stream.columns}
-    return {item.target: columns[item.source] * item.factor + item.offset for item in items}
+    return {item.target: _in_si(columns[item.source], item) for item in items}
+
+
+def _in_si(values: Array, item: Mapped) -> Array:
+    """A column by its factor and offset; the same numbers, not copied, where nothing is to do."""
+    if item.factor != 1.0:
+        values = values * item.factor
+    return values + item.offset if item.offset else values
 
 
 def _joined(recording: Recording, parts: list[tuple[Stream, Array, list[Mapped]]]) -> Table:
@@ -93,8 +100,9 @@ def _joined(recording: Recording, parts: list[tuple[Stream, Array, list[Mapped]]
             source=recording.source,
             remedy="check their clocks; map the time column of each under columns",
         )
-    columns = {"time": time[inside]}
-    columns |= {name: values[inside] for name, values in _channels(base, items).items()}
+    kept = slice(None) if inside.all() else inside
+    columns = {"time": time[kept]}
+    columns |= {name: values[kept] for name, values in _channels(base, items).items()}
     for stream, own, others in parts[1:]:
         order = np.argsort(own, kind="stable")
         for name, values in _channels(stream, others).items():

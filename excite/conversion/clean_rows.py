@@ -26,7 +26,7 @@ def whole_rows(table: Table, source: object) -> Table:
     """
     time = table.columns["time"]
     known = np.isfinite(time)
-    columns = {name: values[known] for name, values in table.columns.items()}
+    columns = _where(known, table.columns)
     time = columns["time"]
     filled, notes = 0, list(table.notes)
     silent = _silent(columns)
@@ -34,7 +34,7 @@ def whole_rows(table: Table, source: object) -> Table:
         notes.append(
             f"{int(silent.sum())} rows at the ends hold zeros of all joints, which nothing moved to or from: left out"
         )
-        columns = {name: values[~silent] for name, values in columns.items()}
+        columns = _where(~silent, columns)
         time = columns["time"]
     for name, values in columns.items():
         holes = ~np.isfinite(values)
@@ -59,7 +59,9 @@ def whole_rows(table: Table, source: object) -> Table:
         columns[name] = values.copy()
         columns[name][rows] = np.interp(time[rows], time[there], values[there])
         filled += len(rows)
-    whole = np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    whole = np.ones(len(time), dtype=bool)
+    for values in columns.values():
+        whole &= np.isfinite(values)
     if whole.sum() < 10:
         empty = [name for name, values in columns.items() if not np.isfinite(values).any()]
         raise LogError(
@@ -72,9 +74,12 @@ def whole_rows(table: Table, source: object) -> Table:
         notes.append(f"{filled} single values that were missing stand between their neighbours")
     if not whole.all() or not known.all():
         notes.append(f"{int((~whole).sum() + (~known).sum())} rows with missing values were left out")
-    return replace(
-        table, columns={name: values[whole] for name, values in columns.items()}, notes=tuple(notes)
-    )
+    return replace(table, columns=_where(whole, columns), notes=tuple(notes))
+
+
+def _where(rows: NDArray[np.bool_], columns: dict[str, Array]) -> dict[str, Array]:
+    """Columns in some rows; not copied where all are meant."""
+    return dict(columns) if rows.all() else {name: values[rows] for name, values in columns.items()}
 
 
 def _silent(columns: dict[str, Array]) -> NDArray[np.bool_]:

@@ -25,13 +25,13 @@ from excite.conversion.recording import Recording, stated_rate
 from excite.conversion.recordings import read_recordings
 from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.shapes.clock_runs import in_runs
-from excite.conversion.trials import cut_trials
+from excite.conversion.trials import Cut, cut_trials
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError
 from excite.logs.columns import read_columns
 from excite.logs.files import check_replaceable, header_text, load_log, save_log
 from excite.logs.header_blocks import Guess
-from excite.logs.log import Log
+from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
 
 SCHEMA = "excite.convert/1"
@@ -114,37 +114,48 @@ def convert(
     found = guess(recordings[0], machine, stated)
     if found.questions:
         raise UnclearError(_weighed(found.questions, sources, robot, stated), recordings[0].source)
-    tables = [table for recording in recordings for table in _tables(recording, found, machine, stated)]
     said = {
         name: role for recording in recordings for name, role in dict(recording.said.get("roles", {})).items()
     }
     sheet = None if capture is None else read_capture(Path(capture))
-    cuts = (
+    # A long recording is not held as read, as joined and as written at once.
+    tables: list[Table] = []
+    for k in range(len(recordings)):
+        tables += _tables(recordings[k], found, machine, stated)
+        recordings[k] = replace(recordings[k], streams=())
+    cuts = list(
         cut_trials(tables, stated.trials, said) if sheet is None else by_sheet(tables, stated.trials, sheet)
     )
+    tables = [replace(table, columns={}) for table in tables]
+    compared = [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
+    trials = tuple((cut.name, cut.role, cut.because) for cut in cuts)
     header = log_header(cuts, found, machine, stated, recordings)
-    trials = tuple(
-        read_columns(cut.columns, entry, header, out / entry.file)
-        for cut, entry in zip(cuts, header.trials, strict=True)
-    )
-    log = Log(header=header, trials=trials, robot_text=machine.text)
-    save_log(log, out)
-    (out / "map.yaml").write_text(map_text(found, header, cuts, stated), encoding="utf-8")
+    text = map_text(found, header, cuts, stated)
+    _write(cuts, header, machine, out)
+    (out / "map.yaml").write_text(text, encoding="utf-8")
     read = load_log(out)
     chart, note = _examined(read, machine)
     read = _with_findings(read, chart, note, out)
     notes = [n for r in recordings[:1] for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
-    notes += [] if sheet is None else compare(cuts, sheet) or ["as the capture sheet asks"]
+    notes += compared
     return Conversion(
         folder=out,
         log=read,
         columns={item.target: (item.source, item.factor) for item in found.mapped},
         guesses=tuple(found.rows()),
-        trials=tuple((cut.name, cut.role, cut.because) for cut in cuts),
+        trials=trials,
         notes=tuple(dict.fromkeys(notes)),
         chart=chart,
         unused=tuple(found.unused),
     )
+
+
+def _write(cuts: list[Cut], header: LogHeader, machine: Machine, out: Path) -> None:
+    """The log folder; the cuts are emptied meanwhile."""
+    trials = []
+    for entry in header.trials:
+        trials.append(read_columns(cuts.pop(0).columns, entry, header, out / entry.file))
+    save_log(Log(header=header, trials=tuple(trials), robot_text=machine.text), out)
 
 
 def _tables(recording: Recording, found: Guesses, machine: Machine, stated: Map) -> list[Table]:

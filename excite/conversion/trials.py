@@ -114,13 +114,21 @@ def _parts(columns: dict[str, Array]) -> list[slice]:
 
 
 def _between_pauses(columns: dict[str, Array], start: int, end: int, dt: float) -> list[slice]:
-    q = np.column_stack([values[start:end] for name, values in columns.items() if name.startswith("q.")])
+    positions = [values[start:end] for name, values in columns.items() if name.startswith("q.")]
     window = max(1, round(0.1 / dt))
-    if len(q) < 4 * window:
+    if end - start < 4 * window:
         return [slice(start, end)] if (end - start) * dt >= 1.0 else []
-    speed = np.abs(q[window:] - q[:-window]) / (window * dt)
-    fastest = np.maximum(np.nanpercentile(speed, 99, axis=0), 1e-9)
-    moves = (speed > _STANDS * fastest).any(axis=1) & (speed > _STANDS * fastest.max()).any(axis=1)
+
+    def speed(q: Array) -> Array:
+        return np.abs(q[window:] - q[:-window]) / (window * dt)
+
+    # A joint at a time: recordings of an hour are as large as they may be already.
+    fastest = [max(float(np.nanpercentile(speed(q), 99)), 1e-9) for q in positions]
+    own, common = (np.zeros(end - start - window, dtype=bool) for _ in range(2))
+    for q, most in zip(positions, fastest, strict=True):
+        own |= speed(q) > _STANDS * most
+        common |= speed(q) > _STANDS * max(fastest)
+    moves = own & common
     edges = np.flatnonzero(np.diff(np.concatenate([[0], moves.astype(int), [0]])))
     stretches = [[int(a), int(b)] for a, b in edges.reshape(-1, 2)]
     merged: list[list[int]] = []

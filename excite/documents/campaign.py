@@ -56,6 +56,7 @@ class Campaign(Document):
         description="in their order"
     )
     targets_met: bool = Field(description="whether every essential parameter reached the target")
+    interrupted: bool = Field(default=False, description="whether the user broke off after these iterations")
     awaits: FilePath | None = Field(
         default=None, description="folder that a log has to be put into; null where it is finished"
     )

@@ -172,7 +172,11 @@ class Plan(Document):
     rehearsed_load: Maybe = Field(
         default=None,
         description="what the robot carried on its back in the rehearsal, as a share of its mass; null of a robot "
-        "that has nothing to fall from",
+        "that has nothing to fall from, and where planning was interrupted before it",
+    )
+    interrupted: bool = Field(
+        default=False,
+        description="whether planning was interrupted: the best of what was accepted by then, not rehearsed",
     )
     stages: Annotated[list[Stage], Field(max_length=MOST_ENTRIES)] = Field(
         description="time taken, in the order in which the stages ran"

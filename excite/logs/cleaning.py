@@ -70,13 +70,15 @@ def clean_columns(columns: dict[str, Array], path: Path) -> CleanColumns:
             field="time",
             remedy=f"at least {FEWEST_ROWS} are needed",
         )
-    cleaned = {name: values[keep] for name, values in columns.items()}
+    # Rows that are all in order are not copied.
+    rows = slice(None) if not repeated and not reordered else keep
+    cleaned = {name: values[rows] for name, values in columns.items()}
     check_span(cleaned["time"], path)
     step = np.diff(cleaned["time"])
     median = float(np.median(step))
     missing = missing_rows(cleaned["time"])
     measured = {name: values for name, values in cleaned.items() if name.split(".")[0] not in _NOT_MEASURED}
-    sizes = channel_noise(cleaned["time"], np.column_stack(list(measured.values()))).tolist()
+    sizes = channel_noise(cleaned["time"], list(measured.values()))
     noise = dict(zip(measured, sizes, strict=True))
     quantised = {
         name: size for name, values in measured.items() if (size := coarse_step(values, noise[name]))
@@ -104,7 +106,9 @@ def _in_motion(positions: list[Array], n: int) -> NDArray[np.bool_]:
     """Rows ``(n,)`` near which any position changes; all where there are no positions."""
     if not positions:
         return np.ones(n, dtype=bool)
-    changes = np.any(np.diff(np.column_stack(positions), axis=0) != 0.0, axis=1)
+    changes = np.zeros(n - 1, dtype=bool)
+    for values in positions:
+        changes |= np.diff(values) != 0.0
     passed = np.concatenate([[0], np.cumsum(np.concatenate([[False], changes]))])
     rows = np.arange(n)
     return np.asarray(passed[np.minimum(rows + _AROUND + 1, n)] > passed[np.maximum(rows - _AROUND, 0)])

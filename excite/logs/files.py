@@ -13,7 +13,7 @@ from excite.logs.columns import check_columns, read_columns, trial_columns
 from excite.logs.header import check_header, header_path, read_header
 from excite.logs.log import Log, LogHeader
 from excite.logs.measured import check_measured
-from excite.logs.readers.registry import read_trials, reader_for
+from excite.logs.readers.registry import read_trials, write_trial
 from excite.logs.sampling import check_log_clock
 from excite.reading.file import read_text
 from excite.reading.xml_document import MAX_XML_BYTES
@@ -97,7 +97,7 @@ def save_log(log: Log, folder: str | Path) -> Path:
         for entry, trial in zip(header.trials, log.trials, strict=True):
             columns = trial_columns(trial, header)
             check_columns(columns, header, folder / entry.file)
-            reader_for(Path(entry.file)).write(columns, temporary / entry.file)
+            write_trial(columns, temporary / entry.file)
     return folder
 
 

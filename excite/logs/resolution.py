@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from excite.arrays import Array
@@ -15,6 +17,8 @@ _ON_GRID = 0.05
 # Stamps of single precision do not part levels.
 _ROUNDING = 1e-7
 _SHORT, _REMAINDERS = 20.0, 30
+# Numbers that are looked at together: their neighbours and distances take some dozen times their memory.
+_AT_ONCE = 1_000_000
 
 
 def coarse_step(values: Array, noise: float) -> float:
@@ -41,18 +45,23 @@ def coarse_step(values: Array, noise: float) -> float:
     return _common_step(inner, 0.0 if few else _COARSE * noise)
 
 
-def channel_noise(time: Array, values: Array) -> Array:
-    """Standard deviation of each channel's noise about smooth curves, ``(n_channels,)``.
+def channel_noise(time: Array, channels: Sequence[Array]) -> list[float]:
+    """Standard deviation of each channel's noise about smooth curves.
 
     Over the stamps or over the row's number, whichever is smoother: stamps may be late.
 
     Args:
         time: ``(n,)`` strictly increasing stamps [s].
-        values: ``(n, n_channels)``.
+        channels: ``(n,)`` each.
     """
     rows = np.arange(len(time), dtype=float)
-    sizes = [np.median(np.abs(misfit(clock, values)), axis=0) for clock in (time, rows)]
-    return np.asarray(1.4826 * np.minimum(*sizes))
+    together = max(1, _AT_ONCE // max(len(time), 1))
+    found: list[float] = []
+    for start in range(0, len(channels), together):
+        values = np.column_stack(channels[start : start + together])
+        sizes = [np.median(np.abs(misfit(clock, values)), axis=0) for clock in (time, rows)]
+        found += (1.4826 * np.minimum(*sizes)).tolist()
+    return found
 
 
 def _common_step(levels: Array, least: float) -> float:

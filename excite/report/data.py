@@ -52,6 +52,9 @@ class MassComparison:
         identified: of the identified model.
         true: of the virtual robot; None where nobody knows, as on a real robot.
         changed: True where the identification says that the segment differs; None where not judged.
+        half_width: half of each identified mass's 95 % interval, of the data and of what the nominal model is granted;
+            None where it was not computed.
+        determined: share of what the nominal model is granted that the data took away, 0 to 1; likewise.
     """
 
     names: Names
@@ -59,6 +62,8 @@ class MassComparison:
     identified: Array
     true: Array | None = None
     changed: NDArray[np.bool_] | None = None
+    half_width: Array | None = None
+    determined: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +230,9 @@ def _check_lengths(part: str, content: Any, path: Path) -> None:
         shapes |= dict.fromkeys(("measured", "nominal", "identified"), (len(content.time), size))
     elif isinstance(content, MassComparison):
         names, size = "names", len(content.names)
-        shapes = dict.fromkeys(("nominal", "identified", "true", "changed"), (size,))
+        shapes = dict.fromkeys(
+            ("nominal", "identified", "true", "changed", "half_width", "determined"), (size,)
+        )
     else:
         names, size = "segments", len(content.segments)
         shapes = dict.fromkeys(("before", "after"), (size,))

@@ -97,6 +97,7 @@ def filter_candidates(
     total: int | None = None,
     progress: Progress = silent,
     keep: Keep | None = None,
+    partial: bool = False,
 ) -> FilterReport:
     """Make candidates safe, in several processes.
 
@@ -108,6 +109,7 @@ def filter_candidates(
         progress: told after each candidate, stage ``filter``.
         keep: called with the robot and each accepted motion where that was made; its answer stands in the report
             in place of all outcomes, so that memory need not grow with the number of candidates.
+        partial: where the user interrupts, report what was judged by then instead of passing the interrupt on.
 
     Returns:
         What became of the candidates, in their order.
@@ -124,7 +126,7 @@ def filter_candidates(
     outcomes = in_order(
         _work, candidates, jobs=jobs, shared=(robot, keep), total=total, stage="filter", progress=progress
     )
-    return counted(robot, outcomes, whole=keep is None)
+    return counted(robot, outcomes, whole=keep is None, partial=partial)
 
 
 @lru_cache(maxsize=4)

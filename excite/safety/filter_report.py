@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -63,6 +63,7 @@ class FilterReport:
         stage_seconds: processor time by stage, over all candidates and processes [s].
         refused: what refuses them, by pair of links, joint, contact or limit, the commonest first.
         first_refused: indices of the first rejected candidates, a few.
+        interrupted: whether somebody broke off before all candidates were judged.
     """
 
     outcomes: tuple[FilterOutcome, ...]
@@ -73,6 +74,7 @@ class FilterReport:
     stage_seconds: dict[str, float]
     refused: tuple[Refused, ...] = ()
     first_refused: tuple[int, ...] = ()
+    interrupted: bool = False
 
     @property
     def generated(self) -> int:
@@ -100,6 +102,7 @@ class FilterReport:
             stage_seconds=_added(self.stage_seconds, more.stage_seconds),
             refused=joined_refusals(self.refused, more.refused),
             first_refused=(*self.first_refused, *(self.generated + index for index in more.first_refused)),
+            interrupted=self.interrupted or more.interrupted,
         )
 
     def summary(self) -> str:
@@ -111,15 +114,21 @@ class FilterReport:
         )
 
 
-def counted(robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool) -> FilterReport:
-    """Count outcomes as they come; they are held where the report is to be ``whole``."""
+def counted(
+    robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool, partial: bool = False
+) -> FilterReport:
+    """Count outcomes as they come; they are held where the report is to be ``whole``.
+
+    Where a ``partial`` report will do, a user's interrupt ends it with what had been counted by then.
+    """
     held: list[FilterOutcome] = []
     kept: list[Any] = []
     made, accepted, reasons = Counter[str](), Counter[str](), Counter[str]()
     seconds: dict[str, float] = {}
     tally = RefusalTally(robot)
     first: list[int] = []
-    for index, outcome in enumerate(outcomes):
+    ended: list[KeyboardInterrupt] = []
+    for index, outcome in _until_interrupted(enumerate(outcomes), ended, partial=partial):
         made[outcome.generator] += 1
         accepted[outcome.generator] += outcome.accepted
         if outcome.rejection is not None:
@@ -142,6 +151,7 @@ def counted(robot: Robot, outcomes: Iterable[FilterOutcome], *, whole: bool) -> 
         stage_seconds=seconds,
         refused=tally.refused(),
         first_refused=tuple(first),
+        interrupted=bool(ended),
     )
 
 
@@ -155,3 +165,15 @@ def _added(one: Mapping[str, _Number], other: Mapping[str, _Number]) -> dict[str
     for name, number in other.items():
         added[name] = added[name] + number if name in added else number
     return added
+
+
+def _until_interrupted(
+    outcomes: Iterable[tuple[int, FilterOutcome]], ended: list[KeyboardInterrupt], *, partial: bool
+) -> Iterator[tuple[int, FilterOutcome]]:
+    """Outcomes until a user's interrupt, which is put into ``ended`` instead of going on."""
+    try:
+        yield from outcomes
+    except KeyboardInterrupt as interrupt:
+        if not partial:
+            raise
+        ended.append(interrupt)

@@ -14,6 +14,7 @@ from excite.documents.diagnosis import Diagnosis
 from excite.documents.document import read_document
 from excite.documents.plan import Plan
 from excite.errors import InputError
+from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot, robot_for_log
@@ -188,7 +189,7 @@ def _residuals(data: ReportData) -> Iterator[tuple[str, tuple[Curve, ...]]]:
 
 def _simulated(record: Record, data: ReportData, closed: bool, curves: dict[str, Any]) -> Iterator[Clip]:
     path = data.path
-    if path is None or not set(path.joints) <= set(record.robot.joint_names):
+    if path is None or not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
         return
     models = {"the simulator as it was": path.nominal}
     if closed:
@@ -206,6 +207,7 @@ def _simulated(record: Record, data: ReportData, closed: bool, curves: dict[str,
                 ),
             )
             for i, joint in enumerate(path.joints)
+            if joint not in BASE_POSE
         }
         yield _clip(f"{path.trial} · {name}", frames, apart)
 

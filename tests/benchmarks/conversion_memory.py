@@ -30,7 +30,8 @@ def write_bag(path: Path, gigabytes: float, share: float = SHARE) -> int:
     rng = np.random.default_rng(0)
     states = [bytes(store.serialize_cdr(m, kind)) for _, m in written.joint_states(store, data, rng)]
     count = int(share * gigabytes * 1e9 / len(states[0]))
-    every = max(1, int(count / ((1.0 - share) * gigabytes * 1e9 / _IMAGE)))
+    pictures = int((1.0 - share) * gigabytes * 1e9 / _IMAGE)
+    every = count // pictures if pictures else count + 1
     with path.open("wb") as stream:
         bag = Writer(stream, compression=CompressionType.NONE)
         bag.start("ros2", "drawn")
@@ -45,7 +46,7 @@ def write_bag(path: Path, gigabytes: float, share: float = SHARE) -> int:
             body = states[k % 1000]
             stamp = (now // 10**9).to_bytes(4, "little") + (now % 10**9).to_bytes(4, "little")
             bag.add_message(topic, now, body[:4] + stamp + body[12:], now)
-            if k % every == 0:
+            if (k + 1) % max(every, 1) == 0:
                 bag.add_message(camera, now, picture, now)
         bag.finish()
     return count

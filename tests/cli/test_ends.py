@@ -12,6 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from excite.campaign.check import check
+from excite.motion.collection import load_motions
+from excite.robot.loading import load_robot
+
 _BROKEN = """
 import sys
 import excite.cli.effects
@@ -81,6 +85,69 @@ def test_an_interrupted_command_ends_within_two_seconds(how: str, number: int, t
     assert time.monotonic() - sent < 2.0
     assert run.returncode == 128 + number
     assert rest.startswith("excite: interrupted") and rest.count("\n") == 1
+
+
+def run_until(found: Path, arguments: list[str], cwd: Path, least: int) -> subprocess.Popen[str]:
+    """A run of the command line, by the time that so many files are in a folder that it makes in ``TMPDIR``."""
+    run = subprocess.Popen(
+        [sys.executable, "-m", "excite", *arguments],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(found)},
+    )
+    for _ in range(1200):
+        if len(list(found.glob("**/*.factor"))) >= least or run.poll() is not None:
+            break
+        time.sleep(0.05)
+    assert run.poll() is None, run.communicate()[1]
+    return run
+
+
+def test_an_interrupted_plan_keeps_the_best_so_far(tmp_path: Path) -> None:
+    (tmp_path / "waiting").mkdir()
+    arguments = ["plan", "ur10", "--candidates", "2000", "--jobs", "2", "--out", "plan"]
+    run = run_until(tmp_path / "waiting", arguments, tmp_path, 6)
+    run.send_signal(signal.SIGINT)
+    said, error = run.communicate(timeout=60)
+    assert run.returncode == 130, error
+    assert "interrupted" in said and "the best so far is in plan" in error and "Traceback" not in error
+    document = json.loads((tmp_path / "plan" / "plan.json").read_text())
+    assert document["interrupted"] is True and 0 < document["candidates"]["generated"] < 2000
+    motions = [entry["motion"] for entry in document["selected"]]
+    assert motions and all((tmp_path / "plan" / name).is_file() for name in motions)
+    robot = load_robot("ur10")
+    assert check(robot, load_motions([tmp_path / "plan"], robot)).safe
+    # Nothing is left of what waited.
+    assert not list((tmp_path / "waiting").iterdir())
+
+
+def test_a_second_interrupt_ends_at_once(tmp_path: Path) -> None:
+    code = """
+import sys, time
+import excite
+def work(*arguments, **options):
+    print("at work", file=sys.stderr, flush=True)
+    try:
+        time.sleep(60)
+    except KeyboardInterrupt:
+        time.sleep(60)
+excite.plan = work
+from excite.cli.main import program
+program()
+"""
+    run = subprocess.Popen(
+        [sys.executable, "-c", code, "plan", "ur10"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    assert run.stderr is not None and run.stderr.readline() == "at work\n"
+    run.send_signal(signal.SIGINT)
+    assert "keeping the best so far" in run.stderr.readline()
+    time.sleep(2.0)
+    assert run.poll() is None
+    sent = time.monotonic()
+    run.send_signal(signal.SIGINT)
+    assert run.wait(timeout=10) == 130 and time.monotonic() - sent < 1.0
 
 
 def test_output_that_nobody_reads_is_no_verdict(tmp_path: Path) -> None:

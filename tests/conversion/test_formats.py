@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+import lzma
 import pickle
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -120,8 +123,43 @@ def ros1(folder: Path, data: dict[str, np.ndarray]) -> Path:
     return written.ros1_bag(folder / "run.bag", data)
 
 
+def ros1_in_mcap(folder: Path, data: dict[str, np.ndarray]) -> Path:
+    """Messages of ROS 1 in MCAP, as bags are turned into it (schema encoding ``ros1msg``)."""
+    from mcap.writer import Writer
+    from rosbags.rosbag1 import Reader
+    from rosbags.typesys import Stores, get_typestore
+
+    bag = written.ros1_bag(folder / "run.bag", data)
+    text, _ = get_typestore(Stores.ROS1_NOETIC).generate_msgdef("sensor_msgs/msg/JointState")
+    with Reader(bag) as reader, (folder / "run.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros1")
+        schema = writer.register_schema("sensor_msgs/JointState", "ros1msg", text.encode())
+        topic = writer.register_channel("/joint_states", "ros1", schema)
+        for _, time, message in reader.messages():
+            writer.add_message(topic, time, bytes(message), time)
+        writer.finish()
+    return folder / "run.mcap"
+
+
+def packed(opened: Any, suffix: str) -> Callable[..., Path]:
+    """A table that was packed to save space."""
+
+    def write(folder: Path, data: dict[str, np.ndarray]) -> Path:
+        plain = text_table(",")(folder, data)
+        file = folder / f"{plain.name}{suffix}"
+        with opened(file, "wb") as stream:
+            stream.write(plain.read_bytes())
+        plain.unlink()
+        return file
+
+    return write
+
+
 FORMATS = {
     "csv": text_table(","),
+    "csv.gz": packed(gzip.open, ".gz"),
+    "csv.xz": packed(lzma.open, ".xz"),
     "semicolons and decimal commas": text_table(";", ","),
     "tabs": text_table("\t"),
     "blanks": text_table("  "),
@@ -138,6 +176,7 @@ FORMATS = {
     "ros2": ros2,
     "mcap": mcap,
     "ros1": ros1,
+    "ros 1 in mcap": ros1_in_mcap,
 }
 
 
@@ -198,6 +237,23 @@ def test_what_is_no_such_file_is_one_line(content, suffix, tmp_path):
     with pytest.raises(LogError) as error:
         read_source(file)
     assert str(file) in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["run.csv.gz", "run.csv.xz", "run.csv.bz2", "run.mat.gz"])
+def test_what_is_not_packed_as_it_says_is_one_line(name, tmp_path):
+    file = tmp_path / name
+    file.write_bytes(gzip.compress(b"t,q\n" * 400)[:-20] if name.endswith("csv.gz") else b"nothing packed")
+    with pytest.raises(LogError, match="cannot be unpacked") as error:
+        read_source(file)
+    assert str(file) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_an_error_within_a_packed_file_names_it(tmp_path):
+    file = tmp_path / "run.csv.gz"
+    file.write_bytes(gzip.compress(b"hello\nworld\n"))
+    with pytest.raises(LogError) as error:
+        read_source(file)
+    assert str(error.value).startswith(f"{file}:") and error.value.source == file
 
 
 def test_a_pickle_that_names_anything_else_is_not_run(tmp_path):

@@ -26,6 +26,7 @@ from excite.diagnosis.floating.simulator.augmented import standing_model
 from excite.diagnosis.floating.simulator.noted import read_notes
 from excite.diagnosis.floating.simulator.rollout import Simulator
 from excite.diagnosis.floating.simulator.rollout_compare import Reloaded, simulated, unheard
+from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 
 # TALOS over plates and on foot sensors, nominal inertials given and right; of the second, a length is wrong.
@@ -82,6 +83,16 @@ def test_without_effects_it_goes_where_the_record_goes_but_for_noise(problem: Pr
     assert set(found.floor) == {f"base.{axis}" for axis in ("px", "py", "pz", "rx", "ry", "rz")}
     for channel, error in found.before.items():
         assert error < 2.5 * found.floor[channel] < 5e-3
+    path = found.path
+    assert path is not None and path.joints[:7] == BASE_POSE
+    # The joints do what they did; the base strays from where it was as far as is said.
+    assert (path.before[:, 7:] == path.recorded[:, 7:]).all() and (path.before == path.after).all()
+    strayed = path.before[:, :3] - path.recorded[:, :3]
+    for k, axis in enumerate("xyz"):
+        size = np.sqrt(np.mean(strayed[:, k] ** 2))
+        assert 0.1 * found.before[f"base.p{axis}"] < size < 3.0 * found.before[f"base.p{axis}"]
+    turned = [pin.Quaternion(*q[[6, 3, 4, 5]]) for q in (path.recorded[40], path.before[40])]
+    assert 0.0 < turned[0].angularDistance(turned[1]) < 0.05
 
 
 @pytest.mark.parametrize(

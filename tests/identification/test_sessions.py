@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,8 +114,36 @@ def test_ranges_hold_nothing_that_no_robot_has(ur10, tmp_path):
     ]
     assert terms and all(0.0 <= term["low"] <= term["value"] <= term["high"] for term in terms)
     assert any(term.get("clipped") for term in terms)
-    alone = [name for name in document["base_parameters"] if name.partition(".")[0] in NEVER_NEGATIVE]
-    assert all(document["base_parameters"][name]["low"] >= 0.0 for name in alone)
+    alone = {name: item for name, item in document["base_parameters"].items() if item["expression"] == name}
+    friction = [item for name, item in alone.items() if name.partition("(")[0] in NEVER_NEGATIVE]
+    assert len(friction) >= 12 and any(item.get("clipped") for item in friction)
+    moments = [item for name, item in alone.items() if name[:3] in ("Ixx", "Iyy", "Izz")]
+    assert moments and all(item["low"] >= 0.0 for item in (*friction, *moments))
+
+
+def test_ends_are_those_of_all_bodies(ur10, varied):
+    """Parameters of clouds of points, and of drives, lie between the ends, and come as near to them as one likes."""
+    rng = np.random.default_rng(3)
+    matrix, (low, high) = varied.base.matrix, varied.possible
+    least, most = np.full(len(matrix), np.inf), np.full(len(matrix), -np.inf)
+    n = len(ur10.nominal_parameters)
+    for _ in range(300):
+        bodies = []
+        for _ in range(n // 10):
+            # Few points far away, or all in one place: bodies at the edges of what is possible.
+            points = rng.normal(size=(rng.integers(1, 4), 3)) * 10.0 ** rng.uniform(-3, 2)
+            mass = rng.uniform(0.0, 1.0, len(points))
+            square = np.einsum("ij,ij->i", points, points)[:, None, None] * np.eye(3)
+            inertia = np.einsum("i,ijk->jk", mass, square - np.einsum("ij,ik->ijk", points, points))
+            six = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+            bodies += [mass.sum(), *(mass @ points), *six]
+        drives = rng.uniform(0.0, 1.0, matrix.shape[1] - n)
+        # Only an offset of a torque has either sign.
+        drives -= 0.5 * np.array([name.startswith("offset(") for name in varied.base.names[n:]])
+        values = matrix @ np.concatenate([bodies, drives])
+        least, most = np.minimum(least, values), np.maximum(most, values)
+    assert (least >= low - 1e-9).all() and (most <= high + 1e-9).all()
+    assert (least[np.isinf(low)] < 0.0).all() and np.isfinite(low).any()
 
 
 def test_what_varies_beyond_its_intervals_is_named(ur10, varied, tmp_path):
@@ -144,6 +173,8 @@ def test_each_log_is_a_session_unless_it_names_some(ur10):
     assert list(split_sessions(logs)) == ["log_1", "log_2"]
     named = arm_log(ur10, 0, trials=4, sessions=("a", "b"))
     assert list(split_sessions([named])) == ["a", "b"]
+    monday, tuesday = (replace(named, folder=Path(day)) for day in ("mon", "tue"))
+    assert list(split_sessions([monday, tuesday])) == ["mon/a", "mon/b", "tue/a", "tue/b"]
     with pytest.raises(LogError, match="one session"):
         split_sessions(logs[:1])
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from excite.errors import LogError
-from excite.logs.readers.registry import READERS, read_trial, read_trials, reader_for
+from excite.logs.readers.registry import READERS, read_trial, read_trials, reader_for, write_trial
 from tests.corpus.practice import columns
 
 SUFFIXES = tuple(reader.suffixes[0] for reader in READERS.values())
@@ -114,6 +117,20 @@ def test_what_was_written_comes_back_bit_for_bit(tmp_path, suffix, table):
         same = values + 0.0 if suffix == ".csv" else values
         read = np.asarray(found[name], dtype=float) + 0.0 if suffix == ".csv" else found[name]
         assert read.tobytes() == same.tobytes()
+
+
+@pytest.mark.parametrize("suffix", [".csv.gz", ".csv.xz", ".parquet.bz2"])
+def test_packed_trials_come_back(tmp_path, suffix):
+    """Whoever packs them: here as ``write_trial``, and as Python's own modules would."""
+    path = tmp_path / f"a{suffix}"
+    write_trial(columns(), path)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    found = read_trial(path)
+    assert all((found[name] == values).all() for name, values in columns().items())
+    module = {".gz": gzip, ".xz": lzma, ".bz2": bz2}[path.suffix]
+    path.write_bytes(module.compress(module.decompress(path.read_bytes())))
+    again = read_trial(path)
+    assert all((again[name] == values).all() for name, values in columns().items())
 
 
 def test_hdf5_comes_back_bit_for_bit(tmp_path):

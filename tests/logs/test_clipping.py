@@ -41,7 +41,7 @@ def counted(values: np.ndarray, rate: float, step: float, noise: float, seed: in
     """What is said of values with noise, then rounded."""
     noisy = values + noise * np.random.default_rng(seed).standard_normal(len(values))
     read = step * np.round(noisy / step) if step else noisy
-    size = float(channel_noise(time(rate), read[:, None])[0])
+    size = channel_noise(time(rate), [read])[0]
     return clipped_samples(read, coarse_step(read, size), size, ALWAYS)
 
 
@@ -71,7 +71,7 @@ def test_what_is_cut_off_is_clipped(step: float, noise: float) -> None:
             read = np.clip(values, low, high)
             read = step * np.round(read / step) if step else read
             at_ends = int(np.sum((read == read.max()) | (read == read.min())))
-            size = float(channel_noise(time(200.0), read[:, None])[0])
+            size = channel_noise(time(200.0), [read])[0]
             count = clipped_samples(read, coarse_step(read, size), size, ALWAYS)
             # One of the two ends may be reached but once, at the edge of the record.
             assert 0.3 * at_ends < count <= at_ends, (seed, share)

@@ -22,7 +22,7 @@ def motion(seed: int, size: float) -> np.ndarray:
 
 
 def found(values: np.ndarray, time: np.ndarray = TIME) -> float:
-    return coarse_step(values, float(channel_noise(time, values[:, None])[0]))
+    return coarse_step(values, channel_noise(time, [values])[0])
 
 
 @settings(max_examples=60, deadline=None)

@@ -86,6 +86,8 @@ def sample_data(robot: Robot) -> ReportData:
             true_mass + rng.normal(0.0, 0.03, n),
             true_mass,
             true_mass > nominal_mass + 0.1,
+            half_width=0.05 + 0.1 * nominal_mass * rng.uniform(0.0, 1.0, n),
+            determined=rng.uniform(0.0, 1.0, n),
         ),
         conditioning=ConditioningComparison(
             names, before, after, 18200.0, 212.0, "one motion", "6 chosen motions"

@@ -38,7 +38,11 @@ def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
 
 def test_masses_show_all_three_and_mark_what_changed(data):
     axes = plot_masses(data.masses).axes[0]
-    nominal, identified = axes.containers
+    nominal, identified, intervals = axes.containers
+    (lines,) = intervals.lines[2]
+    ends = np.array([segment[:, 0] for segment in lines.get_segments()])
+    np.testing.assert_allclose(ends.mean(axis=1), data.masses.identified)
+    np.testing.assert_allclose(np.ptp(ends, axis=1), 2.0 * data.masses.half_width)
     np.testing.assert_allclose([bar.get_width() for bar in nominal], data.masses.nominal)
     np.testing.assert_allclose([bar.get_width() for bar in identified], data.masses.identified)
     np.testing.assert_allclose(axes.lines[0].get_xdata(), data.masses.true)

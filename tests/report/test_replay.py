@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from excite.logs.columns import BASE_POSE
 from excite.motion.collection import load_motions
 from excite.report.replay.bodies import CELLS, bodies, merged
 from excite.report.replay.packed import packed, packed_indices, unpacked
@@ -172,3 +173,20 @@ def test_a_trial_has_its_robot_and_its_ghost(g1):
     np.testing.assert_allclose(ghost[:, 10:14] - q[:, 10:14], 0.1, atol=1e-5)
     np.testing.assert_allclose(q[:, 0], frames.time + 3.0, atol=5e-3)
     np.testing.assert_allclose(q[:, 14:], np.tile(g1.rest[14:], (61, 1)), atol=1e-9)
+
+
+def test_a_ghost_has_a_base_of_its_own_where_that_was_simulated():
+    g1 = load_robot("g1")
+    names = (*BASE_POSE, *g1.joint_names[:2])
+    time = np.arange(100) / 100.0
+    measured = np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0, 0.1, 0.2], (100, 1))
+    half = 0.5 * 0.3 * time
+    fallen = measured.copy()
+    fallen[:, 2] -= 0.5 * time
+    fallen[:, 4], fallen[:, 6] = np.sin(half), np.cos(half)
+    page = trial_frames(g1, "one", time, measured, names, ghost=("simulated", fallen)).to_json()
+    q, ghost = unpacked(page["q"]), unpacked(page["ghost"]["q"])
+    shown = unpacked(page["time"])[:, 0]
+    np.testing.assert_allclose(q[:, :9], np.tile(measured[0], (len(q), 1)), atol=1e-6)
+    np.testing.assert_allclose(ghost[:, 2], 0.8 - 0.5 * shown, atol=6e-3)
+    np.testing.assert_allclose(2.0 * np.arcsin(ghost[:, 4]), 0.3 * shown, atol=4e-3)

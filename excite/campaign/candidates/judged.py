@@ -44,7 +44,10 @@ class Judged:
         return self._left == 0
 
     def more(self) -> FilterReport:
-        """Draw and judge until enough are safe in all or no more may be drawn, one turn at least."""
+        """Draw and judge until enough are safe in all or no more may be drawn, one turn at least.
+
+        A user's interrupt ends it with those judged by then.
+        """
         while True:
             report = self._another_turn()
             if len(report.kept) >= ENOUGH or self.exhausted:
@@ -57,10 +60,10 @@ class Judged:
         generated = time.perf_counter()
         read = self._first.reading(source.candidates)
         found = filter_candidates(
-            robot, read, jobs=jobs, total=source.count, progress=progress, keep=self._keeper
+            robot, read, jobs=jobs, total=source.count, progress=progress, keep=self._keeper, partial=True
         )
         self._report = found if self._report is None else self._report.joined(found)
-        self._turn, self._left = self._turn + 1, self._left - 1
+        self._turn, self._left = self._turn + 1, 0 if found.interrupted else self._left - 1
         self.seconds["generate"] += generated - started
         self.seconds["filter"] += time.perf_counter() - generated
         return self._report

@@ -110,10 +110,10 @@ class Refusals:
 
 
 def refusals_of(robot: Robot, report: FilterReport, first: FirstOf, jobs: Jobs, *, accepted: int) -> Refusals:
-    """What refuses a plan's candidates; where few are safe, changes are tried on some of them."""
+    """What refuses a plan's candidates; where few are safe, changes are tried on some, unless the user broke off."""
     few = accepted < _FEW * report.generated
     remedy = None
-    if few:
+    if few and not report.interrupted:
         again = [first.held[index] for index in report.first_refused if index < len(first.held)]
         remedy = find_remedy(robot, report.refused, again[:TRIED], jobs=jobs)
     return Refusals(report.generated, report.refused, few, remedy)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 from excite.atomic import discard_unfinished
@@ -14,10 +17,16 @@ from excite.atomic import discard_unfinished
 # Work is to be over 2 s after the request. What has not unwound by then (native code that Python cannot interrupt)
 # ends without unwinding; workers end with their parent.
 _GRACE_S = 1.5
+# After Ctrl-C, work that keeps its best so far may take as long as it is to choose and write that: of 300 motions of a
+# humanoid some seconds. Another Ctrl-C ends it at once.
+_KEEPING_S = 60.0
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# The signal that arrived, as a file's descriptor would be kept: one process has one.
+_ARRIVED: list[int] = []
+_KEEPING = threading.Event()
 
 
-class Interrupted(BaseException):
+class Interrupted(KeyboardInterrupt):
     """The run was asked to end; no error, so that nothing that handles errors stops it on its way.
 
     Attributes:
@@ -39,25 +48,54 @@ def handle_signals() -> None:
     threading.Thread(target=_end_in_time, args=(arrived,), daemon=True).start()
 
 
-def say_interrupted() -> None:
+@contextmanager
+def keeping_best() -> Iterator[None]:
+    """Work that, interrupted by Ctrl-C, goes on to write the best that it has."""
+    _KEEPING.set()
+    try:
+        yield
+    finally:
+        _KEEPING.clear()
+
+
+def exit_code_of_interruption() -> int:
+    """What an interrupted run ends with: 130 for Ctrl-C, 143 for a request to end."""
+    return 128 + (_ARRIVED[0] if _ARRIVED else signal.SIGINT)
+
+
+def say_interrupted(kept: str = "what is complete was left") -> None:
     """The one line that an interrupted run ends with."""
-    print("excite: interrupted; what is complete was left", file=sys.stderr, flush=True)
+    print(f"excite: interrupted; {kept}", file=sys.stderr, flush=True)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    # A second request changes nothing: the first is being followed.
+    # A second request changes nothing here: the first is being followed.
     for other in _SIGNALS:
-        signal.signal(other, signal.SIG_IGN)
+        signal.signal(other, _already)
+    _ARRIVED.append(number)
     raise Interrupted(number)
+
+
+def _already(number: int, frame: FrameType | None) -> None:
+    """A further request, which :func:`_end_in_time` hears."""
 
 
 def _end_in_time(arrived: int) -> None:
     """Wait for a signal that ends the run, then for the run to end."""
-    while True:
-        number = os.read(arrived, 1)[0]
-        if number in {int(item) for item in _SIGNALS}:
-            break
-    time.sleep(_GRACE_S)
+    numbers = {int(item) for item in _SIGNALS}
+    while (number := os.read(arrived, 1)[0]) not in numbers:
+        pass
+    if _KEEPING.is_set() and number == signal.SIGINT:
+        print("excite: keeping the best so far; Ctrl-C again ends without it", file=sys.stderr, flush=True)
+        until = time.monotonic() + _KEEPING_S
+        while _KEEPING.is_set() and time.monotonic() < until:
+            if select.select([arrived], [], [], 0.05)[0] and os.read(arrived, 1)[0] in numbers:
+                break
+        else:
+            # Said and printed within the usual time.
+            time.sleep(_GRACE_S)
+    else:
+        time.sleep(_GRACE_S)
     discard_unfinished()
     say_interrupted()
     os._exit(128 + number)

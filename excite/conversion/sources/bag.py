@@ -59,7 +59,12 @@ class BagSource(Source):
         topics = Topics()
         notes: tuple[str, ...] = ()
         try:
-            with AnyReader([path], default_typestore=store) as bag:
+            bags = AnyReader([path], default_typestore=store)
+            if not bags.is2:
+                from excite.conversion.sources.ros.chunks import ChunkReader  # lazy: rosbags
+
+                bags.readers = [ChunkReader(path)]
+            with bags as bag:
                 there = {c.topic: c.msgtype for c in bag.connections}
                 wanted = [c for c in bag.connections if is_wanted(c.msgtype) or is_trajectory(c.msgtype)]
                 _add(topics, bag, wanted)

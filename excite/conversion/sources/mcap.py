@@ -1,9 +1,11 @@
-"""MCAP files: messages of ROS 2 by the schemas embedded in them, without ROS."""
+"""MCAP files: messages of ROS 2 and ROS 1 by the schemas embedded in them, without ROS."""
 
 from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -26,15 +28,20 @@ _DAMAGED = (
     TypeError,
     RuntimeError,
     OverflowError,
+    AssertionError,
     struct.error,
 )
+# How a channel's bytes are decoded, by the encoding that it states.
+_BYTES = {"cdr": "deserialize_cdr", "ros1": "deserialize_ros1"}
+# Concatenated definitions in IDL stand between lines of these.
+_IDL_RULE = "=" * 80 + "\n"
 
 
 class McapSource(Source):
     """Topics of joints, wrenches and base poses; a file whose recorder was killed is read as far as it goes."""
 
     name: ClassVar[str] = "mcap"
-    summary: ClassVar[str] = "MCAP with messages of ROS 2 (.mcap)"
+    summary: ClassVar[str] = "MCAP with messages of ROS 2 or ROS 1 (.mcap)"
     own_process: ClassVar[bool] = True
 
     def recognises(self, path: Path) -> bool:
@@ -46,15 +53,14 @@ class McapSource(Source):
         try:
             from mcap.exceptions import McapError
             from mcap.reader import NonSeekingReader
-            from mcap_ros2.decoder import DecoderFactory
         except ImportError as error:
             raise LogError(
-                "is MCAP, which needs mcap and mcap-ros2-support",
-                source=path,
-                remedy="pip install 'excite[ros]'",
+                "is MCAP, which needs mcap", source=path, remedy="pip install 'excite[ros]'"
             ) from error
+        from rosbags.serde import SerdeError
+
         topics, there = Topics(), dict[str, str]()
-        decode = _Decoder(DecoderFactory())
+        decode = _Decoder()
         notes: tuple[str, ...] = ()
         try:
             for known in (True, False):
@@ -63,7 +69,7 @@ class McapSource(Source):
                     with path.open("rb") as stream:
                         reader = NonSeekingReader(stream, validate_crcs=False)
                         _add(topics, there, decode, reader.iter_messages(log_time_order=False), known=known)
-        except (McapError, *_DAMAGED) as error:
+        except (McapError, SerdeError, *_DAMAGED) as error:
             if not topics.any:
                 raise damaged(path, error, "MCAP") from error
             notes = ("its end is missing: it is read as far as it goes",)
@@ -72,25 +78,47 @@ class McapSource(Source):
 
 
 class _Decoder:
-    """Decodes messages of ROS 2 by their schemas, and those in JSON."""
+    """Decodes messages of ROS by their schemas, and those in JSON."""
 
-    def __init__(self, factory: Any) -> None:
-        self._factory = factory
-        self._of: dict[int, Any] = {}
+    def __init__(self) -> None:
+        self._of: dict[int, Callable[[bytes], Any] | None] = {}
 
-    def __call__(self, schema: Any, channel: Any) -> Any:
+    def __call__(self, schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
         """What decodes a channel's messages; None for an encoding or a definition that is not known."""
         if channel.id not in self._of:
-            try:
-                self._of[channel.id] = (
-                    json.loads
-                    if channel.message_encoding == "json"
-                    else self._factory.decoder_for(channel.message_encoding, schema)
-                )
-            except (NameError, ValueError, RuntimeError):
-                # A definition that ROS 2 does not allow, such as one of ROS 1 with capitals in its names.
-                self._of[channel.id] = None
+            self._of[channel.id] = (
+                json.loads if channel.message_encoding == "json" else _by_definition(schema, channel)
+            )
         return self._of[channel.id]
+
+
+def _by_definition(schema: Any, channel: Any) -> Callable[[bytes], Any] | None:
+    """What decodes messages of ROS; None where the definition is of no language that is known, or has mistakes."""
+    from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+    from rosbags.typesys.msg import normalize_msgtype
+
+    if schema is None or channel.message_encoding not in _BYTES:
+        return None
+    text = schema.data.decode(errors="replace")
+    # Definitions leave out what every installation has.
+    usual = get_typestore(Stores.ROS2_HUMBLE).fielddefs
+    types = {name: usual[name] for name in ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")}
+    try:
+        if schema.encoding in ("ros2msg", "ros1msg"):
+            types |= get_types_from_msg(text, schema.name)
+        elif schema.encoding in ("ros2idl", "omgidl"):
+            parts = text.split(_IDL_RULE)[1:] or [text]
+            for part in parts:
+                types |= get_types_from_idl(part.partition("\n")[2] if part.startswith("IDL: ") else part)
+        else:
+            return None
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
+        kind = normalize_msgtype(schema.name)
+        store.get_msgdef(kind)
+    except (TypesysError, *_DAMAGED):
+        return None
+    return partial(getattr(store, _BYTES[channel.message_encoding]), typename=kind)
 
 
 def _add(topics: Topics, there: dict[str, str], decode: _Decoder, messages: Any, *, known: bool) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from excite.conversion.sources.source import MAX_SOURCE_BYTES
 from excite.errors import LogError
 from excite.reading.child import in_child
 from excite.reading.file import check_file
+from excite.reading.packed import is_packed, plain_name, unpacked
 from excite.registry import Registry
 
 if TYPE_CHECKING:
@@ -47,7 +50,7 @@ _REFUSED = {
     **dict.fromkeys(
         (".xlsx", ".xls", ".ods"), ("is a workbook of a spreadsheet", "save its sheet as CSV and give that")
     ),
-    **dict.fromkeys((".zip", ".gz", ".7z", ".tar", ".tgz", ".xz", ".bz2"), ("is packed", "unpack it first")),
+    **dict.fromkeys((".zip", ".gz", ".7z", ".tar", ".tgz", ".zst"), ("is packed", "unpack it first")),
     ".mdf": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
     ".mf4": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
     ".tdms": ("is a measurement file of LabVIEW", "export its channels as CSV or .mat"),
@@ -67,6 +70,8 @@ def read_source(path: Path) -> tuple[Recording, ...]:
     if not path.is_dir():
         # A pipe or device has no beginning to look at, and no end.
         check_file(path, error=LogError)
+        if is_packed(path):
+            return _read_packed(path)
     name = recognised(path)
     if name is not None:
         return _in_own_process(name, path) if SOURCES[name].own_process else _read(name, path)
@@ -74,6 +79,13 @@ def read_source(path: Path) -> tuple[Recording, ...]:
         raise LogError(why[0], source=path, remedy=why[1])
     known = "; ".join(SOURCES[name].summary for name in SOURCES)
     raise LogError("is of no format that is known", source=path, remedy=f"give one of: {known}")
+
+
+def _read_packed(path: Path) -> tuple[Recording, ...]:
+    if (why := _REFUSED.get(plain_name(path).suffix.lower())) is not None:
+        raise LogError(why[0], source=path, remedy=why[1])
+    with unpacked(path, limit=MAX_SOURCE_BYTES, error=LogError) as plain:
+        return tuple(replace(recording, source=str(path)) for recording in read_source(plain))
 
 
 def recognised(path: Path) -> str | None:
@@ -85,7 +97,7 @@ def recognised_recording(path: Path) -> bool:
     """Whether a file or folder among others in a folder is a recording, by its ending or as a bag."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file()
-    return path.is_file() and path.suffix.lower() in RECORDED
+    return path.is_file() and plain_name(path).suffix.lower() in RECORDED
 
 
 def _read(name: str, path: Path) -> tuple[Recording, ...]:

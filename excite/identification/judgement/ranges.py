@@ -15,6 +15,7 @@ from scipy.stats import norm
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.identification.inertia import FILE_ORDER
+from excite.identification.judgement.possible import NEVER_NEGATIVE
 from excite.identification.problem import IdentificationProblem
 from excite.identification.regression import prior_std
 from excite.identification.sessions.pooling import Pooled
@@ -33,8 +34,6 @@ _LEAST_SHARE = 0.05
 # Moments of inertia, and each product with the moment that its double cannot exceed: 2|Ixy| ≤ Izz, as x² + y² ≥ 2|xy|.
 _MOMENTS = [4, 5, 6]
 _PRODUCT_BELOW = {7: 6, 8: 5, 9: 4}
-# Terms that take power out, and rotors: below zero is no robot.
-NEVER_NEGATIVE = ("viscous", "coulomb", "armature")
 _STEP = 1e-6
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import LogError
 from excite.identification.estimators.settings import EstimatorSettings
+from excite.identification.judgement.possible import possible_ends
 from excite.identification.judgement.ranges import (
-    NEVER_NEGATIVE,
     ParameterRange,
     parameter_ranges,
     ranges_document,
@@ -43,6 +43,7 @@ class Sessions(Shown):
         std: ``(n_sessions, n_base)`` standard deviations within the sessions.
         pooled: over the sessions.
         ranges: for domain randomisation: parameters of links and drives in a session yet to come.
+        possible: ``(2, n_base)`` ends between which they lie in any robot, infinite for none.
         left_out: sessions whose motions do not determine all of them, with the number that they do.
     """
 
@@ -52,6 +53,7 @@ class Sessions(Shown):
     std: Array
     pooled: Pooled
     ranges: tuple[ParameterRange, ...]
+    possible: Array
     left_out: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -59,14 +61,14 @@ class Sessions(Shown):
         """Which base parameters' sessions lie further apart than their own intervals allow, ``(n_base,)``."""
         return self.pooled.varies(len(self.names))
 
-    def never_negative(self, i: int) -> bool:
-        """Whether a base parameter is friction or a rotor by itself."""
-        alone = np.count_nonzero(self.base.matrix[i]) == 1
-        return bool(alone) and self.base.labels[i].partition(".")[0] in NEVER_NEGATIVE
+    @property
+    def next_interval(self) -> Array:
+        """Where base parameters of a session yet to come lie, of what a robot can have, ``(2, n_base)``."""
+        return np.clip(self.pooled.next_interval, *self.possible)
 
     def to_json(self) -> dict[str, Any]:
         """``{"names", "left_out", "level", "parameters": […], "ranges": […]}``."""
-        pooled, varies = self.pooled, self.varies
+        pooled, varies, following = self.pooled, self.varies, self.next_interval
         parameters = [
             {
                 "name": label,
@@ -78,8 +80,8 @@ class Sessions(Shown):
                 "varies": bool(varies[i]),
                 "mean_low": float(pooled.mean_interval[0, i]),
                 "mean_high": float(pooled.mean_interval[1, i]),
-                "low": float(pooled.next_interval[0, i]),
-                "high": float(pooled.next_interval[1, i]),
+                "low": float(following[0, i]),
+                "high": float(following[1, i]),
                 "by_session": {
                     name: {"value": float(self.values[s, i]), "std": float(self.std[s, i])}
                     for s, name in enumerate(self.names)
@@ -108,7 +110,7 @@ class Sessions(Shown):
             for name, own in self.left_out.items()
         ]
         for i in np.argsort(-ratio, kind="stable")[:5]:
-            low, high = self.pooled.next_interval[:, i]
+            low, high = self.next_interval[:, i]
             lines.append(
                 f"  {self.base.labels[i]}: {self.pooled.mean[i]:.4g}, sessions differ by {between[i]:.2g} "
                 f"(noise of one {within[i]:.2g}); the next lies in {low:.4g} … {high:.4g}"
@@ -133,17 +135,19 @@ def write_ranges(sessions: Sessions, path: Path) -> Path:
         The file.
     """
     document = ranges_document(sessions.ranges, sessions.pooled.level)
-    low, high = sessions.pooled.next_interval
-    least = [0.0 if sessions.never_negative(i) else -np.inf for i in range(len(low))]
+    low, high = sessions.next_interval
+    value = np.clip(sessions.pooled.mean, *sessions.possible)
+    clipped = ((low, high) != sessions.pooled.next_interval).any(axis=0)
     varies = sessions.varies
     document["base_parameters"] = {
         label: {
-            "low": max(float(low[i]), least[i]),
-            "high": max(float(high[i]), least[i]),
-            "value": max(float(sessions.pooled.mean[i]), least[i]),
+            "low": float(low[i]),
+            "high": float(high[i]),
+            "value": float(value[i]),
             "varies": bool(varies[i]),
             "expression": sessions.base.expressions[i],
         }
+        | ({"clipped": True} if clipped[i] else {})
         for i, label in enumerate(sessions.base.labels)
     }
     document["varies_between_sessions"] = {
@@ -211,6 +215,7 @@ def identify_sessions(
         std=np.array([item.std for item in found]),
         pooled=pooled,
         ranges=parameter_ranges(problem, base, pooled, spreads),
+        possible=possible_ends(base, problem.parameter_names, problem.n_inertial),
         left_out=left_out,
     )
 

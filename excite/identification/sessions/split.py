@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -24,11 +25,14 @@ def split_sessions(logs: Sequence[Log]) -> dict[str, Log]:
         LogError: the logs hold fewer than two sessions.
     """
     sessions: dict[str, Log] = {}
+    named = Counter(key for log in logs for key in {trial.session for trial in log.trials} if key)
+    shared = {key for key, count in named.items() if count > 1}
     for number, log in enumerate(logs, start=1):
         own = log.folder.name if log.folder else f"log_{number}"
         keys = [trial.session or own for trial in log.trials]
         for key in dict.fromkeys(keys):
-            name = f"{own}/{key}" if key in sessions else key
+            name = f"{own}/{key}" if key in shared else key
+            name = f"{name}_{number}" if name in sessions else name
             chosen = [i for i, other in enumerate(keys) if other == key]
             header = log.header.model_copy(update={"trials": tuple(log.header.trials[i] for i in chosen)})
             sessions[name] = replace(log, header=header, trials=tuple(log.trials[i] for i in chosen))

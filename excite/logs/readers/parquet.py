@@ -13,6 +13,9 @@ from excite.arrays import Array
 from excite.arrow_columns import arrow_table, open_parquet, read_numbers
 from excite.logs.readers.reader import TrialReader, check_size, unreadable
 
+# Numbers that are laid out for writing at once, 80 MB: a long recording is not held a second time for it.
+_GROUP = 10_000_000
+
 
 class ParquetReader(TrialReader):
     """Apache Parquet, one column a channel."""
@@ -31,4 +34,10 @@ class ParquetReader(TrialReader):
 
     def write(self, columns: Mapping[str, Array], path: Path) -> None:
         """See :meth:`TrialReader.write`."""
-        pa.parquet.write_table(arrow_table(columns), path, compression="zstd", write_page_checksum=True)
+        length = max((len(column) for column in columns.values()), default=0)
+        rows = max(1, _GROUP // max(len(columns), 1))
+        schema = arrow_table({name: column[:0] for name, column in columns.items()}).schema
+        with pa.parquet.ParquetWriter(path, schema, compression="zstd", write_page_checksum=True) as file:
+            for start in range(0, max(length, 1), rows):
+                part = {name: column[start : start + rows] for name, column in columns.items()}
+                file.write_table(arrow_table(part))

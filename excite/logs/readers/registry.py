@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from excite.arrays import Array
@@ -11,9 +11,10 @@ from excite.logs.readers.csv import CsvReader
 from excite.logs.readers.hdf5 import Hdf5Reader
 from excite.logs.readers.npz import NpzReader
 from excite.logs.readers.parquet import ParquetReader
-from excite.logs.readers.reader import TrialReader
+from excite.logs.readers.reader import MAX_TRIAL_BYTES, TrialReader
 from excite.reading.child import in_child
 from excite.reading.file import check_file
+from excite.reading.packed import is_packed, pack, plain_name, unpacked
 
 # A process starts in less than a second; the rest is for the file, at a tenth of what disks and gzip do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 20.0, 5e6
@@ -36,7 +37,7 @@ def reader_for(path: Path) -> TrialReader:
         LogError: no format has that suffix.
     """
     for reader in READERS.values():
-        if path.suffix.lower() in reader.suffixes:
+        if plain_name(path).suffix.lower() in reader.suffixes:
             return reader()
     known = ", ".join(suffix for reader in READERS.values() for suffix in reader.suffixes)
     raise LogError(f"unknown format {path.suffix[:60]!r}", source=path, remedy=f"use one of {known}")
@@ -59,9 +60,32 @@ def read_trials(paths: Sequence[Path]) -> Iterator[dict[str, Array]]:
     found: dict[Path, dict[str, Array]] = {}
     for function in {reader.own_process for reader in readers if reader.own_process is not None}:
         own = [path for path, reader in zip(paths, readers, strict=True) if reader.own_process == function]
+        packed = next((path for path in own if is_packed(path)), None)
+        if packed is not None:
+            raise LogError("is packed", source=packed, remedy="unpack it first")
         found |= zip(own, _read_in_own_process(function, own), strict=True)
     for path, reader in zip(paths, readers, strict=True):
-        yield found.pop(path) if reader.own_process is not None else reader.read(path)
+        if reader.own_process is not None:
+            yield found.pop(path)
+        else:
+            with unpacked(path, limit=MAX_TRIAL_BYTES, error=LogError) as plain:
+                yield reader.read(plain)
+
+
+def write_trial(columns: Mapping[str, Array], path: Path) -> None:
+    """Write columns, ``(n,)`` each, in the format of the file's suffix, packed where that says so.
+
+    Raises:
+        LogError: no format has that suffix.
+    """
+    reader = reader_for(path)
+    if not is_packed(path):
+        reader.write(columns, path)
+        return
+    plain = plain_name(path)
+    reader.write(columns, plain)
+    pack(plain, path)
+    plain.unlink()
 
 
 def _read_in_own_process(function: str, paths: list[Path]) -> list[dict[str, Array]]:

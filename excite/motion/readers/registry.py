@@ -11,13 +11,14 @@ from excite.motion.readers.lerobot import LeRobotReader
 from excite.motion.readers.npz import NpzReader
 from excite.motion.readers.openhrp import OpenHrpReader
 from excite.motion.readers.parquet import ParquetReader
-from excite.motion.readers.reader import MotionReader, RawMotion
+from excite.motion.readers.reader import MAX_FILE_BYTES, MotionReader, RawMotion
 from excite.motion.readers.ros2 import Ros2Reader
 from excite.motion.readers.ros2_yaml import Ros2YamlReader
 from excite.motion.readers.rows import RowsReader
 from excite.motion.readers.table import TableReader
 from excite.motion.readers.unitree import UnitreeReader
 from excite.motion.readers.ur_script import UrScriptReader
+from excite.reading.packed import plain_name, unpacked
 
 READERS: dict[str, type[MotionReader]] = {
     reader.name: reader
@@ -39,7 +40,7 @@ READERS: dict[str, type[MotionReader]] = {
 
 def is_motion(path: Path) -> bool:
     """Whether a file or folder looks like a motion."""
-    return any(reader().recognises(path) for reader in READERS.values())
+    return any(reader().recognises(plain_name(path)) for reader in READERS.values())
 
 
 def read_motion(path: Path, joints: Sequence[str] = ()) -> RawMotion:
@@ -48,9 +49,10 @@ def read_motion(path: Path, joints: Sequence[str] = ()) -> RawMotion:
     Raises:
         MotionError: no reader knows it, or it cannot be read.
     """
-    for reader in READERS.values():
-        if reader().recognises(path):
-            return reader().read(path, joints)
+    with unpacked(path, limit=MAX_FILE_BYTES, error=MotionError) as plain:
+        for reader in READERS.values():
+            if reader().recognises(plain):
+                return reader().read(plain, joints)
     raise MotionError(
         f"unknown format {path.suffix!r}",
         source=path,

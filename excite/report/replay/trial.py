@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from excite.arrays import Array
+from excite.logs.columns import BASE_POSE
 from excite.report.replay.packed import packed
 from excite.report.replay.tracks import FRAMES_HZ, bounds
 from excite.robot.robot import Limits, Robot
@@ -67,22 +68,33 @@ def trial_frames(
         name: of the trial.
         time: ``(n,)`` [s], increasing.
         measured: positions, ``(n, n_joints)`` [rad or m].
-        joints: of the columns.
-        base: poses of a free base, ``(n, 7)``: x y z qx qy qz qw; None where they were not recorded.
+        joints: of the columns; those of :data:`~excite.logs.columns.BASE_POSE` are a free base's pose.
+        base: poses of a free base, ``(n, 7)``: x y z qx qy qz qw; None where they were not recorded, or are columns.
         ghost: what the other robot is, and its positions, ``(n, n_joints)``.
     """
     frames = np.linspace(time[0], time[-1], max(2, round(float(time[-1] - time[0]) * FRAMES_HZ) + 1))
     here = np.tile(robot.rest, (len(frames), 1))
     if base is not None and robot.floating:
         here[:, :7] = base[np.searchsorted(time, frames).clip(0, len(time) - 1)]
-    columns = [robot.n_base_q + robot.joint_index(joint) for joint in joints]
-    here[:, columns] = _at(frames, time, measured)
+    here = _posed(robot, here, joints, frames, time, measured)
     other = None
     if ghost is not None:
-        there = here.copy()
-        there[:, columns] = _at(frames, time, ghost[1])
-        other = (ghost[0], there)
+        other = (ghost[0], _posed(robot, here, joints, frames, time, ghost[1]))
     return TrialFrames(name, frames - frames[0], here, other, robot.limits)
+
+
+def _posed(
+    robot: Robot, q: Array, joints: tuple[str, ...], frames: Array, time: Array, positions: Array
+) -> Array:
+    """Configurations ``(n_frames, nq)`` with the joints, and the base where it is among them, at their positions."""
+    found = q.copy()
+    turning = [k for k, joint in enumerate(joints) if joint not in BASE_POSE]
+    columns = [robot.n_base_q + robot.joint_index(joints[k]) for k in turning]
+    found[:, columns] = _at(frames, time, positions[:, turning])
+    if len(turning) < len(joints) and robot.floating:
+        pose = [joints.index(name) for name in BASE_POSE]
+        found[:, :7] = positions[np.searchsorted(time, frames).clip(0, len(time) - 1)][:, pose]
+    return found
 
 
 def _at(frames: Array, time: Array, values: Array) -> Array:

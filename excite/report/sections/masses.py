@@ -29,6 +29,11 @@ class Masses(Section):
             if data.true is not None
             else "."
         )
+        if data.half_width is not None:
+            lead += (
+                " Lines are 95 % intervals of the data and of what the nominal model is granted together: where the "
+                "data tell little of a mass by itself, as of neighbours whose sum they tell, it is as wide as that."
+            )
         if data.changed is not None and data.changed.any():
             names = [name for name, changed in zip(data.names, data.changed, strict=True) if changed]
             lead += " Named as changed: " + ", ".join(names) + "."
@@ -37,11 +42,15 @@ class Masses(Section):
 
 
 def _numbers(data: MassComparison) -> str:
-    columns = [data.nominal, data.identified] + ([data.true] if data.true is not None else [])
-    headers = ["segment", "nominal [kg]", "identified [kg]"] + (
-        ["true [kg]"] if data.true is not None else []
-    )
+    columns = {"nominal [kg]": data.nominal, "identified [kg]": data.identified}
+    sums = {name: float(np.sum(column)) for name, column in columns.items()}
+    if data.half_width is not None and data.determined is not None:
+        columns |= {"± 95 % [kg]": data.half_width, "told by the data [%]": 100.0 * data.determined}
+    if data.true is not None:
+        columns["true [kg]"] = data.true
+        sums["true [kg]"] = float(np.sum(data.true))
     rows: list[tuple[Cell, ...]] = [
-        (name, *(float(column[i]) for column in columns)) for i, name in enumerate(data.names)
+        (name, *(float(column[i]) for column in columns.values())) for i, name in enumerate(data.names)
     ]
-    return table(headers, rows, ("all", *(float(np.sum(column)) for column in columns)))
+    # Masses of neighbours are known together, so that their intervals do not add up.
+    return table(["segment", *columns], rows, ("all", *(sums.get(name, "") for name in columns)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from excite.errors import ExciteError
+from excite.logs.columns import BASE_POSE
 from excite.logs.log import Trial
 from excite.report.data import PathComparison
 from excite.report.folder import Findings
@@ -31,7 +32,7 @@ class Moving(Section):
             return ""
         path = findings.data.path
         found = findings.diagnosis or {}
-        if path is not None and not set(path.joints) <= set(record.robot.joint_names):
+        if path is not None and not set(path.joints) - set(BASE_POSE) <= set(record.robot.joint_names):
             path = None
         trial = record.trial(path.trial if path else "")
         try:
@@ -79,6 +80,8 @@ def _simulated(record: Record, path: PathComparison, closed: bool) -> dict[str, 
 
 
 def _base(record: Record, path: PathComparison) -> Any:
+    if set(BASE_POSE) <= set(path.joints):
+        return None
     trial = record.trial(path.trial)
     return trial.base if trial.base is not None and len(trial.base) == len(path.time) else None
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.conversion.sources.ros.gathered import Field
+from excite.conversion.sources.ros.gathered import Field, Row
 
 # Longer lists are images, clouds and scans; joints with hands are below a hundred.
 _MOST_NUMBERS = 100
@@ -16,7 +16,6 @@ _DEEPEST = 4
 MOST_BYTES = 20_000
 _NAMES = ("name", "names", "joint_name", "joint_names")
 _LEFT_OUT = {"header", "stamp", "covariance", "crc", "reserve"}
-Row = tuple[list[Field], list[float]]
 
 
 def decode_any(message: Any) -> Row:

@@ -7,10 +7,13 @@ unitree_hg, unitree_go); a decoder of any library that gives them as attributes 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from typing import Any
 
-from excite.conversion.sources.ros.gathered import Field
-from excite.conversion.sources.ros.unitree import LOW_COMMAND, LOW_STATE, Row
+import numpy as np
+
+from excite.conversion.sources.ros.gathered import Field, Row
+from excite.conversion.sources.ros.unitree import LOW_COMMAND, LOW_STATE
 
 
 def is_wanted(kind: str) -> bool:
@@ -40,15 +43,21 @@ def _short(kind: str) -> str:
 
 def _joints(names: Iterable[str], parts: Iterable[tuple[str, str, Any]]) -> Row:
     """Arrays over joints; those that are empty, as efforts may be, are left out."""
-    names = list(names)
-    fields: list[Field] = []
+    names = tuple(names)
+    words: list[tuple[str, str]] = []
     numbers: list[float] = []
     for word, channel, values in parts:
-        if values is None or len(values) != len(names):
-            continue
-        fields += [Field(f"{word}.{name}", channel, name) for name in names]
-        numbers += [float(value) for value in values]
-    return fields, numbers
+        if values is not None and len(values) == len(names):
+            words.append((word, channel))
+            numbers += np.asarray(values, dtype=float).tolist()
+    return _layout(names, tuple(words)), numbers
+
+
+# Layouts of some topics; orders of joints may differ from message to message.
+@lru_cache(maxsize=1024)
+def _layout(names: tuple[str, ...], words: tuple[tuple[str, str], ...]) -> tuple[Field, ...]:
+    """Fields of arrays over joints: the same object for the same ones, as making them takes longer than decoding."""
+    return tuple(Field(f"{word}.{name}", channel, name) for word, channel in words for name in names)
 
 
 def _joint_state(message: Any, topic: str) -> Row:

@@ -8,7 +8,7 @@ from typing import Any
 
 from excite.conversion.recording import Recording, Stream
 from excite.conversion.sources.ros.any_message import decode_any
-from excite.conversion.sources.ros.gathered import Gathered
+from excite.conversion.sources.ros.gathered import Gathered, Room
 from excite.conversion.sources.ros.messages import decode, is_trajectory, is_wanted, stamp_s, trajectory_rows
 from excite.conversion.sources.ros.unitree import finished, is_unitree
 from excite.errors import LogError
@@ -21,6 +21,7 @@ class Topics:
     """Collects messages of a bag."""
 
     def __init__(self) -> None:
+        self._room = Room()
         self._topics: dict[str, Gathered] = {}
         self._planned: dict[str, Gathered] = {}
         self._kinds: dict[str, str] = {}
@@ -30,7 +31,7 @@ class Topics:
         if is_trajectory(kind):
             if topic in self._planned or not message.points:
                 return
-            gathered = self._planned.setdefault(topic, Gathered(topic))
+            gathered = self._planned[topic] = Gathered(topic, self._room)
             for time, (fields, values) in trajectory_rows(message):
                 gathered.add(time, fields, values)
             return
@@ -40,7 +41,9 @@ class Topics:
         self._kinds[topic] = kind
         stamp = stamp_s(message)
         time = stamp if stamp is not None and abs(stamp - logged_s) < _OTHER_CLOCK_S else logged_s
-        self._topics.setdefault(topic, Gathered(topic)).add(time, fields, values)
+        if topic not in self._topics:
+            self._topics[topic] = Gathered(topic, self._room)
+        self._topics[topic].add(time, fields, values)
 
     @property
     def has_positions(self) -> bool:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.conversion.recording import Column, Stream
-from excite.conversion.sources.ros.gathered import Field
+from excite.conversion.sources.ros.gathered import Field, Row
 
 _LEGS = ("FR", "FL", "RR", "RL")
 _QUADRUPED = tuple(f"{leg}_{joint}_joint" for leg in _LEGS for joint in ("hip", "thigh", "calf"))
@@ -37,7 +38,11 @@ _TICK_S, _SAME_PACE = 1e-3, 0.02
 # Messages that were written this much after the robot's own clock stood in a queue [s].
 _LATE_S = 2e-3
 _MOTOR = "motor_"
-Row = tuple[list[Field], list[float]]
+_OF_ROBOT = (
+    Field("tick", "skip"),
+    Field("mode_pr", "skip"),
+    *(Field(f"imu_state.{axis}", "imu", axis) for axis in ("gx", "gy", "gz", "ax", "ay", "az")),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,15 +63,19 @@ class Doubt:
 def motors(channels: Mapping[str, str], attribute: str, others: Callable[[Any], Row]) -> Callable[..., Row]:
     """A decoder of one message: fields of its motors by ``channels``, and what ``others`` takes of it."""
 
+    @cache
+    def layout(count: int, more: tuple[Field, ...]) -> tuple[Field, ...]:
+        labels = [f"{_MOTOR}{k}" for k in range(count)]
+        return (
+            *(Field(f"{word}.{k}", channel, k) for word, channel in channels.items() for k in labels),
+            *more,
+        )
+
     def decoder(message: Any, topic: str) -> Row:
         found = getattr(message, attribute)
-        fields = [
-            Field(f"{word}.{_MOTOR}{k}", channel, f"{_MOTOR}{k}")
-            for word, channel in channels.items()
-            for k in range(len(found))
-        ]
         more, numbers = others(message)
-        return fields + more, [float(getattr(m, word)) for word in channels for m in found] + numbers
+        values = [float(getattr(m, word)) for word in channels for m in found]
+        return layout(len(found), tuple(more)), values + numbers
 
     return decoder
 
@@ -74,15 +83,13 @@ def motors(channels: Mapping[str, str], attribute: str, others: Callable[[Any], 
 def state_of_robot(message: Any) -> Row:
     """Tick, mode and IMU of a LowState."""
     gyro, acceleration = message.imu_state.gyroscope, message.imu_state.accelerometer
-    fields = [Field("tick", "skip"), Field("mode_pr", "skip")]
-    fields += [Field(f"imu_state.{axis}", "imu", axis) for axis in ("gx", "gy", "gz", "ax", "ay", "az")]
     numbers = [message.tick, getattr(message, "mode_pr", 0), *gyro, *acceleration]
-    return fields, [float(number) for number in numbers]
+    return _OF_ROBOT, [float(number) for number in numbers]
 
 
 def nothing_else(message: Any) -> Row:
     """A LowCmd has nothing but its motors."""
-    return [], []
+    return (), []
 
 
 LOW_STATE = motors({"q": "q", "dq": "v", "tau_est": "tau"}, "motor_state", state_of_robot)

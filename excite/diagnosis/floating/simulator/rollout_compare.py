@@ -17,6 +17,7 @@ from excite.diagnosis.floating.equations.spectrum import BAND_HZ
 from excite.diagnosis.floating.search.refinement import Fitted, explained_state, refine
 from excite.diagnosis.floating.simulator.augmented import standing_model
 from excite.diagnosis.floating.simulator.rollout import Simulator
+from excite.diagnosis.floating.simulator.rollout_path import base_path
 from excite.diagnosis.simulator.model_text import LOUDER, MODEL, ignored, without
 from excite.errors import InputError
 from excite.logs.signals.butterworth import lowpass
@@ -100,15 +101,17 @@ def _compared(
     nominal = Reloaded(problem, before)
     plain, noise = nominal.errors(windows), _noise(problem, rng)
     made = _helpful(nominal, after)
+    moved = made.errors(windows) if made.fitted.placed else plain
     left = [f"{p.effect.name} at {p.location}" for p in after.placed[len(made.fitted.placed) :]]
     found = Rollout(
         before=_rms(plain),
-        after=_rms(made.errors(windows) if made.fitted.placed else plain),
+        after=_rms(moved),
         horizon_s=(windows[0].stop - windows[0].start - 1) / record.rate_hz,
         model=None,
         driven_by="the sensors' wrenches and the joints' motion, the base free",
         warnings=(*made.model.warnings, *unheard(made), *without(left)),
         floor=_rms(nominal.errors(windows, noise) - plain),
+        path=base_path(record, windows, plain, moved),
     )
     return found, made.model.xml
 
