@@ -15,6 +15,7 @@ from excite.diagnosis.budget.library import Form, Library, with_begun
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
+from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.context import Context
@@ -29,6 +30,8 @@ from excite.diagnosis.equations.samples import ArmSamples
 _LARGE = 0.3
 # Of what might stand in a term's place, how many have their non-linear parameters searched as well.
 _INSTEAD = 2
+# Effects that are listed as likely by themselves.
+_LIKELY = 8
 # Joints at which resonances are searched, and how far above the noise they have to stand [power].
 _RESONANT, _STANDS = 3, 1.5
 
@@ -41,11 +44,13 @@ class Found:
         search: the last search, with its design and rivals.
         baseline: what every model begins with, fitted.
         prediction: its torques.
+        likely: what would explain most if it stood alone, best first.
     """
 
     search: Search
     baseline: Baseline
     prediction: Prediction
+    likely: tuple[Term, ...] = ()
 
 
 def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
@@ -73,6 +78,7 @@ def model_of_gap(
     maker = TermMaker(Context(full), full.strict)
     kept: list[Term] = []
     near: list[Term] = []
+    likely: tuple[Term, ...] = ()
     for least in (_LARGE, 0.0):
         begun = library.begun(maker)
         pruned = {t.key for t in begun} - {t.key for t in kept} if least == 0.0 else set()
@@ -82,13 +88,16 @@ def model_of_gap(
         bodies = _bodies(library.bodies(maker.context), beside, maker)
         design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
+        if least > 0.0:
+            ranking = one_each(design, screened(search.model, search.allowed(search.model)))
+            likely = tuple(design.terms[item.index] for item in ranking[:_LIKELY])
         search.run()
         if least > 0.0:
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)
         kept, near, maker = _refined(full, search, library, resonances=least > 0.0)
     last = _settled(search, kept, near, maker)
-    return Found(last, full, predicted(full, last.model))
+    return Found(last, full, predicted(full, last.model), likely)
 
 
 def _bodies(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMaker) -> list[Term]:

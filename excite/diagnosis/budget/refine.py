@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,6 +27,7 @@ class Beside:
 
     model: Model
     inverse: Array
+    _rows: dict[int, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: Model) -> Beside:
@@ -53,10 +54,20 @@ class Beside:
         cross, inner, slope = np.zeros((m.layout.size, size)), np.zeros((size, size)), np.zeros(size)
         for j, block in term.columns.items():
             inside, w = block[use], m.weight[j]
-            cross[m.layout.numbers[j]] += w * (m.design.matrices[j][:, m.layout.columns[j]][use].T @ inside)
+            cross[m.layout.numbers[j]] += w * (self._columns(j) @ inside)
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
         return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope
+
+
+    def _columns(self, j: int) -> Array:
+        """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""
+        if j not in self._rows:
+            m = self.model
+            self._rows[j] = np.ascontiguousarray(
+                m.design.matrices[j].T[m.layout.columns[j]][:, m.design.rows.block >= 0]
+            )
+        return self._rows[j]
 
 
 @dataclass(eq=False)

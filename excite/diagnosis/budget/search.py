@@ -201,7 +201,7 @@ class Search:
         return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
 
     def try_beside(self, without: Model, k: int) -> Tried | None:
-        model = fit(self.design, (*without.chosen, k), without.weight)
+        model = fit(self.design, (*without.chosen, k), without.weight, beside=without)
         if not self._can_be(k, model.parameters(k)):
             return None
         return Tried(k, model, merit(without, model, self.design.terms[k], self.candidates))
