@@ -34,6 +34,8 @@ _INSTEAD = 2
 _LIKELY = 8
 # Joints at which resonances are searched, and how far above the noise they have to stand [power].
 _RESONANT, _STANDS = 3, 1.5
+# How often a resonance is searched again on what is fitted with it, and the nats that have to be in it.
+_AGAIN, _PROMISES = 3, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +151,7 @@ def _refined(
             kept.append(again)
             continue
         refiner = Refiner(own)
-        kept.append(refiner.refined(beside, again, term.effect.richer))
+        kept.append(refiner.refined(beside, again, term.effect.richer, closer=not resonances))
         others = [i for i in model.chosen if i != k]
         neighbours = [i for i in others if terms[i].own == term.own and not terms[i].started]
         if term.own is not None and neighbours:
@@ -159,7 +161,7 @@ def _refined(
         for other in search.instead(k, beside.model)[:_INSTEAD]:
             near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
     if resonances:
-        near += _resonances(search, Refiner(maker))
+        near += [_with_its_swing(full, search, term) for term in _resonances(search, Refiner(maker))]
     return kept, near, maker
 
 
@@ -180,6 +182,27 @@ def _resonances(search: Search, refiner: Refiner) -> list[Term]:
             best[term.key] = (gain, term)
     made = [refiner.refined(beside, term) for _, term in best.values()]
     return made + [found for _, term in best.values() for found in refiner.unlike(beside, term)]
+
+
+def _with_its_swing(full: Baseline, search: Search, term: Term) -> Term:
+    """A gear's play or softness searched again on what is fitted with it, as long as that gains.
+
+    It takes the load from the rigid bodies, which its swinging has bent while nobody knew of it.
+    """
+    model = search.model
+    beside, terms = Beside.of(model), [*model.terms, term]
+    gain = beside.gain(term)[0]
+    for _ in range(_AGAIN if gain > _PROMISES else 0):
+        design = Design(model.design.rows, (*terms[:-1], term))
+        now = predicted(full, fit(design, range(len(terms)), model.weight, left_out=False))
+        own = TermMaker(now.without(len(terms) - 1), full.strict)
+        made = own.again(term)
+        found = term if made is None else Refiner(own).refined(beside, made)
+        more = beside.gain(found)[0]
+        if more <= gain + _PROMISES:
+            break
+        term, gain = found, more
+    return term
 
 
 def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:
