@@ -9,6 +9,7 @@ import numpy as np
 from excite.arrays import Array
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.arm.joined import joined
+from excite.diagnosis.arm.read import read
 from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.budget.library import NAMELESS
 from excite.diagnosis.budget.made import budget_of
@@ -77,13 +78,34 @@ def judged_record(record: TorqueRecord) -> Judged:
     # Torques that were not measured are no better further up in the spectrum.
     measured = record.reconstructed_noise is None
     least = np.minimum(white_floor(samples), spectral) if measured else spectral
-    baseline = fit_baseline(samples, record.modelled, least)
+    full = begun_baseline(samples, record.modelled, least) if record.budget else None
+    baseline = fit_baseline(samples, record.modelled, least, like=full)
     columns = [record.log.header.joints.index(name) for name in samples.joints]
     sigma = position_noise(samples, columns, record.log.trials)
     noise = kinematic_noise(baseline, sigma, np.random.default_rng(0))
     spectral = np.hypot(spectral, np.sqrt(((noise * baseline.strict) ** 2).mean(axis=1)))
-    found = _one_by_one(record, _Ready(samples, baseline, spectral, noise))
-    return _with_budget(record, found, least) if record.budget else found
+    ready = _Ready(samples, baseline, spectral, noise)
+    return _one_by_one(record, ready) if full is None else _together(record, ready, full, least)
+
+
+def _together(record: TorqueRecord, ready: _Ready, full: Baseline, least: Array) -> Judged:
+    """The model of all effects, its budget, and the verdict that is read from it."""
+    samples = ready.samples
+    tau = samples.rows([t.measured for t in samples.trials])[samples.identification]
+    scale = np.maximum(tau.std(axis=0), 1e-9)
+    together = unison(full)
+    # On one path any list of effects could stand for any other.
+    effects = record.effects if together is None else _own_terms(record.effects)
+    gap = model_of_gap(full, record.modelled, (*effects, *NAMELESS), least)
+    budget = budget_of(gap, ready.spectral, scale)
+    said = (*(() if together is None else (together,)), *other_machine(gap.search.model))
+    scorer = Scorer(
+        ready.baseline, ready.spectral, unrepeated(samples, ready.noise * ready.baseline.strict), scale
+    )
+    attribution, judgement = read(gap, budget, scorer)
+    return Judged(
+        samples, ready.baseline, ready.spectral, ready.noise, attribution, judgement, (), budget, said
+    )
 
 
 def _with_budget(record: TorqueRecord, found: Judged, least: Array) -> Judged:

@@ -22,7 +22,7 @@ class Merit:
 
     Attributes:
         nats: by joint, by which left-out blocks are predicted better, ``(n_joints,)``.
-        steady: mean over blocks of their nats, in units of the deviation between them.
+        steady: nats of all blocks but those that gain most.
         score: all nats less the price.
     """
 
@@ -32,8 +32,8 @@ class Merit:
 
     @property
     def passes(self) -> bool:
-        """Whether it is worth its price, and not because of one block."""
-        return self.score > 0.0 and self.steady >= THRESHOLDS.steadiness
+        """Whether it is worth its price, and not because of a few blocks."""
+        return self.score > 0.0 and self.steady > 0.0
 
 
 def merit(without: Model, with_it: Model, term: Term, candidates: int) -> Merit:
@@ -46,8 +46,8 @@ def merit(without: Model, with_it: Model, term: Term, candidates: int) -> Merit:
     by_block = 0.5 * share * count[:, None] * np.log(old / new)
     own = term.own is not None
     steps = by_block[:, term.own] if own else by_block.sum(axis=1)
-    spread = float(steps.std(ddof=1))
-    steady = float(steps.mean()) / max(spread, 1e-12)
+    few = int(np.ceil(THRESHOLDS.few * len(steps)))
+    steady = float(np.sort(steps)[:-few].sum())
     total = float(nats.sum())
     if own:
         # What acts on a joint has to show there.
@@ -63,7 +63,16 @@ def price_of(term: Term, candidates: int) -> float:
 
 def nats_between(one: Model, other: Model) -> float:
     """How many nats another model predicts left-out blocks better by, against what stays unexplained with it."""
-    effective = other.share_beside(one) * other.design.fitted.count.sum()
+    return _nats(other.share_beside(one), one, other)
+
+
+def nats_alike(without: Model, one: Model, other: Model) -> float:
+    """What a model gains over one without a term, in the effective samples by which another is compared with it."""
+    return _nats(other.share_beside(one), without, one)
+
+
+def _nats(share: Array, one: Model, other: Model) -> float:
+    effective = share * other.design.fitted.count.sum()
     return float((0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0))).sum())
 
 

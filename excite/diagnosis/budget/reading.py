@@ -10,7 +10,7 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 def namable(budget: Budget) -> tuple[Named, ...]:
     """Effects without a rival of another name that surely take something, and more than a trifle, of a place's gap."""
-    return tuple(item for item in budget.named if alone(item) and _clear(budget, item))
+    return tuple(item for item in budget.named if alone(item) and clear(budget, item))
 
 
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
@@ -48,7 +48,8 @@ def alone(item: Named) -> bool:
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)
 
 
-def _clear(budget: Budget, item: Named) -> bool:
+def clear(budget: Budget, item: Named) -> bool:
+    """Whether an effect surely takes something, and more than a trifle, of a place's gap."""
     return any(s.share >= THRESHOLDS.trifle and s.interval90[0] > 0.0 for s in _of(budget, item))
 
 

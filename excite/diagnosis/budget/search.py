@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.design import Design
-from excite.diagnosis.budget.evidence import Merit, merit, nats_between, price_of
+from excite.diagnosis.budget.evidence import Merit, merit, nats_alike, nats_between, price_of
 from excite.diagnosis.budget.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.thresholds import THRESHOLDS
@@ -159,8 +159,7 @@ class Search:
                 self.model = without
                 continue
             self.merits[k] = here
-            width = max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
-            near = [t for t in tried if t.merit.passes and ahead[t.index] > -width]
+            near = [t for t in tried if t.merit.passes and ahead[t.index] > -self._width(without, t)]
             self.rivals[k] = [t for t in near if not self._richer(t.index, k)]
 
     def _ahead(self, item: Tried, k: int) -> float:
@@ -170,6 +169,10 @@ class Search:
         """
         cost = price_of(self.design.terms[item.index], self.candidates)
         return nats_between(self.model, item.model) + price_of(self.design.terms[k], self.candidates) - cost
+
+    def _width(self, without: Model, item: Tried) -> float:
+        """Nats within which another term is a rival: a share of those that the one in the model has, counted alike."""
+        return max(THRESHOLDS.rival, THRESHOLDS.alike * nats_alike(without, self.model, item.model))
 
     def _in_place_of(self, k: int, without: Model) -> list[Tried]:
         """What else might stand in a term's place, fitted in full."""
@@ -201,7 +204,7 @@ class Search:
         return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
 
     def try_beside(self, without: Model, k: int) -> Tried | None:
-        model = fit(self.design, (*without.chosen, k), without.weight)
+        model = fit(self.design, (*without.chosen, k), without.weight, beside=without)
         if not self._can_be(k, model.parameters(k)):
             return None
         return Tried(k, model, merit(without, model, self.design.terms[k], self.candidates))
