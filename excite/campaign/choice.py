@@ -100,7 +100,9 @@ def choose(
     fallen = known.fallen(pool, load)
     left = pool.without(fallen)
     selection = _selected(robot, left, base, rule)
-    return Choice(left, selection, _unchosen_in_turn(left, selection.indices), len(fallen), None, interrupted=True)
+    return Choice(
+        left, selection, _unchosen_in_turn(left, selection.indices), len(fallen), None, interrupted=True
+    )
 
 
 class _AllFall(NoSolutionError):

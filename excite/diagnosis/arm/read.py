@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from excite.diagnosis.answer.budget import Budget, Named
@@ -47,7 +46,9 @@ def read(found: Found, budget: Budget, scorer: Scorer) -> tuple[Attribution, Jud
         stranger = None if verdict == "none" else _stranger(found, budget, scorer)
         if stranger is not None:
             structured = (stranger.location, *(j for j in structured if j != stranger.location))
-        return replace(nothing, stages=(stage,), stranger=stranger), Judgement(verdict, (), (), (), structured)
+        return replace(nothing, stages=(stage,), stranger=stranger), Judgement(
+            verdict, (), (), (), structured
+        )
     first, *others = sure
     chosen = [first, *(item for item in others if alone(item))]
     stages, current, kept = list[Stage](), base, list[Named]()
@@ -62,7 +63,11 @@ def read(found: Found, budget: Budget, scorer: Scorer) -> tuple[Attribution, Jud
         return nothing, Judgement("unknown", (), (), (), structured)
     current = signs_again(current)
     first = kept[0]
-    k = next(k for k in found.search.model.chosen if found.search.design.terms[k].key == (first.effect, first.location))
+    k = next(
+        k
+        for k in found.search.model.chosen
+        if found.search.design.terms[k].key == (first.effect, first.location)
+    )
     near = [found.search.design.terms[t.index] for t in found.search.rivals.get(k, ())]
     near = [t for t in near if t.key not in terms]
     beside = [s for t in near if (s := _scored(t, base, scorer)) is not None]
@@ -70,8 +75,12 @@ def read(found: Found, budget: Budget, scorer: Scorer) -> tuple[Attribution, Jud
     listed = [s for t in likely if (s := _scored(t, base, scorer)) is not None]
     stages[0] = replace(stages[0], ranking=(stages[0].accepted, *beside, *listed)[:_LISTED])
     stages.append(Stage(Context(current), (), None))
-    after = replace(nothing, stages=tuple(stages), after=current.fit, final=current, floor=scorer.floor(current.fit))
-    renamed = tuple(s.hypothesis.effect.second_name(current, s.location, s.hypothesis.fit) for s in after.accepted)
+    after = replace(
+        nothing, stages=tuple(stages), after=current.fit, final=current, floor=scorer.floor(current.fit)
+    )
+    renamed = tuple(
+        s.hypothesis.effect.second_name(current, s.location, s.hypothesis.fit) for s in after.accepted
+    )
     twins = tuple(s.hypothesis.effect.second_name(current, s.location, s.hypothesis.fit) for s in rivals)
     tied = tuple((item.location, *(p for n, p in item.rivals if n == item.effect)) for item in kept)
     verdict = "ambiguous" if rivals or renamed[0] is not None else "effect"

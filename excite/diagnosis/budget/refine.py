@@ -71,7 +71,6 @@ class Beside:
             slope += w * (inside.T @ m.residual[j][use])
         return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope, cross
 
-
     def _columns(self, j: int) -> Array:
         """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""
         if j not in self._rows:
