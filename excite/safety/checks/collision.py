@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.motion.motion import configuration_at
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data
+from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data, pair_distance
 from excite.safety.checks.approach import approach_rates
 from excite.safety.checks.base import Check, CheckResult
 from excite.safety.checks.sweep import Sweep
@@ -150,7 +150,7 @@ class Distances:
         robot = self.sweep.robot
         q = configuration_at(self.sweep.fine, robot, time)
         pin.updateGeometryPlacements(robot.model, model_data, self.geometry, data, q)
-        return np.array([pin.computeDistance(self.geometry, data, int(pair)).min_distance for pair in pairs])
+        return np.array([pair_distance(self.geometry, data, int(pair)) for pair in pairs])
 
     def midpoint(self, start: float, end: float) -> float:
         """A time between two others: a sample of the grid while there is one, else the middle."""

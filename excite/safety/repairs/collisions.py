@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from excite.arrays import Array
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model, geometry_data
+from excite.robot.shapes.collision import collision_model, geometry_data, pair_distance
 
 # Distance beyond the required margin that repairs keep, so that nothing happens between their samples [m].
 EXTRA = 0.004
@@ -32,7 +32,7 @@ class CollisionProbe:
         margin = robot.description.collision.margin
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, robot.rest)
         for k in range(len(self._geometry.collisionPairs)):
-            distance = pin.computeDistance(self._geometry, self._state, k).min_distance
+            distance = pair_distance(self._geometry, self._state, k)
             extra = min(EXTRA, _SHARE * max(0.0, distance - margin))
             self._state.collisionRequests[k].security_margin = margin + extra
 
@@ -52,9 +52,7 @@ class CollisionProbe:
         it has to be [m]."""
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, q)
         n_pairs = len(self._geometry.collisionPairs)
-        distance = np.array(
-            [pin.computeDistance(self._geometry, self._state, k).min_distance for k in range(n_pairs)]
-        )
+        distance = np.array([pair_distance(self._geometry, self._state, k) for k in range(n_pairs)])
         required = np.array([self._state.collisionRequests[k].security_margin for k in range(n_pairs)])
         worst = int(np.argmin(distance - required))
         pair = self._geometry.collisionPairs[worst]
