@@ -147,7 +147,7 @@ def test_a_pair_is_reported_at_the_first_sample_that_is_too_close(humanoid: Robo
         row = int(np.argmax(every[:, pair] < required))
         assert violation.kind == "self_collision" and violation.limit == required
         assert violation.time_s == pytest.approx(sweep.fine.time[row])
-        assert violation.value == pytest.approx(every[row, pair], abs=1e-9)
+        assert violation.value == pytest.approx(every[row, pair], abs=1e-7)  # a tenth of coal's tolerance
 
 
 def test_where_the_smallest_distance_suffices_the_margin_is_a_lower_bound(humanoid: Robot) -> None:

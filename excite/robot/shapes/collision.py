@@ -86,8 +86,8 @@ def geometry_data(geometry: pin.GeometryModel) -> pin.GeometryData:
 def pair_distance(geometry: pin.GeometryModel, data: pin.GeometryData, pair: int) -> float:
     """Distance of a pair of shapes whose placements are up to date, negative in penetration [m].
 
-    It is rounded to a tenth of the 1e-6 m to which coal knows it: further digits are not the robot's. Of the same shapes
-    and placements, two processes that had done different things before got distances 1e-12 m apart.
+    It is rounded to a tenth of the 1e-6 m to which coal knows it: further digits are not the robot's. Of the same
+    shapes and placements, two processes that had done different things before got distances 1e-12 m apart.
     """
     return round(float(pin.computeDistance(geometry, data, pair).min_distance), 7)
 
