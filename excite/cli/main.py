@@ -47,7 +47,11 @@ from excite.cli.session.failure import (  # noqa: E402
     of_unforeseen,
     of_usage,
 )
-from excite.cli.session.interruption import Interrupted, handle_signals, say_interrupted  # noqa: E402
+from excite.cli.session.interruption import (  # noqa: E402
+    exit_code_of_interruption,
+    handle_signals,
+    say_interrupted,
+)
 from excite.cli.session.typed import typed, typed_seed  # noqa: E402
 from excite.errors import ExciteError  # noqa: E402
 from excite.made import made_by  # noqa: E402
@@ -138,9 +142,9 @@ def main() -> None:
     try:
         code = _run(sys.argv[1:])
         sys.stdout.flush()
-    except Interrupted as interruption:
+    except KeyboardInterrupt:
         say_interrupted()
-        code = interruption.exit_code
+        code = exit_code_of_interruption()
     except BrokenPipeError:
         # Whoever read the output has gone; the interpreter shall not try to write the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

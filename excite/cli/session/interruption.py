@@ -26,20 +26,8 @@ _ARRIVED: list[int] = []
 _KEEPING = threading.Event()
 
 
-class Interrupted(KeyboardInterrupt):
-    """The run was asked to end; no error, so that nothing that handles errors stops it on its way.
-
-    Attributes:
-        exit_code: 128 and the number of the signal: 130 for Ctrl-C, 143 for a request to end.
-    """
-
-    def __init__(self, number: int):
-        self.exit_code = 128 + number
-        super().__init__(signal.Signals(number).name)
-
-
 def handle_signals() -> None:
-    """Let SIGINT and SIGTERM raise :class:`Interrupted`, and end the process where that does not help in time."""
+    """Let SIGINT and SIGTERM raise KeyboardInterrupt, and end the process where that does not help in time."""
     arrived, wakeup = os.pipe()
     os.set_blocking(wakeup, False)
     for number in _SIGNALS:
@@ -73,7 +61,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     for other in _SIGNALS:
         signal.signal(other, _already)
     _ARRIVED.append(number)
-    raise Interrupted(number)
+    raise KeyboardInterrupt(signal.Signals(number).name)
 
 
 def _already(number: int, frame: FrameType | None) -> None:
