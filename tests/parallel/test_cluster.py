@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from excite.campaign.check import check
+from excite.cli.main import _run
 from excite.errors import InputError
 from excite.motion.generators.mixture import plan_candidates, plan_proposals
 from excite.parallel.cluster import executor
@@ -103,11 +104,14 @@ def _excite(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_a_command_plans_on_a_cluster_to_the_same_bytes(cluster: Any, tmp_path: Path) -> None:
+def test_a_command_plans_on_a_cluster_to_the_same_bytes(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     arguments = ("plan", "ur10", "--candidates", "4", "--seed", "1")
     there = _excite(*arguments, "--cluster", cluster.scheduler_address, "--out", "there", cwd=tmp_path)
     assert there.returncode == 0, there.stderr
-    assert _excite(*arguments, "--jobs", "1", "--out", "here", cwd=tmp_path).returncode == 0
+    monkeypatch.chdir(tmp_path)
+    assert _run([*arguments, "--jobs", "1", "--out", "here"]) == 0
     names = sorted(path.name for path in (tmp_path / "here" / "motions").iterdir())
     assert names == sorted(path.name for path in (tmp_path / "there" / "motions").iterdir())
     for name in names:
