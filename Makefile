@@ -30,13 +30,16 @@ manual: $(VENV)/.ready
 # Each worker starts with a part of the tests that stand together, whose fixtures are then made once.
 PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
+# A sample of each long battery; all of them, and the papers' tables, are in test-all.
 test: $(VENV)/.ready
-	$(PYTEST)
+	$(PYTEST) -m "not battery"
 
 test-fast: $(VENV)/.ready
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow and not battery"
 
-test-all: test reproduce
+test-all: $(VENV)/.ready
+	$(PYTEST)
+	$(MAKE) reproduce
 
 bench: $(VENV)/.ready
 	$(BIN)/python -m tests.benchmarks

@@ -20,7 +20,11 @@ def test_there_are_notebooks():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=[pytest.mark.battery] if k else []) for k, path in enumerate(NOTEBOOKS)],
+    ids=[path.stem for path in NOTEBOOKS],
+)
 def test_notebook_runs(path, tmp_path):
     options = ["--nbmake", f"--nbmake-timeout={_SECONDS}", "-p", "no:cacheprovider", "-p", "no:xdist", "-q"]
     environment = os.environ | {

@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ COMMANDS = sorted(set(re.findall(r"^(?:    )?excite ([^#\n]*[^#\s])", README, fl
 PYTHON = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
 
 
+@cache
 def _cli() -> typer.core.TyperGroup:
     return typer.main.get_command(app)
 

@@ -6,6 +6,7 @@ import atexit
 import io
 import os
 import sys
+from functools import cache
 from typing import Annotated, Any, NoReturn
 
 # Many small factorisations: one BLAS thread is faster and repeatable. Set before numpy is imported.
@@ -156,12 +157,18 @@ def main() -> None:
     sys.exit(code)
 
 
+@cache
+def _command() -> Any:
+    """All commands as click has them; putting them together takes longer than refusing a file."""
+    return typer.main.get_command(app)
+
+
 def _run(arguments: list[str]) -> int:
     """Run one command; its exit code."""
     as_json = "--json" in arguments
     try:
         # Not by calling the app, which ends the process by itself for some errors, with exit codes of its own.
-        command = typer.main.get_command(app)
+        command = _command()
         made = made_by(typed(arguments), excite.__version__, typed_seed(arguments))
         with made, command.make_context("excite", arguments) as context:
             command.invoke(context)

@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from statistics import median
 
+from excite.identification.judgement.warnings import POOR_RSD
 from excite.report.folder import Document, Findings
 from excite.report.html import number
 
@@ -17,8 +18,6 @@ VERDICTS = {
 }
 # Named worst offenders in a sentence.
 _NAMED = 3
-# Relative standard deviation above which `identify` warns of a parameter [percent].
-_VAGUE = 30.0
 
 
 @dataclass(frozen=True)
@@ -133,9 +132,9 @@ def _of_identification(found: Document, findings: Findings) -> Conclusion:
             "see what is wrong with the record",
         )
     rsd = [row["rsd_percent"] for row in base]
-    vague = sum(value is None or value > _VAGUE for value in rsd)
+    vague = sum(value is None or value > POOR_RSD for value in rsd)
     single = (
-        f", though {vague} of {len(rsd)} parameters by themselves are not known to within {_VAGUE:.0f} %"
+        f", though {vague} of {len(rsd)} parameters by themselves are not known to within {POOR_RSD:.0f} %"
         if vague
         else ""
     )

@@ -87,13 +87,14 @@ def test_three_to_eight_effects_are_drawn_from_nothing_to_large_and_none_twice_a
 
 
 def test_same_seed_same_bytes_and_the_answers_lie_beside(
-    short_trials: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def few(rng: np.random.Generator, robots: tuple[str, ...]) -> Mixture:
         plan = mixture(rng, robots)
         return replace(plan, ingredients=plan.ingredients[:2])
 
     monkeypatch.setattr(excite.blind.make, "mixture", few)
+    monkeypatch.setattr(excite.blind.arm, "TRIAL_S", 1.5)
     folders = [tmp_path / name for name in ("one", "two")]
     for folder in folders:
         make_cases(folder, seed=5, cases=1, robots=("jaco2",), kind="everything")

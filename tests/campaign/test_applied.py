@@ -20,6 +20,7 @@ from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot, robot_for_log
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from tests.diagnosis.few_trials import few_trials
 from tests.diagnosis.test_command_only import controller_of, without_torque
 from tests.identification.practice_log import arm_log, changed
 from tests.report.diagnosed import ambiguous, two_joints_diagnosed
@@ -159,7 +160,7 @@ def test_a_free_base_is_refused_before_any_work(g1: Robot) -> None:
 @pytest.mark.slow
 def test_a_servo_keeps_the_model_that_it_had(gap_dir: Path, tmp_path: Path) -> None:
     """Commands and positions alone: the feedforward was made without the load, whatever the next round's model has."""
-    log = load_log(gap_dir / "arm" / "case_003")
+    log = few_trials(load_log(gap_dir / "arm" / "case_003"))
     robot = nominal_robot(log)
     log = without_torque(log, controller_of(log, robot) | {"feedforward": "inverse_dynamics"})
     found = diagnose(log, robot)

@@ -141,7 +141,7 @@ def _npy(shape: str, kind: str = "<f8", body: bytes = b"") -> bytes:
 
 def _bomb(path: Path) -> None:
     zeros = b"\0" * (1 << 24)
-    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         with archive.open("q.bomb.npy", "w", force_zip64=True) as stream:
             for _ in range(110):
                 stream.write(zeros)

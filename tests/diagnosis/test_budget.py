@@ -28,7 +28,6 @@ from excite.errors import LogError
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, Trial
 from excite.logs.robot import nominal_robot
-from tests.diagnosis.few_trials import few_trials
 from tests.diagnosis.test_one_joint import URDF as AXIS
 from tests.diagnosis.test_one_joint import axis_header
 from tests.diagnosis.two_joints import COULOMB, RATE_HZ, URDF, VISCOUS, moved, two_joint_log
@@ -140,8 +139,7 @@ def test_shares_of_every_channel_add_up_to_one(tmp_path: Path, modelled: tuple[s
 
 def test_many_effects_at_once_are_named_where_one_by_one_none_is(gap_dir: Path) -> None:
     """A lag, friction that grows with the load, offsets and bristles on seven joints; shares as the simulator's."""
-    log = load_log(gap_dir / "many" / "case_006")
-    alone, together = diagnose(few_trials(log, 3), budget=False), diagnose(log, budget=True)
+    alone, together = (diagnose(gap_dir / "many" / "case_006", budget=budget) for budget in (False, True))
     assert (alone.verdict, together.verdict) == ("unknown", "effect")
     found = {(item.effect, item.location) for item in together.effects}
     assert {("load_dependent_friction", "arm_6_joint"), ("torque_bias", "arm_7_joint")} <= found

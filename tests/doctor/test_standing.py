@@ -32,7 +32,7 @@ def g1() -> Robot:
 @pytest.fixture(scope="module")
 def log(g1: Robot) -> Log:
     """True inertial parameters are off the model's; sensors have noise."""
-    return excite.simulate(g1, load_motions(MOTIONS, g1), seed=5).log
+    return excite.simulate(g1, load_motions(MOTIONS, g1)[::2], seed=5).log
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_a_healthy_log_raises_no_alarm(g1: Robot, log: Log) -> None:
     assert spoiling(examine(g1, log)) == set()
 
 
-@pytest.mark.parametrize("strength", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("strength", [0, pytest.param(1, marks=pytest.mark.battery)])
 @pytest.mark.parametrize("name", STANDING_ILLNESSES)
 def test_an_illness_is_named(examined: Callable[[str, int], Chart], name: str, strength: int) -> None:
     illness = STANDING_ILLNESSES[name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from excite.campaign.plan import FELL
@@ -71,6 +72,7 @@ def _loop_codes(loop: ast.For, tree: ast.Module) -> Iterator[str]:
                     yield cell.value
 
 
+@cache
 def in_the_program() -> set[str]:
     codes = {code for path in (ROOT / "excite").rglob("*.py") for code in made_in(path)}
     codes |= {kind for check in CHECKS for kind in check.kinds}

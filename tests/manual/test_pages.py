@@ -75,11 +75,14 @@ SHOWN = sorted(
 )
 
 
+COMMANDS = typer.main.get_command(app).commands
+
+
 @pytest.mark.parametrize("line", SHOWN)
 def test_a_command_that_is_only_shown_is_accepted(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     name, *arguments = shlex.split(line)[1:]
-    command = typer.main.get_command(app).commands[name]
+    command = COMMANDS[name]
     command.make_context(name, arguments).close()

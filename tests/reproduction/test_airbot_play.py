@@ -34,7 +34,7 @@ def test_every_joint_is_fitted_as_by_hand(data_dir: Path, tmp_path: Path) -> Non
         assert (percents <= pair.LARGEST_BY_HAND).all(), np.round(percents, 1)
 
 
-@pytest.mark.slow
+@pytest.mark.battery
 def test_the_load_shows_that_torque_scales_differ(data_dir: Path, tmp_path: Path) -> None:
     """Torques as given weigh 0.27 kg of the 0.48 stated; the two large drives are to blame, not the wrist's."""
     found = pair.weighed(data_dir, tmp_path)

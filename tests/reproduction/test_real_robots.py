@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -70,9 +71,14 @@ def test_franka_torque_is_what_was_published(data_dir: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_quick_recordings_say_what_is_known_of_them(data_dir: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "recordings", [emps_entries, pytest.param(dvrk_entries, marks=pytest.mark.battery)], ids=["emps", "dvrk"]
+)
+def test_quick_recordings_say_what_is_known_of_them(
+    recordings: ModuleType, data_dir: Path, tmp_path: Path
+) -> None:
     """EMPS without friction and without its offset, and the weights on the surgical arm."""
-    entries = [*emps_entries.entries(data_dir, tmp_path), *dvrk_entries.entries(data_dir, tmp_path)]
+    entries = recordings.entries(data_dir, tmp_path)
     for entry in entries:
         for bar in entry.bars:
             assert bar.met or bar.reason, (entry.title, bar.what, bar.reached)

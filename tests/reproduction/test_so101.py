@@ -33,7 +33,7 @@ def lost_motion(log: Log) -> dict[str, float]:
     return dict(zip(log.header.joints, half.tolist(), strict=True))
 
 
-@pytest.mark.slow
+@pytest.mark.battery
 def test_sag_dead_band_and_delay_are_said(data_dir: Path, tmp_path: Path) -> None:
     log = so101_log(data_dir, tmp_path)
     result = diagnose(log)

@@ -79,7 +79,7 @@ def test_walk_stands_in_simulation(robot: Robot, walk: Motion) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["g1", "talos"])
+@pytest.mark.parametrize("name", ["g1", pytest.param("talos", marks=pytest.mark.battery)])
 def test_walks_of_the_other_humanoids_stand(name: str) -> None:
     robot = load_robot(name)
     candidates = make_generator("walking").candidates(robot, 6, np.random.SeedSequence(7))

@@ -9,7 +9,8 @@ from excite.identification.judgement.changes import Changes
 from excite.identification.judgement.judgement import Judgement, TotalMassReport
 from excite.identification.parameter_statistics import ParameterStatistics
 
-_POOR_RSD = 30.0
+POOR_RSD = 30.0
+"""Relative standard deviation above which a parameter is warned of [percent]."""
 _LARGE_DISPERSION = 4.0
 _MASS_DISAGREES = 0.01
 # Unmodelled equipment weighs less than this share.
@@ -46,9 +47,9 @@ def _of_data(identified: IdentifiedParameters, statistics: ParameterStatistics) 
     if missing > 0:
         text = f"the motions leave {missing} of {rank} base parameters without excitation"
         found.append(Finding("rank", text, {"missing": float(missing)}))
-    poor = tuple(item.name for item in base if item.rsd_percent > _POOR_RSD)
+    poor = tuple(item.name for item in base if item.rsd_percent > POOR_RSD)
     if poor:
-        text = f"{len(poor)} of {len(base)} base parameters have an RSD above {_POOR_RSD:.0f} %"
+        text = f"{len(poor)} of {len(base)} base parameters have an RSD above {POOR_RSD:.0f} %"
         found.append(Finding("poor_rsd", text, {"parameters": float(len(poor))}, poor))
     return found
 
