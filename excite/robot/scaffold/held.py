@@ -56,7 +56,7 @@ def held_joints(
             hard[guess.name] = Held(nearest(guess), MASSLESS)
         elif guess.blocked is not None:
             hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
-        elif slides and guess.position is None:
+        elif slides and guess.position is None and guess.name not in tied:
             hard[guess.name] = Held(0.0, "a slide without limits")
         elif _WHEEL.search(called):
             soft[guess.name] = Held(nearest(guess), "a wheel")
