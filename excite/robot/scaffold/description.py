@@ -103,7 +103,7 @@ def draft(
     guesses = guess_joints(joints, path)
     slides = {name for name, joint in joints.items() if joint.get("type") == "prismatic"}
     together = tied(joints, said.loops, said.couplings)
-    held = held_joints(root, joints, guesses, together.joints)
+    held = held_joints(root, joints, guesses, together.joints, together.closing)
     held |= {name: Held(value, "its drive cannot hold what it carries") for name, value in weak.items()}
     held |= together.holding(held, guesses)
     still_names = _with_followers(held, guesses)
