@@ -73,26 +73,34 @@ def contact_maps(robot: Robot, q: Array, feet: list[Foot]) -> Array:
         feet: those that carry.
     """
     model, data = robot.model, robot.model.createData()
-    maps = np.empty((len(q), model.nv, sum(6 if foot.flat else 3 * len(foot.sole) for foot in feet)))
+    jacobians = np.empty((len(feet), len(q), 6, model.nv))
+    ups = np.empty((len(feet), len(q), 3))
     for i, row in enumerate(q):
         pin.computeJointJacobians(model, data, row)
-        wrenches = [_wrenches(foot, data.oMi[foot.joint].rotation[2]) for foot in feet]
-        maps[i] = np.hstack(
-            [
-                pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL).T @ wrench
-                for foot, wrench in zip(feet, wrenches, strict=True)
-            ]
-        )
-    return robot.on_motors(q, maps)
+        for k, foot in enumerate(feet):
+            jacobians[k, i] = pin.getJointJacobian(model, data, foot.joint, pin.ReferenceFrame.LOCAL)
+            ups[k, i] = data.oMi[foot.joint].rotation[2]
+    maps = [
+        jacobian.transpose(0, 2, 1) @ _wrenches(foot, up)
+        for foot, jacobian, up in zip(feet, jacobians, ups, strict=True)
+    ]
+    return robot.on_motors(q, np.concatenate(maps, axis=2))
 
 
 def _wrenches(foot: Foot, up: Array) -> Array:
-    """Wrenches at the joint's origin, in its frame, that a foot can transmit, ``(6, k)``; ``up`` in that frame."""
+    """Wrenches at the joint's origin, in its frame, that a foot can transmit, ``(6, k)`` or, of a ball, ``(n, 6, 3)``.
+
+    ``up`` is the vertical in that frame at each sample, ``(n, 3)``.
+    """
     if foot.flat:
         return np.eye(6)
     if foot.radius > 0.0:
-        touching = foot.sole[0] + foot.radius * (foot.placement.rotation[:, 2] - up)
-        return np.vstack([np.eye(3), pin.skew(touching)])
+        x, y, z = (foot.sole[0] + foot.radius * (foot.placement.rotation[:, 2] - up)).T
+        wrenches = np.zeros((len(up), 6, 3))
+        wrenches[:, :3] = np.eye(3)
+        for row, column, value in ((3, 1, -z), (3, 2, y), (4, 0, z), (4, 2, -x), (5, 0, -y), (5, 1, x)):
+            wrenches[:, row, column] = value
+        return wrenches
     return np.hstack([np.vstack([np.eye(3), pin.skew(corner)]) for corner in foot.sole])
 
 

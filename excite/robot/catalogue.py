@@ -31,6 +31,7 @@ def find_robot(name_or_path: str | Path) -> Path:
 
     Raises:
         UnknownNameError: neither a file nor a bundled robot.
+        RobotError: a file of another kind.
     """
     path = Path(name_or_path)
     if path.suffix in {".yaml", ".yml", ".urdf", ".xml", ".mjcf"}:
@@ -40,6 +41,12 @@ def find_robot(name_or_path: str | Path) -> Path:
         return bundled
     if os.path.isfile(path / "robot.yaml"):
         return path / "robot.yaml"
+    if os.path.isfile(path):
+        raise RobotError(
+            "is neither a robot.yaml nor a URDF, xacro or MJCF by its name",
+            source=path,
+            remedy="convert it to URDF (of an SDF: sdformat_urdf or gz-sdf), or let its name end in what it is",
+        )
     raise UnknownNameError("robot", str(name_or_path), [*bundled_robots(), "a path to a robot.yaml"])
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from xml.dom import DOMException
 from xml.etree import ElementTree
-from xml.parsers.expat import ExpatError
 
 from excite.errors import RobotError
 from excite.reading.file import first_bytes
@@ -83,20 +81,26 @@ def _expand(path: Path, arguments: Mapping[str, str], package_path: tuple[Path, 
     substitution_args._eval_find = find
     try:
         return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
-    except (
-        xacro.XacroException,
-        ExpatError,
-        DOMException,
-        OSError,
-        ValueError,
-        NameError,
-        TypeError,
-    ) as error:
-        cause = " ".join(str(error).split())[:200]
+    except Exception as error:
+        # Xacro evaluates what files say as Python: they raise whatever they like.
+        cause = _cause(error)
+        if cause is not None:
+            raise cause from error
+        said = " ".join(str(error).split())[:200]
         raise RobotError(
-            f"xacro cannot expand it ({cause})",
+            f"xacro cannot expand it ({said})",
             source=path,
             remedy="mend it, or give its arguments with --xacro-arg name:=value",
         ) from error
     finally:
         substitution_args._eval_find = known
+
+
+def _cause(error: BaseException | None) -> RobotError | None:
+    """Our own error among those that xacro wrapped."""
+    while error is not None:
+        if isinstance(error, RobotError):
+            return error
+        own = getattr(error, "exc", None)
+        error = own if isinstance(own, BaseException) else error.__context__
+    return None

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import excite
 from excite.errors import RobotError
 from excite.robot.holding import holding_torques
 from excite.robot.loading import load_robot
@@ -266,3 +267,53 @@ def _tenth(match: re.Match[str]) -> str:
 def test_links_without_geometry_are_named(tmp_path: Path) -> None:
     said = [str(one) for one in written(cart(), tmp_path).description.assumed]
     assert any("links without geometry: shoulder" in one for one in said)
+
+
+def test_whatever_xacro_raises_is_one_line(tmp_path: Path) -> None:
+    head = '<robot name="n" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    wanting = {
+        "default": '<xacro:arg name="which"/><link name="$(arg which)"/>',
+        "needs the package 'some_description'": '<xacro:include filename="$(find some_description)/a.xacro"/>',
+        "division by zero": '<link name="a${1/0}"/>',
+    }
+    for said, body in wanting.items():
+        with pytest.raises(RobotError, match=said) as caught:
+            written(f"{head}{body}</robot>", tmp_path, "mine.urdf.xacro")
+        assert "<class" not in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_file_of_another_kind_is_no_unknown_name(tmp_path: Path) -> None:
+    path = tmp_path / "robot.sdf"
+    path.write_text('<sdf version="1.7"/>')
+    with pytest.raises(RobotError, match="is neither a robot"):
+        excite.load_robot(path)
+
+
+def test_slides_that_close_a_loop_need_no_limits(tmp_path: Path) -> None:
+    """A plate on three passive slides, carried by rods that two motors and a third one turn."""
+    arms = "".join(
+        f'<body name="up{k}" pos="{x} {y} 0" euler="0 0 {turn}"><joint name="m{k}" axis="0 1 0" range="-60 80"/>'
+        f'<geom type="capsule" size=".012" fromto=".03 0 0 .17 0 0" mass=".2"/><body name="lo{k}" pos=".2 0 0">'
+        f'<joint name="u{k}" axis="0 1 0"/><joint name="v{k}" axis="0 0 1"/>'
+        '<geom type="capsule" size=".008" fromto="-.015 0 -.03 -.14 0 -.37" mass=".1"/></body></body>'
+        for k, (x, y, turn) in enumerate(((0.15, 0, 0), (-0.075, 0.1299, 120), (-0.075, -0.1299, 240)))
+    )
+    slides = "".join(
+        f'<joint name="p{a}" type="slide" axis="{v}"/>' for a, v in zip("xyz", AXES, strict=True)
+    )
+    path = tmp_path / "delta.xml"
+    path.write_text(
+        '<mujoco model="delta"><compiler angle="degree"/><worldbody><body name="top" pos="0 0 1">'
+        f'<geom type="cylinder" size=".15 .02" mass="2"/>{arms}<body name="plate" pos="0 0 -.4">{slides}'
+        '<geom type="cylinder" size=".04 .01" mass=".2"/></body></body></worldbody><equality>'
+        + "".join(f'<connect body1="lo{k}" body2="plate" anchor="-.15 0 -.4"/>' for k in range(3))
+        + "</equality><actuator>"
+        + "".join(f'<motor joint="m{k}" ctrlrange="-10 10"/>' for k in range(3))
+        + "</actuator></mujoco>"
+    )
+    robot = load_robot(write_scaffold(path, tmp_path / "out").description)
+    assert robot.n_joints == 12
+    assert {n for n, p in zip(robot.joint_names, robot.passive, strict=True) if not p} == {"m0", "m1", "m2"}
+
+
+AXES = ("1 0 0", "0 1 0", "0 0 1")

@@ -83,7 +83,7 @@ def bare_model(path: Path, said: Said, weak: Mapping[str, float]) -> BareModel:
     joints = check_tree(root, path)
     guesses = guess_joints(joints, path)
     together = tied(joints, said.loops, said.couplings)
-    held = held_joints(root, joints, guesses, together.joints)
+    held = held_joints(root, joints, guesses, together.joints, together.closing)
     held |= {name: Held(value, "its drive cannot hold what it carries") for name, value in weak.items()}
     held |= together.holding(held, guesses)
     still_names = _with_followers(held, guesses)

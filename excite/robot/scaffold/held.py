@@ -30,11 +30,12 @@ def held_joints(
     joints: dict[str, ElementTree.Element],
     guesses: tuple[JointGuess, ...],
     tied: frozenset[str] = frozenset(),
+    closing: frozenset[str] = frozenset(),
 ) -> dict[str, Held]:
     """Joints to hold still, by name; where nothing else would move, wheels and fingers are left free.
 
     Joints that mimic a held one follow it and do not stand here; those of a hand hold the one that they follow. Joints
-    in ``tied`` close loops and need no mass beyond them.
+    in ``tied`` close loops or are coupled and need no mass beyond them; those of loops, ``closing``, no limits either.
     """
     masses = _masses_beyond(root, joints)
     of_hands = _of_hands(joints, masses)
@@ -56,7 +57,7 @@ def held_joints(
             hard[guess.name] = Held(nearest(guess), MASSLESS)
         elif guess.blocked is not None:
             hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
-        elif slides and guess.position is None:
+        elif slides and guess.position is None and guess.name not in closing:
             hard[guess.name] = Held(0.0, "a slide without limits")
         elif _WHEEL.search(called):
             soft[guess.name] = Held(nearest(guess), "a wheel")

@@ -88,7 +88,9 @@ def find_rest(figure: Figure, wanted: Array, said: Said, rng: np.random.Generato
         )
         where = "found in 100 random postures; they stand in collision.ignored_pairs"
         notes.append(_said("pairs of links not kept apart", found, where))
-    notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
+    if base != "held":
+        # Of one that is held it stands there why.
+        notes.insert(0, _said("base", base, _CONSEQUENCE[base]))
     return Rest(base, q, tuple(legs) if base == "floating" else (), feet, ignored, source, tuple(notes))
 
 
@@ -152,7 +154,6 @@ def weak_joints(figure: Figure, rest: Rest) -> dict[str, float]:
 _CONSEQUENCE = {
     "fixed": "its root does not move",
     "floating": "it stands on the feet found, free to fall: check posture and feet before the first run",
-    "held": "its root does not move while it is held",
 }
 
 

@@ -31,7 +31,11 @@ class Stances:
         """In the order in which they are tried."""
         starts = [self.wanted] if np.any(self.wanted) else []
         starts += [self._bent(legs, bend, wide) for wide in _WIDE for bend in _BENDS]
-        return [*starts, *(self._sprawled(legs, bend) for bend in _BENDS if bend > 0.0), self.wanted]
+        return [*starts, self.wanted]
+
+    def wide(self, legs: list[int]) -> list[Array]:
+        """More of them, for legs whose feet cannot follow in every direction from the others."""
+        return [self._sprawled(legs, bend) for bend in _BENDS if bend > 0.0]
 
     def _sprawled(self, legs: list[int], bend: float) -> Array:
         """The wanted posture with thighs out and shanks down."""

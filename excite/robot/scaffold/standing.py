@@ -129,8 +129,22 @@ class Postures:
 
     def standing(self, legs: list[int], ignored: frozenset[tuple[str, str]]) -> Standing | None:
         """A posture with all feet on one plane, the centre of mass above their middle, and nothing touching."""
-        best: tuple[float, Standing, int] | None = None
-        for start in self.stances.of(legs):
+        best = self._best(self.stances.of(legs), legs, ignored, None)
+        if best is None or self._agility(best[1], legs) < _AGILE:
+            best = self._best(self.stances.wide(legs), legs, ignored, best)
+        if best is None:
+            return None
+        return best[1] if best[2] == 0 else self._spread(best[1], legs, ignored)
+
+    def _best(
+        self,
+        starts: list[Array],
+        legs: list[int],
+        ignored: frozenset[tuple[str, str]],
+        best: tuple[float, Standing, int] | None,
+    ) -> tuple[float, Standing, int] | None:
+        """The best of what is found from some starts and of ``best``: its score, and how many pairs touch in it."""
+        for start in starts:
             found = self.footing.stand(start, legs)
             if found is None:
                 continue
@@ -141,9 +155,10 @@ class Postures:
                 best = (score, found, touching)
             if touching == 0 and room >= 1.0:
                 break
-        if best is None:
-            return None
-        return best[1] if best[2] == 0 else self._spread(best[1], legs, ignored)
+        return best
+
+    def _agility(self, stand: Standing, legs: list[int]) -> float:
+        return min(self.footing.agility(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
 
     def _room(self, stand: Standing, legs: list[int], ignored: frozenset[tuple[str, str]]) -> float:
         """How much of the room that motions need is there, 0 … 1."""
@@ -164,8 +179,7 @@ class Postures:
             min(apart, default=_APART) / _APART,
             min(self.footing.bend(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
             / _BEND,
-            min(self.footing.agility(stand, leg, foot) for leg, foot in zip(legs, stand.feet, strict=True))
-            / _AGILE,
+            self._agility(stand, legs) / _AGILE,
         )
         return sum(min(max(share, 0.0), 1.0) for share in shares) / len(shares)
 

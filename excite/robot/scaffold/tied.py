@@ -29,6 +29,11 @@ class Tied:
         """All joints that it moves."""
         return frozenset().union(*(names for _, names in (*self.loops, *self.couplings)))
 
+    @property
+    def closing(self) -> frozenset[str]:
+        """Joints of its loops alone."""
+        return frozenset().union(*(names for _, names in self.loops))
+
     def groups(self) -> list[frozenset[str]]:
         """Joints that loops and couplings with joints in common move together."""
         found: list[frozenset[str]] = []
