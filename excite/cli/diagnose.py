@@ -11,10 +11,10 @@ import excite
 from excite.cli.session.options import ApplyOption, JobsOption, JsonOption, OutOption, SeedOption
 from excite.cli.session.origin import stated_origin
 from excite.cli.session.output import command_line, emit
-from excite.diagnosis.answer.result import Diagnosis
 from excite.json_document import write_json
 
 if TYPE_CHECKING:
+    from excite.diagnosis.answer.result import Diagnosis
     from excite.robot.robot import Robot
 
 NAME = "diagnose"

@@ -20,7 +20,6 @@ from excite.cli.session.segment_options import (
 from excite.errors import InputError
 from excite.identification.estimators.registry import find_estimator
 from excite.json_document import write_json
-from excite.reading.number import shown
 
 if TYPE_CHECKING:
     from excite.identification.estimators.settings import EstimatorSettings
@@ -128,6 +127,8 @@ def command(
 def _check_whole(trials: list[Path], loaded: int, identify: str | None, out: Path) -> None:
     """Say before the work is done that it could not be finished."""
     if loaded >= len(trials):
+        from excite.reading.number import shown  # lazy: numpy
+
         raise InputError(
             f"is {shown(loaded)} of {len(trials)} recordings",
             field="--loaded",

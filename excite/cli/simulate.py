@@ -21,7 +21,6 @@ from excite.cli.session.options import (
 from excite.cli.session.output import EXIT_NEGATIVE, command_line, emit, progress_bars
 from excite.cli.session.workers import workers
 from excite.logs.vocabulary import EFFECTS
-from excite.motion.roles import planned_roles
 
 NAME = "simulate"
 
@@ -47,6 +46,8 @@ def command(
     cluster: ClusterOption = None,
 ) -> None:
     """Run motions on a virtual robot whose true inertials differ from the model; writes a log folder."""
+    from excite.motion.roles import planned_roles  # lazy: pydantic
+
     loaded = excite.load_robot(robot)
     with claimed(out or Path("log")) as folder, workers(jobs, cluster) as crew, progress_bars() as progress:
         experiment = excite.simulate(

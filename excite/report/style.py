@@ -40,6 +40,7 @@ section { background: var(--paper); border: 1px solid var(--grid); border-radius
 .good { color: var(--good); } .tile b .good { color: var(--good); }
 .bad { color: var(--bad); } .tile b .bad { color: var(--bad); }
 .wide { overflow-x: auto; margin: 12px 0; }
+@media (max-width: 600px) { .wide td:nth-child(n+5):last-child:not(.number) { min-width: 13rem; } }
 figure { margin: 0; min-width: 660px; }
 figure svg { display: block; width: 100%; height: auto; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; min-width: 50%; }

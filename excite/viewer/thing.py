@@ -18,9 +18,10 @@ from excite.logs.columns import BASE_POSE
 from excite.logs.files import load_log
 from excite.logs.log import Trial
 from excite.logs.robot import nominal_robot, robot_for_log
-from excite.motion.collection import load_motions
+from excite.motion.collection import load_motions, motion_paths
 from excite.motion.files import load_motion, motion_robot
 from excite.motion.motion import Motion
+from excite.motion.readers.registry import is_motion
 from excite.report.data import ReportData, load_report_data
 from excite.report.record import Record, read_record
 from excite.report.replay.tracks import tracks
@@ -71,6 +72,12 @@ def read_thing(path: Path, robot: str | None = None) -> Thing:
 
 
 def _motions(path: Path, robot: str | None) -> Thing:
+    if path.is_dir() and not is_motion(path) and not _holds_motions(path):
+        raise InputError(
+            "holds no motion, plan, log or diagnosis",
+            source=path,
+            remedy="give a folder that excite plan, export, simulate, convert or diagnose wrote with --out",
+        )
     name = robot or ("" if path.is_dir() else motion_robot(path))
     if not name:
         raise InputError(
@@ -79,6 +86,14 @@ def _motions(path: Path, robot: str | None) -> Thing:
     loaded = load_robot(name)
     motions = load_motions([path], loaded)
     return Thing(path.name, loaded, tuple(_of_motion(loaded, motion) for motion in motions))
+
+
+def _holds_motions(folder: Path) -> bool:
+    """Whether there are files of motions in a folder, or in ``motions/`` in it."""
+    try:
+        return bool(motion_paths([folder]))
+    except InputError:
+        return False
 
 
 def _plan(folder: Path, robot: str | None) -> Thing:

@@ -30,13 +30,20 @@ def plot_activity(robot: Robot, motions: Sequence[Motion]) -> Figure:
     share = peak_speed_share(robot, motions)
 
     def paint(figure: Figure) -> None:
-        from matplotlib.patches import Patch, Rectangle
+        from matplotlib.collections import PolyCollection
+        from matplotlib.patches import Patch
 
         axes = figure.subplots()
-        for row, column in np.argwhere(share >= 0.01):
-            cell = (column - 0.46, row - 0.46)
-            shade = _shade(share[row, column])
-            axes.add_patch(Rectangle(cell, 0.92, 0.92, color=IDENTIFIED.light, alpha=shade, lw=0))
+        moving = np.argwhere(share >= 0.01)
+        corners = 0.46 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        # All squares as one: a patch each takes ten times as long.
+        cells = PolyCollection(
+            list(moving[:, None, ::-1] + corners),
+            facecolors=IDENTIFIED.light,
+            linewidths=0.0,
+            alpha=[_shade(share[row, column]) for row, column in moving],
+        )
+        axes.add_collection(cells)
         axes.set(xlim=(-0.6, len(motions) - 0.4), ylim=(robot.n_joints - 0.4, -0.6))
         axes.set_yticks(range(robot.n_joints), [name.removesuffix("_joint") for name in robot.joint_names])
         names = [motion.name for motion in motions]

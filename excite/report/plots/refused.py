@@ -65,14 +65,17 @@ def concerned(robot: Robot, where: str) -> frozenset[str]:
 
 
 def _paint(axes: Axes, drawn: Picture) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
     if drawn.support is not None:
         axes.fill(*drawn.support.T, facecolor=TRUE.light, alpha=0.45, lw=0)
-    for outline in drawn.hulls:
-        axes.fill(*outline.T, facecolor=PALE.light, edgecolor=PAPER.light, lw=0.5)
-    for outline in drawn.marked:
-        axes.fill(*outline.T, facecolor=NOMINAL.light, alpha=0.75, edgecolor=INK.light, lw=0.6)
-    for bone in drawn.bones:
-        axes.plot(*bone.T, color=INK.light, lw=0.8)
+    pale = {"facecolors": PALE.light, "edgecolors": PAPER.light, "linewidths": 0.5}
+    marked = {"facecolors": NOMINAL.light, "edgecolors": INK.light, "linewidths": 0.6, "alpha": 0.75}
+    # All outlines of a kind as one: a patch each takes ten times as long.
+    axes.add_collection(PolyCollection(drawn.hulls, **pale))
+    axes.add_collection(PolyCollection(drawn.marked, **marked))
+    axes.add_collection(LineCollection(drawn.bones, colors=INK.light, linewidths=0.8, zorder=2))
+    axes.autoscale_view()
     if drawn.com is not None:
         axes.plot(*drawn.com, "o", ms=3.6, color=NOMINAL.light, mec=PAPER.light, mew=0.6)
 

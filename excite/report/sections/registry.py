@@ -25,6 +25,7 @@ from excite.report.sections.person import Person
 from excite.report.sections.refused import Refused
 from excite.report.sections.safety import Safety
 from excite.report.sections.section import Section
+from excite.report.sections.sessions import Sessions
 from excite.report.sections.signals import Signals
 from excite.report.sections.stages import Stages
 
@@ -51,6 +52,7 @@ SECTIONS: tuple[Section, ...] = (
     Person(),
     Differences(),
     Parameters(),
+    Sessions(),
     Signals(),
     Stages(),
 )

@@ -45,6 +45,10 @@ class BudgetByChannel(Section):
         blocks = [(item["weight"] or 0.0, _channel(name, item)) for name, item in order]
         large = "".join(html for weight, html in blocks if weight >= _SMALL) or blocks[0][1]
         small = "".join(html for weight, html in blocks[1:] if weight < _SMALL)
+        if not any(weight > 0.0 for weight, _ in blocks):
+            lead = "No joint's gap stands above its noise floor: there is nothing to share out."
+            every = folded("Noise floors", "".join(html for _, html in blocks))
+            return section(self.identifier, self.title, lead, every)
         lead = _sentence(*order[0])
         how = (
             "Shares are of the power above the noise floor on trials that were not fitted, all effects taken together; "
