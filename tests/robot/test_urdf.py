@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -300,6 +301,19 @@ def test_package_path_through_the_environment(tmp_path: Path, monkeypatch: pytes
         assert find_mesh("package://my_robot/meshes/a.stl", urdf) == mesh
     monkeypatch.delenv("ROS_PACKAGE_PATH")
     assert find_mesh("package://my_robot/meshes/a.stl", urdf) is None
+
+
+def test_packages_that_are_installed_are_found_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = tmp_path / "prefix" / "share" / "my_robot" / "a.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_bytes(b"")
+    urdf = write(tmp_path, ARM)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere{os.pathsep}{tmp_path / 'prefix'}")
+    assert find_mesh("package://my_robot/a.stl", urdf) == mesh
+    wheel = "package://example-robot-data/robots/ur_description/meshes/ur5/collision/base.stl"
+    assert find_mesh(wheel, urdf) == example_robot_data() / "ur_description/meshes/ur5/collision/base.stl"
 
 
 def outcome(path: Path) -> None:

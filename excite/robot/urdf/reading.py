@@ -7,6 +7,7 @@ without a message; so everything that it would swallow is checked here.
 from __future__ import annotations
 
 import os
+import sysconfig
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -190,8 +191,8 @@ def _absolute_meshes(root: ElementTree.Element, path: Path) -> None:
 def find_mesh(name: str, urdf: Path) -> Path | None:
     """File that a mesh's ``filename`` means, or None if there is none.
 
-    ``package://NAME/…`` is looked for in the folders above the URDF and in ``$ROS_PACKAGE_PATH``;
-    other names are relative to the URDF.
+    ``package://NAME/…`` is looked for in the folders above the URDF, in ``$ROS_PACKAGE_PATH``, among the packages of
+    ``$AMENT_PREFIX_PATH`` and among those that wheels brought along; other names are relative to the URDF.
     """
     folder = urdf.resolve().parent
     if "\0" in name:
@@ -201,9 +202,7 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         # Also what is no file, whose reader says so.
         return file.resolve() if name and os.path.exists(file) else None
     relative = Path(name.removeprefix("package://").lstrip("/"))
-    roots = [folder, *folder.parents]
-    roots += [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
-    for root in roots:
+    for root in (folder, *folder.parents, *_package_folders()):
         inside = root / relative
         if os.path.isfile(inside):
             return inside.resolve()
@@ -212,3 +211,13 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         if relative.parts and root.name == relative.parts[0] and os.path.isfile(below):
             return below.resolve()
     return None
+
+
+def _package_folders() -> list[Path]:
+    """Folders in which ROS packages lie: those that the environment names, and that of wheels of ROS packages."""
+
+    def named(variable: str) -> list[Path]:
+        return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+    prefixes = [*named("AMENT_PREFIX_PATH"), Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix"]
+    return [*named("ROS_PACKAGE_PATH"), *(prefix / "share" for prefix in prefixes)]
