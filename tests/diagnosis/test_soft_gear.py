@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +23,22 @@ FIRST = np.array([1.0, 0.0])
 Law = Callable[[float, float], float]
 
 
-def recorded(name: str, role: str, seed: int, law: Law, middle: float, noise: int, down: np.ndarray) -> Trial:
-    """A trial whose first joint has its motor before a gear and its link behind; it begins in motion."""
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a robot did, ``(n,)`` and ``(n, 2)``, before any noise."""
+
+    time: np.ndarray
+    q: np.ndarray
+    motor: np.ndarray
+
+    def read(self, name: str, role: str, noise: int) -> Trial:
+        """The trial as its sensors have it."""
+        motor = self.motor + NOISE * np.random.default_rng(noise).normal(size=self.motor.shape)
+        return Trial(name=name, role=role, time=self.time, q=self.q, tau=motor)
+
+
+def run(seed: int, law: Law, middle: float, down: np.ndarray) -> Run:
+    """A motion whose first joint has its motor before a gear and its link behind; it begins in motion."""
     model = pin.buildModelFromXML(URDF)
     model.gravity.linear = 9.81 * down
     data, rng = model.createData(), np.random.default_rng(seed)
@@ -49,17 +63,14 @@ def recorded(name: str, role: str, seed: int, law: Law, middle: float, noise: in
         x += step * s
     kept = slice(round(_RUN_IN_S / step), None, _STEPS)
     motor = rigid[kept] + VISCOUS * v[kept] + COULOMB * np.sign(v[kept])
-    motor += NOISE * np.random.default_rng(noise).normal(size=motor.shape)
-    return Trial(name=name, role=role, time=fine[kept] - _RUN_IN_S, q=q[kept], tau=motor)
+    return Run(fine[kept] - _RUN_IN_S, q[kept], motor)
 
 
 def logged(folder: Path, law: Law, middle: float = 0.0, down: tuple[float, ...] = (0.0, 0.0, -1.0)) -> Path:
     """Four motions to identify from, the first again, and one to validate with; the first joint about ``middle``."""
-    trials = [recorded(f"t{k}", "identification", k, law, middle, k, np.array(down)) for k in range(4)]
-    trials += [
-        recorded("again", "identification", 0, law, middle, 8, np.array(down)),
-        recorded("other", "validation", 5, law, middle, 9, np.array(down)),
-    ]
+    runs = [run(k, law, middle, np.array(down)) for k in (0, 1, 2, 3, 5)]
+    trials = [one.read(f"t{k}", "identification", k) for k, one in enumerate(runs[:4])]
+    trials += [runs[0].read("again", "identification", 8), runs[4].read("other", "validation", 9)]
     log = two_joint_log(tuple(trials), gravity=[9.81 * x for x in down])
     again = TrialHeader(file="again.parquet", role="identification", repeats="t0.parquet")
     entries = (*log.header.trials[:4], again, log.header.trials[5])
