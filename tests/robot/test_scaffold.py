@@ -246,7 +246,7 @@ def test_boxes_of_made_up_inertia_are_no_longer_than_the_links(tmp_path: Path) -
     boxes = [shape for shape in robot.description.collision.shapes if shape.kind == "box"]
     assert len(boxes) == 4
     # Joints lie 0.3 m apart, and the centres of mass on them.
-    assert max(max(box.size) for box in boxes) <= 0.6 + 1e-4
+    assert max(max(box.size) for box in boxes) <= 0.3 + 1e-4
 
 
 def test_small_robots_keep_small_distances(tmp_path: Path) -> None:

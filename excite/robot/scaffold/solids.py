@@ -10,29 +10,25 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from excite.arrays import Array
 from excite.robot.links import link_placement
 from excite.robot.robot import Robot
 
 # Thinner boxes than links of robots are come of inertia that was made up [m].
 _THINNEST = 0.01
+# Width of arms and legs by their length: a person's forearm has 0.3, a UR5's links 0.2 … 0.3.
+_SLENDER = 0.3
 
 
 def box_shapes(robot: Robot) -> list[dict[str, Any]]:
     """Authored shapes as ``collision.shapes`` in ``robot.yaml``, one a segment with mass."""
     shapes = []
     for segment in robot.segments:
-        inertia = robot.model.inertias[segment.joint]
-        if inertia.mass <= 0.0:
+        if robot.model.inertias[segment.joint].mass <= 0.0:
             continue
-        moments, axes = np.linalg.eigh(inertia.inertia)
-        if np.linalg.det(axes) < 0.0:
-            axes[:, 0] = -axes[:, 0]
-        squares = 6.0 * (moments.sum() - 2.0 * moments) / inertia.mass
-        sides = np.sqrt(np.maximum(squares, 0.0))
-        sides *= min(1.0, _longest(robot.model, segment.joint) / max(float(sides.max()), 1e-9))
-        size = np.maximum(sides, _THINNEST)
+        size, in_joint = _box(robot.model, segment.joint)
         _, placement = link_placement(robot.model, segment.link, robot.source, "collision.shapes")
-        pose = placement.actInv(pin.SE3(axes, inertia.lever))
+        pose = placement.actInv(in_joint)
         shapes.append(
             {
                 "link": segment.link,
@@ -45,12 +41,27 @@ def box_shapes(robot: Robot) -> list[dict[str, Any]]:
     return shapes
 
 
-def _longest(model: pin.Model, joint: int) -> float:
-    """Length that a link has at most: twice the way from its centre to the farthest of its joints, or to its parent's
-    joint where it has no other [m]."""
-    centre = model.inertias[joint].lever
-    ends = [model.jointPlacements[other].translation for other in model.children[joint]]
-    ways = [float(np.linalg.norm(centre - end)) for end in (np.zeros(3), *ends)]
-    if model.parents[joint]:
-        ways.append(0.5 * float(np.linalg.norm(model.jointPlacements[joint].translation)))
-    return 2.0 * max(ways)
+def _box(model: pin.Model, joint: int) -> tuple[Array, pin.SE3]:
+    """Sides of the box in place of a joint's link, and its pose in the joint's frame: that of its inertia, or, where
+    that is longer than the link can be, a stick from its joint to its farthest end."""
+    inertia = model.inertias[joint]
+    ends = [np.array(model.jointPlacements[other].translation) for other in model.children[joint]]
+    if not ends and model.parents[joint]:
+        # About as long beyond its joint as its parent is, the way to its centre of mass.
+        before = float(np.linalg.norm(model.jointPlacements[joint].translation))
+        way = float(np.linalg.norm(inertia.lever))
+        ends = [inertia.lever * min(2.0, before / way)] if way > 1e-6 else []
+    longest = 2.0 * max(float(np.linalg.norm(inertia.lever - end)) for end in (np.zeros(3), *ends))
+    moments, axes = np.linalg.eigh(inertia.inertia)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] = -axes[:, 0]
+    squares = 6.0 * (moments.sum() - 2.0 * moments) / inertia.mass
+    sides = np.sqrt(np.maximum(squares, 0.0))
+    if sides.max() <= max(longest, _THINNEST):
+        return np.maximum(sides, _THINNEST), pin.SE3(axes, inertia.lever)
+    end = max(ends, key=lambda one: float(np.linalg.norm(one)), default=np.zeros(3))
+    length = float(np.linalg.norm(end))
+    if length < _THINNEST:
+        return np.full(3, _THINNEST), pin.SE3(np.eye(3), inertia.lever)
+    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), end / length).matrix()
+    return np.maximum([length, _SLENDER * length, _SLENDER * length], _THINNEST), pin.SE3(turn, 0.5 * end)
