@@ -21,6 +21,7 @@ from excite.conversion.machine import Machine, at_joints, load_machine
 from excite.conversion.map_text import map_text
 from excite.conversion.mapping import Map, read_map
 from excite.conversion.motors import joint_sided
+from excite.conversion.parts import joined_by_joint
 from excite.conversion.recording import Recording, stated_rate
 from excite.conversion.recordings import read_recordings
 from excite.conversion.scales import scale_notes, torque_scales
@@ -108,7 +109,7 @@ def convert(
     check_replaceable(out)
     stated = mapping if isinstance(mapping, Map) else (Map() if mapping is None else read_map(Path(mapping)))
     machine = load_machine(robot)
-    recordings = read_recordings(sources)
+    recordings = joined_by_joint(read_recordings(sources), stated.joints or machine.joints)
     if recordings[0].said.get("linkages") == "joints":
         machine = at_joints(machine)
     found = guess(recordings[0], machine, stated)

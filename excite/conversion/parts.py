@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.conversion.columns.clock import clock_column, tick
 from excite.conversion.columns.words import Clue, clue
-from excite.conversion.recording import Recording
+from excite.conversion.recording import Recording, merged_names
 from excite.errors import LogError
 
 # Files of one recording have as many rows, but for what their loggers lost at the ends.
@@ -45,6 +45,24 @@ def joined_parts(recordings: Sequence[Recording]) -> list[Recording]:
         recording.name for recording in named
     )
     return [replace(first, streams=streams, notes=(*first.notes, note))]
+
+
+def joined_by_joint(recordings: Sequence[Recording], joints: Sequence[str]) -> list[Recording]:
+    """Recordings as they are or, where each file is called after a joint and holds what one joint did, all as one."""
+    if len(recordings) < 2 or any(len(recording.streams) != 1 for recording in recordings):
+        return list(recordings)
+    named = [clue(recording.name, joints).exact for recording in recordings]
+    inside = [clue(word, joints) for recording in recordings for word in _words(recording)]
+    # A trial of the whole machine may be called after the joint that it is aimed at.
+    of_several = any(said.exact or said.number is not None for said in inside)
+    if not all(named) or len(set(named)) < len(named) or of_several:
+        return list(recordings)
+    streams = tuple(
+        replace(recording.streams[0], name=joint) for recording, joint in zip(recordings, named, strict=True)
+    )
+    note = "each file is taken for what one joint did: " + ", ".join(named)
+    first = recordings[0]
+    return [merged_names(replace(first, streams=streams, notes=(*first.notes, note)))]
 
 
 def _of_one_time(recordings: Sequence[Recording]) -> bool:

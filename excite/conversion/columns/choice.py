@@ -75,6 +75,9 @@ def _are_same(one: Family, other: Family, recording: Recording) -> bool:
     first, second = _stream_of(one, recording), _stream_of(other, recording)
     if set(one.placed.columns) != set(other.placed.columns):
         return False
+    for family, stream in ((one, first), (other, second)):
+        if not set(family.placed.columns.values()) <= {column.name for column in stream.columns}:
+            return False
     for joint, name in one.placed.columns.items():
         a = next(c.values for c in first.columns if c.name == name)
         b = next(c.values for c in second.columns if c.name == other.placed.columns[joint])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from excite.conversion.columns.joints import BY_NAME as _BY_NAME
 from excite.conversion.columns.joints import Placed, first_number, place
 from excite.conversion.columns.unit_words import UNITS
 from excite.conversion.columns.vocabulary import OF_MOTOR, OF_WORD, SURELY_MEASURED
@@ -55,10 +56,12 @@ def clues_of(recording: Recording, joints: Sequence[str], ignored: Iterable[str]
     found = {}
     for stream in recording.streams:
         of_stream = clue(stream.name, ()) if len(recording.streams) > 1 else None
+        of_joint = clue(stream.name, joints) if len(recording.streams) > 1 else None
         for column in stream.columns:
             if column.name not in left_out:
                 said = _clue(replace(column, name=column.name.removeprefix(f"{stream.name}/")), joints)
-                found[column.name] = said if of_stream is None else _as_its_stream(said, of_stream)
+                said = said if of_stream is None else _as_its_stream(said, of_stream)
+                found[column.name] = said if of_joint is None else _of_its_joint(said, of_joint)
     return found
 
 
@@ -90,7 +93,7 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             )
         )
     return sorted(
-        found,
+        _across_streams(found),
         key=lambda family: (
             -len(family.placed.columns),
             not family.stated,
@@ -99,6 +102,30 @@ def families(recording: Recording, clues: dict[str, Clue], joints: Sequence[str]
             len(family.stem),
         ),
     )
+
+
+def _across_streams(found: Sequence[Family]) -> list[Family]:
+    """The families, those of other joints put together: a topic or file a joint, or one for the arm and one for a hand.
+
+    Joints have to be known by their names: numbers begin anew in each stream.
+    """
+    merged: dict[tuple[str, str, str, str, bool], Family] = {}
+    others: list[Family] = []
+    for family in found:
+        key = (family.target, family.quantity, family.stem, family.unit, family.stated)
+        before = merged.get(key)
+        by_name = family.placed.because == _BY_NAME and family.target != ""
+        if before is None and by_name:
+            merged[key] = family
+        elif before is None or not by_name or before.placed.columns.keys() & family.placed.columns.keys():
+            others.append(family)
+        else:
+            both = before.placed.columns | family.placed.columns
+            left = before.placed.left_over + family.placed.left_over
+            merged[key] = replace(
+                before, placed=Placed(both, _BY_NAME, left), columns=before.columns + family.columns
+            )
+    return [*merged.values(), *others]
 
 
 def _one_machine_each(
@@ -152,6 +179,15 @@ def _as_its_stream(said: Clue, stream: Clue) -> Clue:
     return replace(
         said, quantity=stream.quantity, commanded=stream.commanded, stem=f"{stream.stem}_{said.stem}"
     )
+
+
+def _of_its_joint(said: Clue, stream: Clue) -> Clue:
+    """What a column is that names no joint, in a topic or file that is called after one: ``/elbow/torque``."""
+    if not stream.exact or said.exact or said.number is not None or said.quantity in ("time", "skip"):
+        return said
+    if said.quantity == "" and _says_a_quantity(stream):
+        return replace(stream, unit=said.unit or stream.unit)
+    return replace(said, exact=stream.exact, label=stream.label)
 
 
 def _says_a_quantity(said: Clue) -> bool:

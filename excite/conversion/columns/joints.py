@@ -18,6 +18,10 @@ _SHORT = {"l": "left", "r": "right", "fl": "frontleft", "fr": "frontright", "rl"
           "sh": "shoulder", "el": "elbow", "wr": "wrist", "lf": "left", "rt": "right"}  # fmt: skip
 
 
+# Why a column is a joint's that is called so.
+BY_NAME = "the joint's name"
+
+
 @dataclass(frozen=True)
 class Placed:
     """Columns of a family by joint.
@@ -55,7 +59,7 @@ def place(columns: Sequence[str], clues: dict[str, Clue], joints: Sequence[str],
             and columns.index(rest[0]) == joints.index(missing[0])
         ):
             exact[missing[0]] = rest.pop()
-        return Placed(exact, "the joint's name", tuple(rest))
+        return Placed(exact, BY_NAME, tuple(rest))
     labels = {c: clues[c].label for c in columns}
     numbers = {c: n for c in columns if (n := clues[c].number) is not None}
     distinct = len(set(labels.values())) == len(columns) and all(labels.values()) and len(columns) > 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -69,8 +69,13 @@ def _paint(axes: Axes, drawn: Picture) -> None:
 
     if drawn.support is not None:
         axes.fill(*drawn.support.T, facecolor=TRUE.light, alpha=0.45, lw=0)
-    pale = {"facecolors": PALE.light, "edgecolors": PAPER.light, "linewidths": 0.5}
-    marked = {"facecolors": NOMINAL.light, "edgecolors": INK.light, "linewidths": 0.6, "alpha": 0.75}
+    pale: dict[str, Any] = {"facecolors": PALE.light, "edgecolors": PAPER.light, "linewidths": 0.5}
+    marked: dict[str, Any] = {
+        "facecolors": NOMINAL.light,
+        "edgecolors": INK.light,
+        "linewidths": 0.6,
+        "alpha": 0.75,
+    }
     # All outlines of a kind as one: a patch each takes ten times as long.
     axes.add_collection(PolyCollection(drawn.hulls, **pale))
     axes.add_collection(PolyCollection(drawn.marked, **marked))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +121,12 @@ def _draw_posture(axes: Axes, drawn: Picture, view: View, offset: Array, width: 
     hulls, soles, bones = (
         [part + offset for part in kind] for kind in (drawn.hulls, drawn.soles, drawn.bones)
     )
-    pale = {"facecolors": PALE.light, "edgecolors": PAPER.light, "linewidths": 0.5, "joinstyle": "round"}
+    pale: dict[str, Any] = {
+        "facecolors": PALE.light,
+        "edgecolors": PAPER.light,
+        "linewidths": 0.5,
+        "joinstyle": "round",
+    }
     axes.add_collection(PolyCollection(hulls, **pale))
     axes.add_collection(PolyCollection(soles, facecolors="none", edgecolors=INK.light, linewidths=0.8))
     axes.add_collection(LineCollection(bones, colors=IDENTIFIED.light, linewidths=1.7, zorder=2))

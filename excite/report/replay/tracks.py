@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.errors import ExciteError
 from excite.motion.motion import Motion
+from excite.report.replay.nearest import Spheres
 from excite.report.replay.packed import packed, packed_indices
 from excite.robot.robot import Limits, Robot
 from excite.robot.shapes.collision import collision_model, geometry_data
@@ -201,34 +202,6 @@ def _limits(robot: Robot, motion: Motion, torque: Array) -> Iterator[Margin]:
         yield Margin(name, title, unit, 0.0, values, where, robot.joint_names)
 
 
-class _Spheres:
-    """Spheres about bodies: of pairs that they keep further apart than another pair is, no distance is computed."""
-
-    def __init__(self, geometry: pin.GeometryModel) -> None:
-        self._geometry = geometry
-        shapes = [one.geometry for one in geometry.geometryObjects]
-        for shape in shapes:
-            shape.computeLocalAABB()
-        self._centre = np.array([shape.aabb_center for shape in shapes])
-        radius = np.array([shape.aabb_radius for shape in shapes])
-        self._pairs = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs])
-        self._reach = radius[self._pairs].sum(axis=1)
-
-    def nearest(self, data: pin.GeometryData) -> int:
-        """The pair of least distance at placements that are up to date; its result is in ``data``."""
-        centre = np.array([m.act(c) for m, c in zip(data.oMg, self._centre, strict=True)])
-        between = centre[self._pairs[:, 0]] - centre[self._pairs[:, 1]]
-        least = np.linalg.norm(between, axis=1) - self._reach
-        best, nearest = np.inf, 0
-        for pair in np.argsort(least).tolist():
-            if least[pair] >= best:
-                break
-            distance = pin.computeDistance(self._geometry, data, pair).min_distance
-            if distance < best:
-                best, nearest = distance, pair
-        return nearest
-
-
 def _nearest(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], Array] | None:
     """Distance of the nearest pair of bodies, the joints that carry them, and their nearest points."""
     geometry = collision_model(robot)
@@ -239,7 +212,7 @@ def _nearest(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], A
     values, where = np.empty(n), np.empty(n, dtype=np.int64)
     joints, points = np.empty((n, 2), dtype=np.int64), np.empty((n, 6))
     objects, pairs = geometry.geometryObjects, geometry.collisionPairs
-    spheres = _Spheres(geometry)
+    spheres = Spheres(geometry)
     for k in range(0, n, _EVERY):
         pin.updateGeometryPlacements(robot.model, data, geometry, found, motion.q[k])
         pair = spheres.nearest(found)

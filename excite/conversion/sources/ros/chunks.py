@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Generator, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ class ChunkReader(Reader):
         connections: Collection[Connection] = (),
         start: int | None = None,
         stop: int | None = None,
-    ) -> Iterator[tuple[Connection, int, bytes]]:  # type: ignore[override]
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
         """Connection, time [ns] and bytes of each message; of all connections where none are named.
 
         Raises:
