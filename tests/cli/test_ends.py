@@ -128,8 +128,8 @@ def test_a_second_interrupt_ends_at_once(tmp_path: Path) -> None:
 import sys, time
 import excite
 def work(*arguments, **options):
-    print("at work", file=sys.stderr, flush=True)
     try:
+        print("at work", file=sys.stderr, flush=True)
         time.sleep(60)
     except KeyboardInterrupt:
         time.sleep(60)

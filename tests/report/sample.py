@@ -259,6 +259,21 @@ def _standard_parameters(robot: Robot, data: ReportData) -> dict:
     return found
 
 
+def _sessions() -> dict:
+    days = {"monday": {"value": 0.4, "std": 0.02}, "tuesday": {"value": 0.7, "std": 0.02}}
+    one = {
+        "name": "viscous(knee)",
+        "expression": "viscous(knee)",
+        "value": 0.55,
+        "between_std": 0.2,
+        "varies": True,
+        "low": 0.0,
+        "high": 1.9,
+        "by_session": days,
+    }
+    return {"names": list(days), "left_out": {}, "level": 0.95, "parameters": [one]}
+
+
 def _campaign(robot: Robot, data: ReportData) -> dict:
     rng = np.random.default_rng(1)
     first = 10.0 ** rng.normal(0.7, 0.6, 190)
@@ -276,6 +291,7 @@ def _campaign(robot: Robot, data: ReportData) -> dict:
         "schema": "excite.identification/1",
         "robot": robot.name,
         "method": "qp",
+        "sessions": _sessions(),
         "n_samples": 48000,
         "standard_parameters": _standard_parameters(robot, data),
         "base_parameters": [

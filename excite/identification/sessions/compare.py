@@ -137,7 +137,7 @@ def write_ranges(sessions: Sessions, path: Path) -> Path:
     document = ranges_document(sessions.ranges, sessions.pooled.level)
     low, high = sessions.next_interval
     value = np.clip(sessions.pooled.mean, *sessions.possible)
-    clipped = ((low, high) != sessions.pooled.next_interval).any(axis=0)
+    clipped = np.any(sessions.next_interval != sessions.pooled.next_interval, axis=0)
     varies = sessions.varies
     document["base_parameters"] = {
         label: {
