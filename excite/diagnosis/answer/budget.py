@@ -22,12 +22,14 @@ class EffectShare:
         location: its place.
         share: of the power above the noise floor on the trials that judge, 0…1 (below 0 where it does harm there).
         interval90: of the share, by blocks left out of what is fitted and of what judges.
+        lost: share that is lost where it alone is taken out.
     """
 
     effect: str
     location: str
     share: float
     interval90: tuple[float, float]
+    lost: float = 1.0
 
     def to_json(self) -> dict[str, Any]:
         """As it stands in the document."""
@@ -112,6 +114,7 @@ class Named:
         values: its parameters by name, with their deviations by blocks left out.
         nats: by which it predicts blocks better that were left out, less its price.
         rivals: what else would score alike in the company of all others.
+        chances: by position in ``rivals``, their probabilities.
     """
 
     effect: str
@@ -121,6 +124,7 @@ class Named:
     values: dict[str, tuple[float, float | None]]
     nats: float
     rivals: tuple[tuple[str, str], ...] = ()
+    chances: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,10 @@ class Design:
         first = np.cumsum(sizes) - sizes
         return tuple(
             np.concatenate(
-                [np.zeros(0, np.int64), *(first[k] + np.arange(sizes[k]) for k, at in enumerate(self.place) if j in at)]
+                [
+                    np.zeros(0, np.int64),
+                    *(first[k] + np.arange(sizes[k]) for k, at in enumerate(self.place) if j in at),
+                ]
             )
             for j in range(self.rows.n_joints)
         )

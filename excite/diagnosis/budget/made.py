@@ -14,7 +14,7 @@ from excite.diagnosis.answer.budget import (
     UnnamedShare,
 )
 from excite.diagnosis.budget.detectable import detectable_sizes
-from excite.diagnosis.budget.evidence import probability
+from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.shares import Shares, deviation, shares_of
 from excite.diagnosis.budget.unnamed import unnamed_of
@@ -68,7 +68,8 @@ def _channel(
         if term.effect.nameless:
             strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
         elif term.own == j or abs(share) >= _LISTED:
-            effects.append(EffectShare(term.name, term.location, share, (share - half, share + half)))
+            between = (share - half, share + half)
+            effects.append(EffectShare(term.name, term.location, share, between, float(shares.last[i, j])))
     effects.sort(key=lambda item: -item.share)
     generic = [
         UnnamedShare(left.follows, left.power / room, tuple(left.knots.tolist()), tuple(left.torque.tolist()))
@@ -96,12 +97,14 @@ def _named(found: Found, i: int, share: float) -> Named:
     }
     values |= {p.name: (t, None) for p, t in zip(term.effect.searched, term.theta, strict=False)}
     rivals = search.rivals.get(k, [])
+    chance, *chances = probabilities(merit.score, [r.behind for r in rivals])
     return Named(
         effect=term.name,
         location=term.location,
         share=share,
-        probability=probability(merit.score, [r.merit.score for r in rivals]),
+        probability=chance,
         values=values,
         nats=merit.score,
         rivals=tuple(model.design.terms[r.index].key for r in rivals),
+        chances=tuple(chances),
     )

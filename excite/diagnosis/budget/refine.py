@@ -42,15 +42,14 @@ class Beside:
             return -np.inf, np.zeros(term.size)
         x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
         shift, use = -self.inverse @ (cross @ x), m.design.rows.block >= 0
-        floor, nats = m.design.rows.floor, 0.0
+        nats = 0.0
         for j in range(m.design.rows.n_joints):
             rest = m.residual[j][use]
             moved = shift[m.layout.numbers[j]] @ self._columns(j)
             if j in term.columns:
                 moved = moved + term.columns[j][use] @ x
-            least = len(rest) * float(floor[j]) ** 2
-            powers = (max(float(r @ r), least) for r in (rest, rest - moved))
-            nats += 0.5 * len(rest) * float(m.share[j]) * float(-np.diff(np.log(list(powers)))[0])
+            more = float(moved @ (moved - 2.0 * rest)) * float(m.weight[j]) / len(rest)
+            nats -= 0.5 * len(rest) * float(m.share[j]) * float(np.log(max(1.0 + more, 1e-9)))
         return nats, x
 
     def information(self, term: Term) -> tuple[Array, Array]:
@@ -70,7 +69,6 @@ class Beside:
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
         return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope, cross
-
 
     def _columns(self, j: int) -> Array:
         """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,11 +32,13 @@ class Tried:
         index: of the term in the design.
         model: with it.
         merit: what it gains.
+        behind: of a rival, how far it is behind, in units of what counts as alike.
     """
 
     index: int
     model: Model
     merit: Merit
+    behind: float = 0.0
 
 
 @dataclass(eq=False)
@@ -159,8 +161,9 @@ class Search:
                 self.model = without
                 continue
             self.merits[k] = here
-            near = [t for t in tried if t.merit.passes and ahead[t.index] > -self._width(without, t)]
-            self.rivals[k] = [t for t in near if not self._richer(t.index, k)]
+            passing = [t for t in tried if t.merit.passes and not self._richer(t.index, k)]
+            behind = [replace(t, behind=-ahead[t.index] / self._width(without, t)) for t in passing]
+            self.rivals[k] = [t for t in behind if t.behind < 1.0]
 
     def _ahead(self, item: Tried, k: int) -> float:
         """Nats that a model with another term has over the one with a term, their prices taken off.

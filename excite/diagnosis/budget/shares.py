@@ -75,6 +75,7 @@ class Shares:
         after: ``(n_joints,)`` power with all.
         value: ``(n_terms, n_joints)``.
         half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
+        last: ``(n_terms, n_joints)`` what is lost without each alone.
     """
 
     level: Array
@@ -83,6 +84,7 @@ class Shares:
     after: Array
     value: Array
     half: Array
+    last: Array
 
 
 def shares_of(model: Model, floor: Array) -> Shares:
@@ -98,17 +100,18 @@ def shares_of(model: Model, floor: Array) -> Shares:
     design = model.design
     nothing, everything = judged_power(design, ()), power_of(model)
     chosen = model.chosen
-    taken = []
+    taken, lost = [], []
     for k in chosen:
         last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
         alone = nothing.combined(judged_power(design, (k,)), -1.0)
+        lost.append(last.mean)
         taken.append(Power(*(0.5 * (a + b) for a, b in zip(_parts(last), _parts(alone), strict=True))))
     # What all effects leave is no less than the noise.
     level = np.minimum(floor**2, everything.mean)
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
     if not taken:
         empty = np.zeros((0, len(floor)))
-        return Shares(level, room, nothing.mean, everything.mean, empty, empty)
+        return Shares(level, room, nothing.mean, everything.mean, empty, empty, empty)
     values = [
         _normalised(
             np.array([getattr(t, name) for t in taken]),
@@ -122,7 +125,8 @@ def shares_of(model: Model, floor: Array) -> Shares:
     spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values[1:]))
     freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
     half = np.where(room > 0.0, float(stdtrit(freedom, 0.95)) * spread, 0.0)
-    return Shares(level, room, nothing.mean, everything.mean, value, half)
+    last = np.where(room > 0.0, np.array(lost) / np.maximum(room, 1e-300), 0.0)
+    return Shares(level, room, nothing.mean, everything.mean, value, half, last)
 
 
 def _parts(power: Power) -> tuple[Array, Array, Array]:

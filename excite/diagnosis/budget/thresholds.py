@@ -24,7 +24,8 @@ class Thresholds:
         most: share of a gap, at a place or of all that has structure, that counts as most of it, by the contract.
         trifle: share of the whole gap below which an effect does not stand for it, wherever it stands clear: a guard
             against small effects at quiet joints; not varied.
-        unnamed: share of a channel from which anything is worth a word: the frozen prototype's false names lay below.
+        unnamed: share of a channel from which anything is worth a word: the frozen prototype's false names lay below;
+            and a gain of 17 nats that shared what a tilted base of 17000 takes of a drawn arm's first joint.
         unison: independent directions of a motion per joint, below which no place is told: 0.17 for AirBot's chirps,
             0.21 for LWR, 0.47 for a surgical arm whose payload is placed rightly.
         differs: deviations by which sizes of the trials that judge differ from those learnt. Set by one
