@@ -115,6 +115,7 @@ class Named:
         nats: by which it predicts blocks better that were left out, less its price.
         rivals: what else would score alike in the company of all others.
         chances: by position in ``rivals``, their probabilities.
+        surely: what it surely takes of the whole gap, the lower ends of its intervals.
     """
 
     effect: str
@@ -125,6 +126,7 @@ class Named:
     nats: float
     rivals: tuple[tuple[str, str], ...] = ()
     chances: tuple[float, ...] = ()
+    surely: float = 0.0
 
 
 @dataclass(frozen=True)

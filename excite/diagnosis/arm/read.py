@@ -43,7 +43,8 @@ class Reading:
         sure = [item for item in self.budget.named if clear(self.budget, item)]
         if not sure or not explained(self.budget, sure):
             return self._open()
-        first, *others = sure
+        # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
+        first, *others = sorted(sure, key=lambda item: -item.surely)
         # Of what has a rival elsewhere than in the first place nobody knows the name.
         stages, kept = self._stages([first, *(item for item in others if alone(item))])
         return self._named(stages, kept) if kept else self._open()

@@ -46,7 +46,12 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
         for j, name in enumerate(joints)
     }
     named = [
-        _named(found, i, float(shares.value[i] @ weight))
+        _named(
+            found,
+            i,
+            float(shares.value[i] @ weight),
+            float(np.maximum(shares.value[i] - shares.half[i], 0.0) @ weight),
+        )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
     ]
@@ -85,7 +90,7 @@ def _channel(
     return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
-def _named(found: Found, i: int, share: float) -> Named:
+def _named(found: Found, i: int, share: float, surely: float) -> Named:
     search = found.search
     model, k = search.model, search.model.chosen[i]
     term, merit = model.design.terms[k], search.merits[k]
@@ -107,4 +112,5 @@ def _named(found: Found, i: int, share: float) -> Named:
         nats=merit.score,
         rivals=tuple(model.design.terms[r.index].key for r in rivals),
         chances=tuple(chances),
+        surely=surely,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
 from excite.diagnosis.budget.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.joint_fit import fit
-from excite.diagnosis.budget.library import Form, Library, with_begun
+from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
@@ -65,7 +65,6 @@ def model_of_gap(
     modelled: tuple[str, ...],
     effects: tuple[Effect, ...],
     floor: Array,
-    forms: tuple[Form, ...] = (),
 ) -> Found:
     """Search for the model of a record's gap.
 
@@ -74,9 +73,8 @@ def model_of_gap(
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
-        forms: of effects that another search has found, tried along.
     """
-    library, rows = Library(modelled, effects, forms), rows_of(full, modelled, floor)
+    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
     maker = TermMaker(Context(full), full.strict)
     kept: list[Term] = []
     near: list[Term] = []
@@ -135,6 +133,9 @@ def _refined(
     for k in model.chosen:
         term = terms[k]
         if term.started:
+            forms = _along(maker.context, term)
+            if forms:
+                term = replace(Refiner(maker).refined(beside_others(search, k), term, forms), started=True)
             kept.append(term)
             near += [terms[tried.index] for tried in search.rivals.get(k, ())]
             continue
@@ -163,6 +164,16 @@ def _refined(
     if resonances:
         near += [_with_its_swing(full, search, term) for term in _resonances(search, Refiner(maker))]
     return kept, near, maker
+
+
+def _along(context: Context, term: Term) -> list[Effect]:
+    """Richer forms of what the model begins with that have another effect in them, where they can be."""
+    forms = [form for form in term.effect.richer if form.along]
+    return [
+        form
+        for form in forms
+        if form.admissible(context, term.location, form.starts(term.theta)[0], np.ones(len(form.linear)))
+    ]
 
 
 def _resonances(search: Search, refiner: Refiner) -> list[Term]:

@@ -13,7 +13,7 @@ from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
-_FIRST, _LAST, _MOST = 1.5, 1.04, 40
+_FIRST, _LAST, _MOST = 1.5, 1.01, 40
 
 
 @dataclass(frozen=True, eq=False)
