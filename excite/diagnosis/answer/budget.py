@@ -22,7 +22,7 @@ class EffectShare:
         location: its place.
         share: of the power above the noise floor on the trials that judge, 0…1 (below 0 where it does harm there).
         interval90: of the share, by blocks left out of what is fitted and of what judges.
-        lost: share that is lost where it alone is taken out.
+        lost: by how much more is left where it alone is taken out, as a share of what is left with all.
     """
 
     effect: str

@@ -66,7 +66,8 @@ def bodies_again(search: Search, maker: TermMaker) -> Search:
         chosen = made.model.chosen
         bodies = [k for k in chosen if made.design.terms[k].effect.is_body]
         terms = made.design.terms
-        own = [k for k in chosen if terms[k].own in like.columns and not terms[k].effect.is_body]
+        here = {None, *like.columns}
+        own = [k for k in chosen if terms[k].own in here and not terms[k].effect.is_body]
         weights = [k for k in own if _like_weight(terms[k])]
         all_but_begun = [k for k in own if k in weights or not terms[k].started]
         if not all_but_begun and len(bodies) < 2:

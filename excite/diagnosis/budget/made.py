@@ -74,7 +74,7 @@ def _channel(
             strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
         elif term.own == j or abs(share) >= _LISTED:
             between = (share - half, share + half)
-            effects.append(EffectShare(term.name, term.location, share, between, float(shares.last[i, j])))
+            effects.append(EffectShare(term.name, term.location, share, between, float(shares.lost[i, j])))
     effects.sort(key=lambda item: -item.share)
     generic = [
         UnnamedShare(left.follows, left.power / room, tuple(left.knots.tolist()), tuple(left.torque.tolist()))

@@ -23,9 +23,8 @@ def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     structured = structured and first is not None and first.share >= max([*budget.follows.values(), 0.0])
     if structured and first is not None and _leads(budget, first):
         return True
-    return any(
-        item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
-    )
+    there = [item.share for item in effects if _surely(budget, item) >= THRESHOLDS.most]
+    return sum(there) >= THRESHOLDS.trifle
 
 
 def _leads(budget: Budget, item: Named) -> bool:
@@ -44,11 +43,8 @@ def alone(item: Named) -> bool:
 
 
 def clear(budget: Budget, item: Named) -> bool:
-    """Whether an effect surely takes something, and more than a trifle, of a place's gap, and is missed without it."""
-    return any(
-        s.share >= THRESHOLDS.trifle and s.interval90[0] > 0.0 and s.lost >= THRESHOLDS.unnamed
-        for s in _of(budget, item)
-    )
+    """Whether an effect surely takes something of a place's gap, and what is left there is clearly more without it."""
+    return any(s.interval90[0] > 0.0 and s.lost >= THRESHOLDS.trifle for s in _of(budget, item))
 
 
 def _surely(budget: Budget, item: Named) -> float:

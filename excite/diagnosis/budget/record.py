@@ -79,7 +79,9 @@ def model_of_gap(
     kept: list[Term] = []
     near: list[Term] = []
     likely: tuple[Term, ...] = ()
-    for least in (_LARGE, 0.0):
+    steps = [_LARGE, 0.0]
+    while steps:
+        least = steps.pop(0)
         begun = library.begun(maker)
         pruned = {t.key for t in begun} - {t.key for t in kept} if least == 0.0 else set()
         first = [*begun, *(t for t in kept if not t.started)]
@@ -88,10 +90,13 @@ def model_of_gap(
         bodies = _bodies(library.bodies(maker.context), beside, maker)
         design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
-        if least > 0.0:
+        if not likely:
             ranking = one_each(design, screened(search.model, search.allowed(search.model)))
             likely = tuple(design.terms[item.index] for item in ranking[:_LIKELY])
+        # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.
+        search.stops = least > 0.0 and not kept
         search.run()
+        steps = [_LARGE, *steps] if search.stopped else steps
         if least > 0.0:
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)

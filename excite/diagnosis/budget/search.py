@@ -51,6 +51,7 @@ class Search:
         model: the terms so far.
         tried: effects and places that were tried before this search.
         least: share of what is left at its place that a term has to take away to be added.
+        stops: whether it ends as soon as a body is found; ``stopped``, whether it has.
         dry_given: whether the log says that Coulomb friction is modelled.
         rivals: by index of an accepted term, what else scores alike in the company of all others.
     """
@@ -61,6 +62,8 @@ class Search:
     dry_given: bool
     least: float = 0.0
     tried: int = 0
+    stops: bool = False
+    stopped: bool = False
     rivals: dict[int, list[Tried]] = field(default_factory=dict)
     merits: dict[int, Merit] = field(default_factory=dict)
 
@@ -74,6 +77,8 @@ class Search:
         seen: set[frozenset[int]] = set()
         for _ in range(_SWEEPS):
             self.forward()
+            if self.stopped:
+                break
             self.backward()
             now = frozenset(self.model.chosen)
             if now in seen:
@@ -100,6 +105,9 @@ class Search:
                 if not alone:
                     break
             self.model = fit(self.design, chosen, self.model.weight)
+            if self.stops and self.design.terms[chosen[-1]].effect.is_body:
+                self.stopped = True
+                return
 
     def _best_of_screening(self) -> list[Tried]:
         """Those that pass, best first."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,9 +51,14 @@ def power_of(model: Model) -> Power:
     return Power(total / count, without, fits)
 
 
-def judged_power(design: Design, chosen: Sequence[int], weight: Array | None = None) -> Power:
-    """What the terms leave when they are fitted together."""
-    return power_of(fit(design, chosen, weight))
+def judged_power(
+    design: Design,
+    chosen: Sequence[int],
+    weight: Array | None = None,
+    sizes: Mapping[int, Array] | None = None,
+) -> Power:
+    """What the terms leave when they are fitted together, or have known sizes."""
+    return power_of(fit(design, chosen, weight, sizes=sizes))
 
 
 def deviation(values: Array) -> Array:
@@ -75,7 +80,7 @@ class Shares:
         after: ``(n_joints,)`` power with all.
         value: ``(n_terms, n_joints)``.
         half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
-        last: ``(n_terms, n_joints)`` what is lost without each alone.
+        lost: ``(n_terms, n_joints)`` by how much more is left without each alone, as a share of what is left with all.
     """
 
     level: Array
@@ -84,14 +89,15 @@ class Shares:
     after: Array
     value: Array
     half: Array
-    last: Array
+    lost: Array
 
 
 def shares_of(model: Model, floor: Array) -> Shares:
     """Share out the gap of every channel.
 
     Two effects that overlap share what they both take (Shapley's value is the mean over orders; of many effects the
-    first and the last place stand for all). What the means miss of all that is closed is made up in proportion.
+    first and the last place stand for all), each of the size that it has beside all others: a small one that is let in
+    alone is no larger for what it could take. What the means miss of all that is closed is made up in proportion.
 
     Args:
         model: the model of the gap.
@@ -100,11 +106,16 @@ def shares_of(model: Model, floor: Array) -> Shares:
     design = model.design
     nothing, everything = judged_power(design, ()), power_of(model)
     chosen = model.chosen
-    taken, lost = [], []
+    taken, lost, sized = [], [], []
+    sizes = {k: model.parameters(k) for k in chosen}
     for k in chosen:
         last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
         alone = nothing.combined(judged_power(design, (k,)), -1.0)
         lost.append(last.mean)
+        others = {i: x for i, x in sizes.items() if i != k}
+        without = judged_power(design, tuple(others), model.weight, others)
+        only = judged_power(design, (k,), model.weight, {k: sizes[k]})
+        sized.append(0.5 * (without.mean - everything.mean + nothing.mean - only.mean))
         taken.append(Power(*(0.5 * (a + b) for a, b in zip(_parts(last), _parts(alone), strict=True))))
     # What all effects leave is no less than the noise.
     level = np.minimum(floor**2, everything.mean)
@@ -119,14 +130,15 @@ def shares_of(model: Model, floor: Array) -> Shares:
             getattr(everything, name),
             level,
         )
-        for name in ("mean", "blocks", "fits")
+        for name in ("blocks", "fits")
     ]
-    value = np.where(room > 0.0, values[0], 0.0)
-    spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values[1:]))
+    value = _normalised(np.array(sized), nothing.mean, everything.mean, level)
+    value = np.where(room > 0.0, value, 0.0)
+    spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values))
     freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
     half = np.where(room > 0.0, float(stdtrit(freedom, 0.95)) * spread, 0.0)
-    last = np.where(room > 0.0, np.array(lost) / np.maximum(room, 1e-300), 0.0)
-    return Shares(level, room, nothing.mean, everything.mean, value, half, last)
+    more = np.array(lost) / np.maximum(everything.mean, 1e-300)
+    return Shares(level, room, nothing.mean, everything.mean, value, half, more)
 
 
 def _parts(power: Power) -> tuple[Array, Array, Array]:
