@@ -25,7 +25,7 @@ def command(
     budget: Annotated[
         bool,
         typer.Option(
-            "--budget/--no-budget", help="Say where each joint's gap goes, all effects taken together."
+            "--budget/--no-budget", help="Whether the answer holds where each joint's gap goes."
         ),
     ] = True,
     robot: Annotated[
