@@ -13,7 +13,7 @@ import yaml
 from scipy.signal import lfilter
 
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
-from excite.diagnosis.budget.joint_fit import effective_share
+from excite.diagnosis.budget.fit.joint_fit import effective_share
 from excite.diagnosis.budget.made import budget_of
 from excite.diagnosis.budget.reading import clear, explained
 from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap

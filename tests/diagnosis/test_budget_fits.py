@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.budget.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import screened
 from tests.diagnosis.test_budget import FRICTION, bias_and_stribeck, searched, two_joints
 

@@ -13,9 +13,9 @@ from excite.diagnosis.attribution.hypotheses import Hypothesis, at_rows
 from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.attribution.structured import structured_joints
+from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.budget.reading import alone, clear, explained
 from excite.diagnosis.budget.record import Found
-from excite.diagnosis.budget.terms import Term
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.fitted_signs import signs_again

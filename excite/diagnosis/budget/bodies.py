@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
 from excite.diagnosis.budget.evidence import nats_between, price_of
-from excite.diagnosis.budget.joint_fit import fit
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.refine import Beside
 from excite.diagnosis.budget.search import Search
-from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect
 
 

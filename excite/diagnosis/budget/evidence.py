@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 # Odds at the width within which two effects are called alike: e³, about 20 to 1.

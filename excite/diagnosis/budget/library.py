@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta

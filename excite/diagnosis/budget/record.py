@@ -9,15 +9,15 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
-from excite.diagnosis.budget.design import Design, Rows, blocks_of
-from excite.diagnosis.budget.joint_fit import fit
+from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
+from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.search import Search
-from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline

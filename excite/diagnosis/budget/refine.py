@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.

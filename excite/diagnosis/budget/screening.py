@@ -9,12 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
-from excite.diagnosis.budget.groups import Candidates
-from excite.diagnosis.budget.joint_fit import Model
+from excite.diagnosis.budget.evidence import Merit
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.groups import Candidates
+from excite.diagnosis.budget.fit.joint_fit import Model
 
 # What is left of a column beside a model's own, as a share of its power, below which it is none.
 _NOTHING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A term with the model that has it.
+
+    Attributes:
+        index: of the term in the design.
+        model: with it.
+        merit: what it gains.
+        behind: of a rival, how far it is behind, in units of what counts as alike.
+    """
+
+    index: int
+    model: Model
+    merit: Merit
+    behind: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
 from excite.diagnosis.budget.evidence import Merit, merit, nats_alike, nats_between, price_of
-from excite.diagnosis.budget.joint_fit import Model, fit
-from excite.diagnosis.budget.screening import one_each, screened
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.screening import Tried, one_each, screened
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.gear_effect import GearEffect
@@ -22,23 +22,6 @@ _SWEEPS = 4
 _FITTED, _BATCHES = 14, 2
 # Candidates that are fitted in the place of a term that is taken out.
 _SWAPPED = 5
-
-
-@dataclass(frozen=True, eq=False)
-class Tried:
-    """A term with the model that has it.
-
-    Attributes:
-        index: of the term in the design.
-        model: with it.
-        merit: what it gains.
-        behind: of a rival, how far it is behind, in units of what counts as alike.
-    """
-
-    index: int
-    model: Model
-    merit: Merit
-    behind: float = 0.0
 
 
 @dataclass(eq=False)

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
-from excite.diagnosis.budget.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 
 # Power above the floor, as a share of the floor, below which a channel has no gap to share out.
 _NOTHING = 0.05

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design, Grams, Layout
-from excite.diagnosis.budget.stacked import Extended, Stacked
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.design import Design, Grams, Layout
+from excite.diagnosis.budget.fit.stacked import Extended, Stacked
+from excite.diagnosis.budget.fit.terms import Term
 
 _LAGS = 200
 _ITERATIONS = 3
