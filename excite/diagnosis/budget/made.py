@@ -74,7 +74,9 @@ def _channel(
             strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
         elif term.own == j or abs(share) >= _LISTED:
             between = (share - half, share + half)
-            effects.append(EffectShare(term.name, term.location, share, between, float(shares.lost[i, j])))
+            lost, unsure = float(shares.lost[i, j]), float(shares.unsure[i, j])
+            sure = share > half or lost > unsure
+            effects.append(EffectShare(term.name, term.location, share, between, lost, sure))
     effects.sort(key=lambda item: -item.share)
     generic = [
         UnnamedShare(left.follows, left.power / room, tuple(left.knots.tolist()), tuple(left.torque.tolist()))

@@ -44,7 +44,7 @@ def alone(item: Named) -> bool:
 
 def clear(budget: Budget, item: Named) -> bool:
     """Whether an effect surely takes something of a place's gap, and what is left there is clearly more without it."""
-    return any(s.interval90[0] > 0.0 and s.lost >= THRESHOLDS.trifle for s in _of(budget, item))
+    return any(s.sure and s.lost >= THRESHOLDS.trifle for s in _of(budget, item))
 
 
 def _surely(budget: Budget, item: Named) -> float:

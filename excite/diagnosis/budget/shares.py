@@ -81,6 +81,7 @@ class Shares:
         value: ``(n_terms, n_joints)``.
         half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
         lost: ``(n_terms, n_joints)`` by how much more is left without each alone, as a share of what is left with all.
+        unsure: ``(n_terms, n_joints)`` half widths of the 90 % intervals of that.
     """
 
     level: Array
@@ -90,6 +91,7 @@ class Shares:
     value: Array
     half: Array
     lost: Array
+    unsure: Array
 
 
 def shares_of(model: Model, floor: Array) -> Shares:
@@ -111,7 +113,7 @@ def shares_of(model: Model, floor: Array) -> Shares:
     for k in chosen:
         last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
         alone = nothing.combined(judged_power(design, (k,)), -1.0)
-        lost.append(last.mean)
+        lost.append(last)
         others = {i: x for i, x in sizes.items() if i != k}
         without = judged_power(design, tuple(others), model.weight, others)
         only = judged_power(design, (k,), model.weight, {k: sizes[k]})
@@ -122,7 +124,7 @@ def shares_of(model: Model, floor: Array) -> Shares:
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
     if not taken:
         empty = np.zeros((0, len(floor)))
-        return Shares(level, room, nothing.mean, everything.mean, empty, empty, empty)
+        return Shares(level, room, nothing.mean, everything.mean, empty, empty, empty, empty)
     values = [
         _normalised(
             np.array([getattr(t, name) for t in taken]),
@@ -136,9 +138,12 @@ def shares_of(model: Model, floor: Array) -> Shares:
     value = np.where(room > 0.0, value, 0.0)
     spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values))
     freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
-    half = np.where(room > 0.0, float(stdtrit(freedom, 0.95)) * spread, 0.0)
-    more = np.array(lost) / np.maximum(everything.mean, 1e-300)
-    return Shares(level, room, nothing.mean, everything.mean, value, half, more)
+    wide = float(stdtrit(freedom, 0.95))
+    half = np.where(room > 0.0, wide * spread, 0.0)
+    left = np.maximum(everything.mean, 1e-300)
+    more = np.array([item.mean for item in lost]) / left
+    unsure = wide * np.array([np.hypot(deviation(item.blocks), deviation(item.fits)) for item in lost]) / left
+    return Shares(level, room, nothing.mean, everything.mean, value, half, more, unsure)
 
 
 def _parts(power: Power) -> tuple[Array, Array, Array]:
