@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.diagnosis.budget.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import screened
 from tests.diagnosis.test_budget import FRICTION, bias_and_stribeck, searched, two_joints
 
@@ -45,11 +45,10 @@ def test_screening_tells_what_least_squares_of_all_rows_gain(model: Model) -> No
     rows, y = np.vstack(blocks), np.concatenate(rests)
     prior = np.sqrt(np.maximum(np.diag(model.normal - rows.T @ rows), 0.0))
     count, n_joints = int(use.sum()), len(blocks)
-    least = count * model.weight * design.rows.floor**2
 
     def left(matrix: np.ndarray, side: np.ndarray) -> np.ndarray:
         rest = side - matrix @ np.linalg.lstsq(matrix, side, rcond=None)[0]
-        return np.maximum((rest[: n_joints * count].reshape(n_joints, count) ** 2).sum(axis=1), least)
+        return (rest[: n_joints * count].reshape(n_joints, count) ** 2).sum(axis=1)
 
     ranking = screened(model, others(model))
     assert ranking
@@ -64,5 +63,6 @@ def test_screening_tells_what_least_squares_of_all_rows_gain(model: Model) -> No
         ]
         wide = np.block([[rows, np.vstack(parts)], [np.diag(prior), np.zeros((len(prior), term.size))]])
         after = left(wide, np.append(y, np.zeros(len(prior))))
-        nats = 0.5 * count * float(model.share @ np.log(before / after))
+        # No joint counts for more than its noise says: weights are no larger than that.
+        nats = -0.5 * count * float(model.share @ np.log(1.0 - (before - after) / count))
         assert item.nats == pytest.approx(nats - 0.5 * term.n_parameters, rel=0.02, abs=0.5)

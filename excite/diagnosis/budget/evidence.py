@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 # Odds at the width within which two effects are called alike: e³, about 20 to 1.
@@ -76,16 +76,15 @@ def _nats(share: Array, one: Model, other: Model) -> float:
     return float((0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0))).sum())
 
 
-def probability(score: float, rivals: Sequence[float]) -> float:
-    """Probability of an effect among its rivals and nothing, by their nats beyond their prices.
+def probabilities(score: float, behind: Sequence[float]) -> tuple[float, ...]:
+    """Probability of an effect, then of its rivals; that there is nothing has the rest.
 
-    Likelihoods are tempered: where two count as alike, the odds are 20 to 1.
+    Likelihoods are tempered: at the width within which two count as alike, the odds are 20 to 1.
 
     Args:
         score: nats of the effect beyond its price.
-        rivals: of the others in its place.
+        behind: how far each rival is behind, in units of that width.
     """
-    width = max(THRESHOLDS.rival, THRESHOLDS.alike * score) / _ODDS
-    weights = np.exp(-np.clip((score - np.array([score, *rivals])) / width, -50.0, 50.0))
+    weights = np.exp(-_ODDS * np.clip(np.array([0.0, *behind]), -15.0, 15.0))
     nothing = float(np.exp(-min(max(score, 0.0), 50.0)))
-    return float(1.0 / (weights.sum() + nothing))
+    return tuple((weights / (weights.sum() + nothing)).tolist())

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
-from excite.diagnosis.budget.design import Design, Rows, blocks_of
-from excite.diagnosis.budget.joint_fit import fit
-from excite.diagnosis.budget.library import Form, Library, with_begun
+from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
+from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
+from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.search import Search
-from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
@@ -65,7 +65,6 @@ def model_of_gap(
     modelled: tuple[str, ...],
     effects: tuple[Effect, ...],
     floor: Array,
-    forms: tuple[Form, ...] = (),
 ) -> Found:
     """Search for the model of a record's gap.
 
@@ -74,14 +73,15 @@ def model_of_gap(
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
-        forms: of effects that another search has found, tried along.
     """
-    library, rows = Library(modelled, effects, forms), rows_of(full, modelled, floor)
+    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
     maker = TermMaker(Context(full), full.strict)
     kept: list[Term] = []
     near: list[Term] = []
     likely: tuple[Term, ...] = ()
-    for least in (_LARGE, 0.0):
+    steps = [_LARGE, 0.0]
+    while steps:
+        least = steps.pop(0)
         begun = library.begun(maker)
         pruned = {t.key for t in begun} - {t.key for t in kept} if least == 0.0 else set()
         first = [*begun, *(t for t in kept if not t.started)]
@@ -90,10 +90,13 @@ def model_of_gap(
         bodies = _bodies(library.bodies(maker.context), beside, maker)
         design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
-        if least > 0.0:
+        if not likely:
             ranking = one_each(design, screened(search.model, search.allowed(search.model)))
             likely = tuple(design.terms[item.index] for item in ranking[:_LIKELY])
+        # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.
+        search.stops = least > 0.0 and not kept
         search.run()
+        steps = [_LARGE, *steps] if search.stopped else steps
         if least > 0.0:
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)
@@ -135,6 +138,9 @@ def _refined(
     for k in model.chosen:
         term = terms[k]
         if term.started:
+            forms = _along(maker.context, term)
+            if forms:
+                term = replace(Refiner(maker).refined(beside_others(search, k), term, forms), started=True)
             kept.append(term)
             near += [terms[tried.index] for tried in search.rivals.get(k, ())]
             continue
@@ -163,6 +169,16 @@ def _refined(
     if resonances:
         near += [_with_its_swing(full, search, term) for term in _resonances(search, Refiner(maker))]
     return kept, near, maker
+
+
+def _along(context: Context, term: Term) -> list[Effect]:
+    """Richer forms of what the model begins with that have another effect in them, where they can be."""
+    forms = [form for form in term.effect.richer if form.along]
+    return [
+        form
+        for form in forms
+        if form.admissible(context, term.location, form.starts(term.theta)[0], np.ones(len(form.linear)))
+    ]
 
 
 def _resonances(search: Search, refiner: Refiner) -> list[Term]:

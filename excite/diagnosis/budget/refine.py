@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
-_FIRST, _LAST, _MOST = 1.5, 1.04, 40
+_FIRST, _LAST, _MOST = 1.5, 1.01, 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +42,14 @@ class Beside:
             return -np.inf, np.zeros(term.size)
         x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
         shift, use = -self.inverse @ (cross @ x), m.design.rows.block >= 0
-        floor, nats = m.design.rows.floor, 0.0
+        nats = 0.0
         for j in range(m.design.rows.n_joints):
             rest = m.residual[j][use]
             moved = shift[m.layout.numbers[j]] @ self._columns(j)
             if j in term.columns:
                 moved = moved + term.columns[j][use] @ x
-            least = len(rest) * float(floor[j]) ** 2
-            powers = (max(float(r @ r), least) for r in (rest, rest - moved))
-            nats += 0.5 * len(rest) * float(m.share[j]) * float(-np.diff(np.log(list(powers)))[0])
+            more = float(moved @ (moved - 2.0 * rest)) * float(m.weight[j]) / len(rest)
+            nats -= 0.5 * len(rest) * float(m.share[j]) * float(np.log(max(1.0 + more, 1e-9)))
         return nats, x
 
     def information(self, term: Term) -> tuple[Array, Array]:

@@ -9,12 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
-from excite.diagnosis.budget.groups import Candidates
-from excite.diagnosis.budget.joint_fit import Model
+from excite.diagnosis.budget.evidence import Merit
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.groups import Candidates
+from excite.diagnosis.budget.fit.joint_fit import Model
 
 # What is left of a column beside a model's own, as a share of its power, below which it is none.
 _NOTHING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A term with the model that has it.
+
+    Attributes:
+        index: of the term in the design.
+        model: with it.
+        merit: what it gains.
+        behind: of a rival, how far it is behind, in units of what counts as alike.
+    """
+
+    index: int
+    model: Model
+    merit: Merit
+    behind: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +61,12 @@ class _Joint:
         inner: ``(c, c)`` products of the model's columns.
         cross: ``(n_columns, c)`` of all terms' columns and the model's.
         slope: ``(c,)`` of the model's columns and what is left.
-        left: sum of squares that are left.
-        least: of them that are noise.
     """
 
     numbers: NDArray[np.int64]
     inner: Array
     cross: Array
     slope: Array
-    left: float
-    least: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +91,6 @@ class _Beside:
     def of(cls, model: Model) -> _Beside:
         """Beside a model."""
         design, grams, layout = model.design, model.design.fitted, model.layout
-        count = float(grams.count.sum())
         n_columns = int(sum(term.size for term in design.terms))
         cross, slopes = np.zeros((n_columns, layout.size)), np.zeros((design.rows.n_joints, n_columns))
         joints = []
@@ -90,9 +103,7 @@ class _Beside:
             here = np.zeros((n_columns, len(c)))
             here[at] = products
             cross[at[:, None], p] += model.weight[j] * products
-            slope = g[c, -1] - inner @ x
-            left = max(float(g[-1, -1] - (g[c, -1] + slope) @ x), 0.0)
-            joints.append(_Joint(p, inner, here, slope, left, count * float(design.rows.floor[j]) ** 2))
+            joints.append(_Joint(p, inner, here, g[c, -1] - inner @ x))
         return cls(model, joints, slopes, cross, cross @ np.linalg.inv(model.normal))
 
 
@@ -148,9 +159,8 @@ def _nats(beside: _Beside, inner: Array, columns: NDArray[np.int64], x: Array) -
         moved = shift[:, at.numbers]
         along = moved @ at.inner + 2.0 * (at.cross[columns] * x[..., None]).sum(axis=1) - 2.0 * at.slope
         own = (inner[j] @ x[..., None])[..., 0] - 2.0 * beside.slopes[j, columns]
-        left = at.left + (along * moved).sum(axis=1) + (own * x).sum(axis=1)
-        told = np.log(max(at.left, at.least) / np.maximum(left, at.least))
-        nats += 0.5 * count * model.share[j] * told
+        more = (along * moved).sum(axis=1) + (own * x).sum(axis=1)
+        nats -= 0.5 * count * model.share[j] * np.log(np.maximum(1.0 + model.weight[j] * more / count, 1e-6))
     return nats
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design, Grams, Layout
+from excite.diagnosis.budget.fit.design import Design, Grams, Layout
 
 
 @dataclass(frozen=True, eq=False)

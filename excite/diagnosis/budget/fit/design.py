@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.groups import Candidates, grouped
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.groups import Candidates, grouped
+from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.equations.samples import ArmSamples
 

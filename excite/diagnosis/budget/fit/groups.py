@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.terms import Term
 
 
 @dataclass(frozen=True, eq=False)

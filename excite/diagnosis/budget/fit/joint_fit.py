@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design, Grams, Layout
-from excite.diagnosis.budget.stacked import Extended, Stacked
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.design import Design, Grams, Layout
+from excite.diagnosis.budget.fit.stacked import Extended, Stacked
+from excite.diagnosis.budget.fit.terms import Term
 
 _LAGS = 200
 _ITERATIONS = 3
@@ -93,6 +93,7 @@ def fit(
     *,
     left_out: bool = True,
     beside: Model | None = None,
+    sizes: Mapping[int, Array] | None = None,
 ) -> Model:
     """Fit a model by iterated weights, one a joint, and leave out each block in turn.
 
@@ -102,6 +103,7 @@ def fit(
         weight: where the weights begin.
         left_out: whether to leave out blocks.
         beside: the model without the last of the terms, if it is at hand.
+        sizes: parameters that are known, by term.
     """
     chosen = tuple(chosen)
     layout, grams, floor = design.index(chosen), design.fitted, design.rows.floor
@@ -113,7 +115,7 @@ def fit(
     if weight is None:
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
-    prior, known = _prior(design, chosen, layout)
+    prior, known = _prior(design, chosen, layout, sizes or {})
     for _ in range(_ITERATIONS):
         normal, right = rows.normal(weight, by_block=False)
         full = normal[0] + np.diag(prior + _RIDGE * np.diag(normal[0]))
@@ -134,15 +136,18 @@ def fit(
     return Model(design, chosen, layout, x, weight, full, without, rows.left(without))
 
 
-def _prior(design: Design, chosen: Sequence[int], layout: Layout) -> tuple[Array, Array]:
+def _prior(
+    design: Design, chosen: Sequence[int], layout: Layout, sizes: Mapping[int, Array]
+) -> tuple[Array, Array]:
     """Precision of each parameter a priori, and that times what it is then."""
     prior, known = np.full(layout.size, 1e-12), np.zeros(layout.size)
     prior[: design.rows.shared.shape[2]] = 1.0
     for k, first in zip(chosen, layout.begin, strict=True):
         term = design.terms[k]
         here = slice(first, first + term.size)
-        if term.known:
-            prior[here] = known[here] = _KNOWN * float(design.fitted.count.sum())
+        if term.known or k in sizes:
+            prior[here] = _KNOWN * float(design.fitted.count.sum())
+            known[here] = prior[here] * sizes.get(k, np.ones(1))
         else:
             prior[here] += term.precision
     return prior, known
