@@ -24,7 +24,9 @@ def command(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
     budget: Annotated[
         bool,
-        typer.Option("--budget/--no-budget", help="Whether the answer holds where each joint's gap goes."),
+        typer.Option(
+            "--budget/--no-budget", help="Say where each joint's gap goes, all effects taken together."
+        ),
     ] = True,
     robot: Annotated[
         str | None,

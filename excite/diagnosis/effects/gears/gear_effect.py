@@ -29,6 +29,7 @@ class GearEffect(Effect, ABC):
     """
 
     moves = True
+    smooths = True
     second_order: bool = False
 
     @property

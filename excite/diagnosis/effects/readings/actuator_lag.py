@@ -47,6 +47,7 @@ class ActuatorLag(Effect):
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
     late_by = "time_constant"
+    smooths = True
     note = FasterFilter
     twins_without_torque = ("time_delay",)
 

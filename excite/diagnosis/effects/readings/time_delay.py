@@ -51,6 +51,7 @@ class TimeDelay(Effect):
     separating_motion = "a chirp to some hertz"
     mujoco = "actuator delay (a ring buffer in the control callback)"
     timing = True
+    smooths = True
     of_channel = True
     note = Late
 

@@ -1,1 +1,0 @@
-"""Gram matrices of all columns, and models fitted with some of them."""
