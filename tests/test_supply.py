@@ -8,6 +8,7 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,25 @@ def test_pins_are_within_what_the_project_allows():
         asked = Requirement(line)
         (pin,) = pins[canonicalize_name(asked.name)].specifier
         assert asked.specifier.contains(pin.version), line
+
+
+def test_what_extras_need_goes_together_with_the_pins():
+    """`pip install -c constraints.txt '.[viz]'` finds versions: the extras that are installed here allow the pins."""
+    pins, looked_at = _pins(), set()
+    for line in (line for lines in PROJECT["optional-dependencies"].values() for line in lines):
+        name = canonicalize_name(Requirement(line).name)
+        try:
+            asked = [Requirement(text) for text in metadata.distribution(name).requires or ()]
+        except metadata.PackageNotFoundError:
+            continue
+        for one in asked:
+            pin = pins.get(canonicalize_name(one.name))
+            if pin is None or (one.marker is not None and not one.marker.evaluate({"extra": ""})):
+                continue
+            (version,) = pin.specifier
+            assert one.specifier.contains(version.version), f"{name} needs {one}, {version} is pinned"
+            looked_at.add(name)
+    assert len(looked_at) > 5
 
 
 def test_supported_pythons_are_those_that_the_project_accepts():
