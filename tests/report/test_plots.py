@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from excite.report.data import ForceComparison
-from excite.report.plots.activity import peak_speed_share
+from excite.report.plots.activity import peak_speed_share, plot_activity
 from excite.report.plots.body import front_view, picture, shape_points
 from excite.report.plots.conditioning import plot_conditioning
 from excite.report.plots.forces import plot_forces
@@ -24,6 +24,14 @@ from tests.report.sample import sample_data, sample_motion
 @pytest.fixture(scope="module")
 def data(g1):
     return sample_data(g1)
+
+
+def test_activity_of_motions_far_below_the_speed_limits_is_an_empty_grid(g1):
+    generous = dataclasses.replace(g1.limits, velocity=1e4 * g1.limits.velocity)
+    axes = plot_activity(dataclasses.replace(g1, limits=generous), [sample_motion(g1, 0)]).axes[0]
+    assert not axes.collections and len(axes.get_yticklabels()) == g1.n_joints
+    (squares,) = plot_activity(g1, [sample_motion(g1, 0)]).axes[0].collections
+    assert len(squares.get_paths()) == int((peak_speed_share(g1, [sample_motion(g1, 0)]) >= 0.01).sum()) > 0
 
 
 def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):

@@ -36,14 +36,16 @@ def plot_activity(robot: Robot, motions: Sequence[Motion]) -> Figure:
         axes = figure.subplots()
         moving = np.argwhere(share >= 0.01)
         corners = 0.46 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        # All squares as one: a patch each takes ten times as long.
-        cells = PolyCollection(
-            list(moving[:, None, ::-1] + corners),
-            facecolors=IDENTIFIED.light,
-            linewidths=0.0,
-            alpha=[_shade(share[row, column]) for row, column in moving],
-        )
-        axes.add_collection(cells)
+        # Robots with generous speed limits hardly move by this measure: there may be no square at all.
+        if len(moving):
+            # All squares as one: a patch each takes ten times as long.
+            cells = PolyCollection(
+                list(moving[:, None, ::-1] + corners),
+                facecolors=IDENTIFIED.light,
+                linewidths=0.0,
+                alpha=[_shade(share[row, column]) for row, column in moving],
+            )
+            axes.add_collection(cells)
         axes.set(xlim=(-0.6, len(motions) - 0.4), ylim=(robot.n_joints - 0.4, -0.6))
         axes.set_yticks(range(robot.n_joints), [name.removesuffix("_joint") for name in robot.joint_names])
         names = [motion.name for motion in motions]
