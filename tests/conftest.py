@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+
+
+def lacking(reason: str) -> NoReturn:
+    """Skip a test whose recordings are not here; in CI, where they have to be, it fails."""
+    if os.environ.get("CI") == "true":
+        pytest.fail(reason)
+    pytest.skip(reason)
 
 
 @pytest.fixture(scope="session")
@@ -17,9 +25,7 @@ def data_dir() -> Path:
     folder = Path(os.environ.get("EXCITE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
     if not folder.is_dir():
         reason = f"recordings not found in {folder}; set EXCITE_DATA to the folder that holds them"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
+        lacking(reason)
     return folder
 
 
@@ -30,9 +36,7 @@ def gap_dir() -> Path:
     folder = data.parent / "gap"
     if not folder.is_dir():
         reason = f"practice cases not found in {folder}; put them beside the recordings (EXCITE_DATA)"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
+        lacking(reason)
     return folder
 
 

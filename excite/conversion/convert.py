@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,6 +33,7 @@ from excite.logs.files import check_replaceable, header_text, load_log, save_log
 from excite.logs.header_blocks import Guess
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
+from excite.temporary_folder import TemporaryFolder
 
 SCHEMA = "excite.convert/1"
 _UNSEEN = "the doctor could not look at it"
@@ -176,9 +176,9 @@ def _weighed(
         return list(questions)
     tried = stated.model_copy(update={"columns": {**stated.columns, **question.torques}})
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            found = convert(sources, robot, Path(folder) / "log", tried)
-            scales = torque_scales(nominal_robot(found.log), found.log)
+        folder = TemporaryFolder()
+        found = convert(sources, robot, folder.path / "log", tried)
+        scales = torque_scales(nominal_robot(found.log), found.log)
     except InputError:
         scales = {}
     if not scales:

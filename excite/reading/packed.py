@@ -5,17 +5,17 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
-import tempfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from excite.errors import InputError
 from excite.reading.file import check_file, too_large
+from excite.temporary_folder import TemporaryFolder
 
-_OPENED: dict[str, Callable[..., IO[bytes]]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}  # type: ignore[dict-item]
+_OPENED: dict[str, Any] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 _DAMAGED = (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError)
 _BLOCK = 1 << 20
 
@@ -48,19 +48,19 @@ def unpacked(path: Path, *, limit: int, error: type[InputError] = InputError) ->
         yield path
         return
     check_file(path, error=error)
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / plain_name(path).name
-        _copy(path, copy, limit, error)
-        try:
-            yield copy
-        except InputError as reason:
-            _rename(reason, copy, path)
-            raise
+    folder = TemporaryFolder()
+    copy = folder.path / plain_name(path).name
+    _copy(path, copy, limit, error)
+    try:
+        yield copy
+    except InputError as reason:
+        _rename(reason, copy, path)
+        raise
 
 
 def pack(plain: Path, path: Path) -> None:
     """Write a packed copy of a file; the same bytes for the same content."""
-    opened: Any = _OPENED[path.suffix.lower()]
+    opened = _OPENED[path.suffix.lower()]
     with plain.open("rb") as source, path.open("wb") as stream:
         # No name and no time of writing within.
         packed = (

@@ -14,6 +14,7 @@ from excite.conversion.convert import Conversion
 from excite.conversion.guesses import UnclearError
 from excite.errors import LogError
 from excite.robot.catalogue import example_robot_data
+from tests.conftest import lacking
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 MAPS = Path(__file__).parent / "maps"
@@ -112,7 +113,7 @@ MODELS = {"robot_models"}
 
 def converted(name: str, case: Recorded, folder: Path) -> Conversion:
     if not (DATA / name).is_dir():
-        pytest.skip(f"{name} is not here")
+        lacking(f"{name} is not here")
     robot = _robot(DATA / name, case.robot, folder)
     if robot.suffix == ".xml":
         robot = excite.write_scaffold(robot, folder / "model", seed=0).urdf

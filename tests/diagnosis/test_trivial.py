@@ -21,6 +21,7 @@ from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
+from tests.conftest import lacking
 from tests.diagnosis.two_joints import RATE_HZ, moved, two_joint_log
 
 NOISE = 1e-3
@@ -159,7 +160,7 @@ def test_a_walking_robots_chirps(data_dir: Path):
     """Figures published beside the recordings: command .0794, delay .0100, filter .0050 rad."""
     folder = data_dir / "quadruped_chirp_pace"
     if not folder.is_dir():
-        pytest.skip("the recordings are not here")
+        lacking(f"{folder} is not here")
     trials = []
     for k in range(7):
         with np.load(folder / f"go2_traj_{k}.npz") as file:

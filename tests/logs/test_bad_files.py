@@ -133,6 +133,14 @@ def test_packed_trials_come_back(tmp_path, suffix):
     assert all((again[name] == values).all() for name, values in columns().items())
 
 
+def test_a_packed_trial_leaves_one_of_the_plain_name_alone(tmp_path):
+    plain = tmp_path / "a.csv"
+    write_trial(columns(), plain)
+    before = plain.read_bytes()
+    write_trial({name: 2.0 * values for name, values in columns().items()}, tmp_path / "a.csv.gz")
+    assert plain.read_bytes() == before
+
+
 def test_hdf5_comes_back_bit_for_bit(tmp_path):
     path = tmp_path / "a.h5"
     reader_for(path).write(columns(), path)

@@ -15,6 +15,7 @@ from excite.logs.readers.reader import MAX_TRIAL_BYTES, TrialReader
 from excite.reading.child import in_child
 from excite.reading.file import check_file
 from excite.reading.packed import is_packed, pack, plain_name, unpacked
+from excite.temporary_folder import TemporaryFolder
 
 # A process starts in less than a second; the rest is for the file, at a tenth of what disks and gzip do [s, bytes/s].
 _STARTING_S, _BYTES_PER_S = 20.0, 5e6
@@ -82,10 +83,11 @@ def write_trial(columns: Mapping[str, Array], path: Path) -> None:
     if not is_packed(path):
         reader.write(columns, path)
         return
-    plain = plain_name(path)
+    # Not beside it: another trial may have the plain name.
+    folder = TemporaryFolder()
+    plain = folder.path / plain_name(path).name
     reader.write(columns, plain)
     pack(plain, path)
-    plain.unlink()
 
 
 def _read_in_own_process(function: str, paths: list[Path]) -> list[dict[str, Array]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.srdf import read_srdf
 from excite.robot.xacro_file import expanded, is_xacro
+from excite.temporary_folder import TemporaryFolder
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ def write_scaffold(
         urdf = urdf.with_name(f"{urdf.stem}_expanded.urdf")
     _absent(urdf, overwrite)
     whole = expanded(file, source.arguments, source.package_path)
-    with tempfile.TemporaryDirectory() as place:
-        copy = write_text(Path(place) / urdf.name, whole)
-        text = _renamed_errors(copy, place, file, seed, Said(ignored=ignored))
+    place = TemporaryFolder()
+    copy = write_text(place.path / urdf.name, whole)
+    text = _renamed_errors(copy, place.path, file, seed, Said(ignored=ignored))
     with all_or_nothing():
         write_text(urdf, whole)
         write_text(target, text)
@@ -106,11 +106,11 @@ def _described(
         conversion.loops,
         conversion.couplings,
     )
-    with tempfile.TemporaryDirectory() as folder:
-        return _renamed_errors(conversion.write(Path(folder) / urdf.name), folder, file, seed, said)
+    place = TemporaryFolder()
+    return _renamed_errors(conversion.write(place.path / urdf.name), place.path, file, seed, said)
 
 
-def _renamed_errors(copy: Path, folder: str, file: Path, seed: int, said: Said) -> str:
+def _renamed_errors(copy: Path, folder: Path, file: Path, seed: int, said: Said) -> str:
     try:
         return scaffold_description(copy, folder, seed=seed, said=said)
     except RobotError as error:
