@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtr, chdtri
 
 from excite.arrays import Array
 from excite.errors import LogError
@@ -219,11 +220,9 @@ def robust_covariance(values: Array, kept: float = 0.9, rounds: int = 5) -> Arra
     Impacts are short and large; noise is always there (a trimmed form of the minimum covariance determinant,
     Rousseeuw and Van Driessen 1999).
     """
-    from scipy.stats import chi2
-
     dimension = values.shape[1]
-    limit = chi2.ppf(kept, dimension)
-    consistency = kept / chi2.cdf(limit, dimension + 2)
+    limit = chdtri(dimension, 1.0 - kept)
+    consistency = kept / chdtr(dimension + 2, limit)
     covariance = values.T @ values / len(values)
     for _ in range(rounds):
         distance = np.einsum("ni,ij,nj->n", values, np.linalg.inv(covariance), values)
