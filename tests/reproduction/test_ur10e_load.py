@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.identification.load.drive_gains import identify_drive_gains, identify_load
+from excite.identification.load.weighing import weigh_load
 from excite.logs.log import Log
 from excite.logs.robot import nominal_robot
 from tests.reproduction.recordings import UR10E_GAINS
@@ -29,3 +30,13 @@ def test_the_load_is_weighed_within_three_percent(data_dir: Path, tmp_path: Path
     # The published gains make the load a tenth too heavy.
     published = identify_load(robot, bare, second, UR10E_GAINS, SETTINGS)
     assert published.load[0] > 1.05 * MASS
+
+
+def test_the_load_is_inside_an_interval_of_a_tenth_of_a_kilogram(data_dir: Path, tmp_path: Path) -> None:
+    """Gains and both loads in one fit; gains first and the load after them left ± 0.125 and 0.130 kg."""
+    bare = part_of_log(data_dir, tmp_path, "bare", (0.0, 1.0))
+    first = part_of_log(data_dir, tmp_path, "first", (0.0, 0.5), "Load")
+    second = part_of_log(data_dir, tmp_path, "second", (0.5, 1.0), "Load")
+    for known, judged in ((first, second), (second, first)):
+        found = weigh_load(nominal_robot(bare), bare, judged, calibration=(known, MASS), settings=SETTINGS)
+        assert abs(found.mass - MASS) < found.half_width_95[0] <= 0.1, found.summary()

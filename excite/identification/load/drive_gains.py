@@ -10,15 +10,15 @@ the least-squares estimate free of the attenuation that currents in the regresso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.errors import InputError, LogError
-from excite.identification.load.load_pair import Condensed, LoadPair, load_pair, together
-from excite.identification.load.projection import LoadSolution, solve_load
+from excite.identification.load.load_runs import LoadRuns, load_runs, together
+from excite.identification.load.projection import LoadSolution, solve_loads
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
@@ -89,8 +89,7 @@ def identify_drive_gains(
         LogError: the logs do not both hold currents, or torques, the joints differ, or a joint does not feel the load.
     """
     check_mass(load_mass)
-    pair = load_pair(robot, unloaded, loaded, settings)
-    return _with_spread(pair, lambda condensed: solve_load(condensed, load_mass, None))
+    return _with_spread(load_runs(robot, unloaded, [loaded], settings), [load_mass], None)
 
 
 @one_blas_thread
@@ -116,12 +115,11 @@ def identify_load(
     Raises:
         LogError: as of :func:`identify_drive_gains`, or a joint's gain is missing.
     """
-    pair = load_pair(robot, unloaded, loaded, settings)
-    missing = [name for name in pair.joints if name not in gains]
+    runs = load_runs(robot, unloaded, [loaded], settings)
+    missing = [name for name in runs.joints if name not in gains]
     if missing:
         raise LogError("has no gain", field=f"drive_gains.{missing[0]}", remedy="state N·m/A")
-    known = np.array([gains[name] for name in pair.joints])
-    return _with_spread(pair, lambda condensed: solve_load(condensed, None, known))
+    return _with_spread(runs, [None], np.array([gains[name] for name in runs.joints]))
 
 
 @one_blas_thread
@@ -134,6 +132,9 @@ def identify_load_by_calibration(
 ) -> DriveGains:
     """A load of unknown mass, the gains from a third log with a load of known mass.
 
+    Gains, both loads and the bare robot are fitted to all three logs at once: what the second load's motions say of the
+    gains, and the calibration's of the robot, counts too.
+
     Args:
         robot: the robot without load.
         unloaded: log of currents or torques.
@@ -142,8 +143,7 @@ def identify_load_by_calibration(
         settings: filters and drive terms; its drive gains are not used.
 
     Returns:
-        The load. A stretch of the unloaded log is left out of both steps at once, so that the deviations know what
-        gains and load share.
+        The load.
 
     Raises:
         InputError: the mass is not positive.
@@ -151,21 +151,7 @@ def identify_load_by_calibration(
     """
     known, mass = calibration
     check_mass(mass)
-    first, second = (load_pair(robot, unloaded, log, settings) for log in (known, loaded))
-    shared = first.n_unloaded
-
-    def solved(left_first: int | None, left_second: int | None) -> LoadSolution:
-        blocks = [
-            [k for k in range(len(pair.factors)) if k != left]
-            for pair, left in ((first, left_first), (second, left_second))
-        ]
-        gains = solve_load(together(first, blocks[0]), mass, None).gains
-        return solve_load(together(second, blocks[1]), None, gains)
-
-    left_out: list[tuple[int | None, int | None]] = [(k, k) for k in range(shared)]
-    left_out += [(k, None) for k in range(shared, len(first.factors))]
-    left_out += [(None, k) for k in range(shared, len(second.factors))]
-    return _of_solutions(second, solved(None, None), [solved(*left) for left in left_out])
+    return _with_spread(load_runs(robot, unloaded, [known, loaded], settings), [mass, None], None)
 
 
 def check_mass(mass: float) -> None:
@@ -174,28 +160,28 @@ def check_mass(mass: float) -> None:
         raise InputError(f"is {mass!r}", source="load", field="mass", remedy="weigh it [kg]")
 
 
-def _with_spread(pair: LoadPair, solve: Callable[[Condensed], LoadSolution]) -> DriveGains:
-    """The solution, with standard deviations by leaving out one stretch at a time (the jackknife)."""
-    whole = solve(together(pair, range(len(pair.factors))))
-    n = len(pair.factors)
-    rest = [solve(together(pair, [k for k in range(n) if k != left])) for left in range(n)]
+def _with_spread(runs: LoadRuns, masses: Sequence[float | None], gains: Array | None) -> DriveGains:
+    """The last load, with standard deviations by leaving out one stretch at a time (the jackknife)."""
+    n = len(runs.factors)
 
-    return _of_solutions(pair, whole, rest)
+    def solved(left: int | None = None, start: Array | None = None) -> LoadSolution:
+        kept = [k for k in range(n) if k != left]
+        return solve_loads(together(runs, kept), masses, gains, start)
 
-
-def _of_solutions(pair: LoadPair, whole: LoadSolution, rest: Sequence[LoadSolution]) -> DriveGains:
-    gains = np.array([item.gains for item in rest])
+    whole = solved()
+    rest = [solved(left, whole.gains) for left in range(n)]
+    left_out = np.array([item.gains for item in rest])
     return DriveGains(
-        joints=pair.joints,
+        joints=runs.joints,
         gains=whole.gains,
-        gains_std=jackknife_std(gains),
-        load=whole.load,
-        load_std=jackknife_std(np.array([item.load for item in rest])),
-        load_seen=whole.seen,
-        gains_left_out=gains,
+        gains_std=jackknife_std(left_out),
+        load=whole.loads[-1],
+        load_std=jackknife_std(np.array([item.loads[-1] for item in rest])),
+        load_seen=whole.seen[-1],
+        gains_left_out=left_out,
         residual=whole.residual,
-        signal=pair.signal,
-        unit=pair.unit,
+        signal=runs.signal,
+        unit=runs.unit,
     )
 
 

@@ -1,14 +1,16 @@
-"""Gains, a load and all that is linear given them, by variable projection on condensed rows of two logs."""
+"""Gains, loads and all that is linear given them, by variable projection on condensed rows of all logs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from excite.arrays import Array
-from excite.identification.load.load_pair import Condensed
+from excite.identification.load.load_runs import Condensed
 from excite.identification.regression import RANK_TOLERANCE, minimum_norm, square_factor
 
 _ROUNDS = 3
@@ -16,85 +18,94 @@ _ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class LoadSolution:
-    """Gains and load of some rows.
+    """Gains and loads of some rows.
 
     Attributes:
         gains: ``(n_joints,)`` torque per current, or per logged torque.
-        load: ``(10,)`` about the last joint's frame, pinocchio's order [SI].
-        seen: ``(10,)`` share of each that the rows let be told from all else.
+        loads: ``(n_loads, 10)`` about the last joint's frame, pinocchio's order [SI].
+        seen: ``(n_loads, 10)`` share of each that the rows let be told from all else.
         residual: ``(n_joints,)`` root mean square of what is left.
     """
 
     gains: Array
-    load: Array
+    loads: Array
     seen: Array
     residual: Array
 
 
-def solve_load(condensed: Condensed, load_mass: float | None, gains: Array | None) -> LoadSolution:
+def solve_loads(
+    condensed: Condensed, masses: Sequence[float | None], gains: Array | None, start: Array | None = None
+) -> LoadSolution:
     """Least squares on the currents; gains are searched, all else is linear given them (variable projection).
 
     Args:
-        condensed: rows without and with the load.
-        load_mass: [kg], None where it is to be found.
-        gains: ``(n_joints,)``, None where they are to be found, which the load's mass allows.
+        condensed: rows without and with the loads.
+        masses: of the loads [kg], None where one is to be found.
+        gains: ``(n_joints,)``, None where they are to be found, which one load's mass allows.
+        start: ``(n_joints,)`` gains to begin the search at.
     """
     n = len(condensed.factors)
     std = np.ones(n)
     inverse = np.full(n, 0.1) if gains is None else 1.0 / gains
+    if gains is None and start is not None:
+        inverse = 1.0 / start
     for _ in range(_ROUNDS):
         if gains is None:
             # Gains are positive and of any size: search their logarithms.
             found = least_squares(
-                lambda x, std=std: _linear(condensed, np.exp(x), std, load_mass).rest, np.log(inverse)
+                lambda x, std=std: _linear(condensed, np.exp(x), std, masses).rest, np.log(inverse)
             )
             inverse = np.exp(found.x)
-        inner = _linear(condensed, inverse, std, load_mass)
+        inner = _linear(condensed, inverse, std, masses)
         left = inner.rest.reshape(n, -1) * std[:, None]
         rms = np.sqrt((left**2).sum(axis=1) / np.maximum(condensed.counts, 1))
         std = np.maximum(rms, 1e-6 * rms.max())
-    return LoadSolution(1.0 / inverse, inner.load, inner.seen(), rms)
+    return LoadSolution(1.0 / inverse, inner.loads, inner.seen(), rms)
 
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """Solution for given gains: what it leaves, the load, the scaled columns of what was free, how much was known."""
+    """Solution for given gains: what it leaves, the loads, the scaled columns of what was free, what of loads was."""
 
     rest: Array
-    load: Array
+    loads: Array
     columns: Array
-    known: int
+    free: NDArray[np.bool_]
 
     def seen(self) -> Array:
         """As of :class:`LoadSolution`; the search asks for a hundred solutions, and this of the last."""
-        return np.concatenate([np.ones(self.known), _seen(self.columns, 10 - self.known)])
+        shares = np.ones(self.free.shape)
+        shares[self.free] = _seen(self.columns, int(self.free.sum()))
+        return shares
 
 
-def _linear(condensed: Condensed, inverse: Array, std: Array, load_mass: float | None) -> _Linear:
-    """Base parameters, load and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
-    factors, base = condensed.factors, condensed.n_base
+def _linear(condensed: Condensed, inverse: Array, std: Array, masses: Sequence[float | None]) -> _Linear:
+    """Base parameters, loads and drives for given ``1/gain``; what is left, weighted, ``(n_joints·w,)``."""
+    factors, base, loads = condensed.factors, condensed.n_base, 10 * condensed.n_loads
     n, width, _ = factors.shape
-    n_drive = width - 1 - base - 10
-    # Load first: its mass is known or not; then base parameters; then each joint's drive by itself.
-    matrix = np.zeros((n * width, 10 + base + n * n_drive))
+    n_drive = width - 1 - base - loads
+    # Loads first: their masses are known or not; then base parameters; then each joint's drive by itself.
+    matrix = np.zeros((n * width, loads + base + n * n_drive))
     target = np.zeros(n * width)
     for c in range(n):
         rows = slice(c * width, (c + 1) * width)
         r = factors[c] / std[c]
-        matrix[rows, :10] = inverse[c] * r[:, base : base + 10]
-        matrix[rows, 10 : 10 + base] = inverse[c] * r[:, :base]
-        start = 10 + base + c * n_drive
-        matrix[rows, start : start + n_drive] = r[:, base + 10 : -1]
+        matrix[rows, :loads] = inverse[c] * r[:, base : base + loads]
+        matrix[rows, loads : loads + base] = inverse[c] * r[:, :base]
+        start = loads + base + c * n_drive
+        matrix[rows, start : start + n_drive] = r[:, base + loads : -1]
         target[rows] = r[:, -1]
-    known = 0
-    if load_mass is not None:
-        target, known = target - load_mass * matrix[:, 0], 1
-    free = matrix[:, known:]
-    scale = np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-    columns = free / scale
-    solution = minimum_norm(columns, target) / scale
-    load = solution[:10] if load_mass is None else np.concatenate([[load_mass], solution[:9]])
-    return _Linear(target - free @ solution, load, columns, known)
+    found = np.zeros((condensed.n_loads, 10))
+    free = np.ones(found.shape, dtype=bool)
+    for k, mass in enumerate(masses):
+        if mass is not None:
+            found[k, 0], free[k, 0] = mass, False
+            target = target - mass * matrix[:, 10 * k]
+    columns = matrix[:, np.concatenate([free.ravel(), np.ones(matrix.shape[1] - loads, dtype=bool)])]
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    solution = minimum_norm(columns / scale, target) / scale
+    found[free] = solution[: free.sum()]
+    return _Linear(target - columns @ solution, found, columns / scale, free)
 
 
 def _seen(matrix: Array, count: int) -> Array:
