@@ -137,7 +137,7 @@ def convert(
     read = load_log(out)
     chart, note = _examined(read, machine)
     read = _with_findings(read, chart, note, out)
-    notes = [n for r in recordings[:1] for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
+    notes = [n for r in recordings for n in r.notes] + [n for t in tables[:1] for n in t.notes] + note
     notes += compared
     return Conversion(
         folder=out,

@@ -15,6 +15,7 @@ from excite.conversion.columns.clock import TICKS, clock_column, tick
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
+from excite.conversion.columns.unfilled import without_unfilled
 from excite.conversion.columns.words import Clue
 from excite.conversion.guesses import Guesses, Mapped
 from excite.conversion.machine import Machine
@@ -61,6 +62,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     known = {item.channel for item in found.mapped}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
+    groups = without_unfilled(found, groups, recording)
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
     chosen = choose(groups, found, recording)
@@ -74,7 +76,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     add_base(found, recording, left, machine, mapping)
     _ask_for_doubts(found, recording, machine)
     ask_for_positions(found, recording, machine)
-    ask_for_torques(found, groups, mapping)
+    ask_for_torques(found, groups, recording, mapping)
     ask_for_base(found, recording, machine, mapping)
     if found.of("q") and not found.questions:
         found.mapped = convert_units(found, recording, machine, mapping)

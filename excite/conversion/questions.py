@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from excite.conversion.columns.families import Family
 from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
@@ -15,6 +17,8 @@ from excite.conversion.recording import Recording
 MOST_NAMED = 12
 # Columns that a gripper adds behind an arm's joints.
 _HAND = 2
+# How servos and drives call the voltage that they are fed with.
+_SUPPLY = frozenset("input in supply battery bus dc source".split())
 # Front or hind and left or right, in either order, as quadrupeds' joints are called.
 _LEG, _LEGS = re.compile(r"(?<![a-z])([frh][lr]|[lr][frh])(?![a-z])"), 4
 
@@ -24,12 +28,12 @@ def column_names(recording: Recording) -> list[str]:
     return [column.name for stream in recording.streams for column in stream.columns]
 
 
-def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> None:
+def ask_for_torques(found: Guesses, groups: Sequence[Family], recording: Recording, mapping: Map) -> None:
     """Voltages and duty cycles are no torques, and nothing in a recording says how much of one they are."""
     if found.of("tau") or found.of("i") or "torque" in mapping.log:
         return
     for family in groups:
-        if family.quantity == "volt" and family.placed.columns:
+        if family.quantity == "volt" and family.placed.columns and not _is_supply(family, recording):
             name = family.columns[0]
             found.ask(
                 f"{name} is a voltage or duty cycle, whose torque per unit is not known",
@@ -37,6 +41,14 @@ def ask_for_torques(found: Guesses, groups: Sequence[Family], mapping: Map) -> N
                 {f"tau.{joint}": column for joint, column in family.placed.columns.items()},
             )
             return
+
+
+def _is_supply(family: Family, recording: Recording) -> bool:
+    """Whether it is what a drive is fed with: so called, and of one sign, unlike what moves a joint."""
+    if not _SUPPLY & set(family.stem.split("_")):
+        return False
+    values = [c.values for stream in recording.streams for c in stream.columns if c.name in family.columns]
+    return all(np.nanmin(one) > 0.0 for one in values)
 
 
 def ask_for_surplus(found: Guesses, chosen: Mapping[str, Family], joints: Sequence[str]) -> None:
@@ -90,6 +102,7 @@ def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) ->
         return
     names = column_names(recording)
     there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
+    there = "; ".join([there, *(note for note in recording.notes if note.startswith("its line of names"))])
     found.ask(
         f"no columns of joint positions were found for {machine.n} joints of {machine.name} among {there}",
         'columns: {q: "NAME{n}"}',

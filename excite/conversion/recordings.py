@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from excite.conversion.drive_state import with_drives_on
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
 from excite.conversion.shapes.reshape import reshaped
@@ -27,7 +28,7 @@ def read_recordings(sources: Sequence[str | Path]) -> list[Recording]:
     if wrong:
         raise LogError("; ".join(str(error) for error in wrong), remedy=wrong[0].remedy)
     shaped = [part for recording in found for part in reshaped(recording)]
-    return [signed(merged_names(recording)) for recording in joined_parts(shaped)]
+    return [with_drives_on(signed(merged_names(recording))) for recording in joined_parts(shaped)]
 
 
 def _read(source: Path) -> list[Recording]:

@@ -503,3 +503,21 @@ def test_a_joint_without_a_column_is_said_to_stand_still(data, arm, tmp_path):
     conversion = excite.convert([file], robot=arm, out=tmp_path / "log", mapping=WHOLE)
     said = {row.what: row for row in conversion.log.header.guessed}
     assert JOINTS[-1] in str(said["joints held still"])
+
+
+def test_more_names_than_cells_are_not_believed_and_said(data, arm, tmp_path):
+    """A logger for seven joints on an arm of three: its names would call velocities positions."""
+    rows = np.column_stack([data["time"], data["q"], data["v"]])
+    names = ["time", *(f"q{k}" for k in range(1, 8)), *(f"dq{k}" for k in range(1, 8))]
+    lines = [",".join(names)] + [",".join(f"{x:.9g}" for x in row) for row in rows]
+    (tmp_path / "long.csv").write_text("\n".join(lines))
+    robot = Map(log={"torque": "none"}, trials=WHOLE.trials)
+    found = excite.convert([tmp_path / "long.csv"], arm, tmp_path / "log", robot)
+    assert any("line of names has 15 cells and its rows have 7" in note for note in found.notes)
+    # What the columns are is told by physics then.
+    check(found, data, "q", "v")
+    columns = rows[:, :3]
+    lines = [",".join(names)] + [",".join(f"{x:.9g}" for x in row) for row in columns]
+    (tmp_path / "few.csv").write_text("\n".join(lines))
+    with pytest.raises(UnclearError, match="line of names has 15 cells and its rows have 3"):
+        excite.convert([tmp_path / "few.csv"], arm, tmp_path / "log", robot)

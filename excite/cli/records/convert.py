@@ -47,7 +47,10 @@ def command(
     found = excite.convert(sources, robot, out, mapping, capture)
     if not as_json:
         _show_guesses(found)
+    header = found.log.header
     then = command_line("identify", robot, found.folder, "--out", "result")
+    if header.base == "fixed" and header.torque == "none":
+        then = command_line("diagnose", found.folder, "--out", "diagnosis")
     emit(_summary(found), found.to_json(), as_json=as_json, then=then)
 
 

@@ -35,6 +35,7 @@ class Habits:
         units: by column, as a line of units states them; empty where there is none.
         named: whether the file names its columns.
         folded: whether values in quotation marks go on in the next line.
+        misfit: how the line of names differs from the rows where it has more or fewer cells; empty where it does not.
     """
 
     separator: str
@@ -44,6 +45,7 @@ class Habits:
     units: tuple[str, ...]
     named: bool
     folded: bool = False
+    misfit: str = ""
 
 
 def table_habits(lines: list[str]) -> Habits | None:
@@ -62,9 +64,20 @@ def table_habits(lines: list[str]) -> Habits | None:
             continue
         names, units = _names_and_units(lines, split, first, width, separator)
         named = bool(names)
+        misfit = "" if named or first == 0 else _misfit(split[first - 1], width)
         names = names or [f"column{k + 1}" for k in range(width)]
-        return Habits(separator, decimal, first, tuple(_unique(names)), tuple(units), named, folded > 0)
+        return Habits(
+            separator, decimal, first, tuple(_unique(names)), tuple(units), named, folded > 0, misfit
+        )
     return None
+
+
+def _misfit(above: list[str], width: int) -> str:
+    """What is wrong with a line of names right above rows of another number of cells."""
+    words = [cell for cell in above if re.match(r"[A-Za-zµ]", cell)]
+    if len(words) < 2 or len(words) < len(above):
+        return ""
+    return f"its line of names has {len(above)} cells and its rows have {width}, so that the names are not believed"
 
 
 def _whole_lines(lines: list[str]) -> list[str]:

@@ -78,6 +78,8 @@ class TextSource(Source):
             raise nothing_there(path)
         table = Stream(path.stem, tuple(numbers), words=words, nameless=not habits.named)
         notes = [] if habits.named else [NAMELESS]
+        if habits.misfit:
+            notes.append(habits.misfit)
         if habits.decimal == ",":
             notes.append("decimal commas")
         return (Recording(str(path), path.stem, (table,), said_by_comments(lines), tuple(notes)),)
