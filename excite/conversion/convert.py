@@ -12,7 +12,6 @@ from pydantic import ValidationError
 from excite.atomic import write_text
 from excite.conversion.assemble import Table, assemble
 from excite.conversion.capture_sheet import by_sheet, compare, read_capture
-from excite.conversion.clean_rows import whole_rows
 from excite.conversion.guess import guess
 from excite.conversion.guesses import Guesses, Question, UnclearError
 from excite.conversion.header import log_header
@@ -23,6 +22,7 @@ from excite.conversion.motors import joint_sided
 from excite.conversion.parts import joined_by_joint
 from excite.conversion.recording import Recording, stated_rate
 from excite.conversion.recordings import read_recordings
+from excite.conversion.repairs.clean_rows import whole_rows
 from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.shapes.clock_runs import in_runs
 from excite.conversion.trials import Cut, cut_trials

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from excite.conversion.drive_state import with_drives_on
 from excite.conversion.parts import joined_parts
 from excite.conversion.recording import Recording, merged_names
+from excite.conversion.repairs.drive_state import with_drives_on
+from excite.conversion.repairs.wraps import signed
 from excite.conversion.shapes.reshape import reshaped
 from excite.conversion.sources.registry import read_source, recognised, recognised_recording
-from excite.conversion.wraps import signed
 from excite.errors import LogError
 
 
