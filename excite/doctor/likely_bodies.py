@@ -29,7 +29,13 @@ _EFFECTIVE = 50.0
 # deviation and the motion's; as good as free.
 _FREE = 10.0
 _PASSES = 3
+# Less than this share of a channel's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
+
+
+def half_log(shares: Array) -> Array:
+    """Half the logarithm of shares of power that are left, and of :data:`FLOOR` where less is."""
+    return np.asarray(0.5 * np.log(np.maximum(shares, FLOOR)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,4 +143,4 @@ def _fitted(grams: list[Array], rights: list[Array], powers: Array, k: int, driv
             [powers[j] - 2.0 * parts[j] @ rights[j] + parts[j] @ grams[j] @ parts[j] for j in range(m)]
         )
     cost = 0.5 * float(x[:k] @ x[:k]) / _EFFECTIVE
-    return np.append(0.5 * np.log(np.clip(shares, FLOOR, None)), cost)
+    return np.append(half_log(shares), cost)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.doctor.base_pose import BasePose
-from excite.doctor.likely_bodies import FLOOR, LikelyBodies
+from excite.doctor.likely_bodies import FLOOR, LikelyBodies, half_log
 from excite.doctor.reading import Reading
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
@@ -132,7 +133,17 @@ class WrenchSamples:
         if key not in self._models:
             self._models[key] = inverse_dynamics(self._tree(reading), q, v, a)[:, :6]
         rest = (self.measured(reading, q) - self._models[key]) / self.scale
-        return 0.5 * np.log(np.maximum((rest**2).mean(axis=0), FLOOR))
+        return half_log((rest**2).mean(axis=0))
+
+    def by_zero(self, reading: Reading, joint: int) -> Callable[[Array], Array]:
+        """What is left with a joint's zero moved by each of some angles ``(k,)``, as a function: ``(k, 6)``."""
+        return lambda angles: np.array(
+            [self.left(reading.with_position(joint, zero=float(angle))) for angle in angles]
+        )
+
+    def by_gravity(self, reading: Reading) -> Callable[[Array], Array]:
+        """What is left under each of some gravities ``(k, 3)``, as a function: ``(k, 6)``."""
+        return lambda gravities: np.array([self.left(replace(reading, gravity=value)) for value in gravities])
 
     def judged(self, reading: Reading) -> Array:
         """The same beside the likeliest bodies, biases of sensors and tilt; their price last, ``(7,)``."""

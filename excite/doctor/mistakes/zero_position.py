@@ -46,13 +46,15 @@ class ZeroPosition(Mistake[Samples]):
                 yield self._said(samples, moved, {j: a * _QUARTER, k: b * _QUARTER})
 
     def _best(self, samples: Samples, reading: Reading, joint: int, start: float) -> Correction | None:
+        by_zero = samples.by_zero(reading, joint)
+
         def left(angle: float) -> float:
-            return float(samples.left(reading.with_position(joint, zero=angle)).sum())
+            return float(by_zero(np.array([angle])).sum())
 
         angles = np.arange(-11, 13) * _STEP
-        scores = [left(angle) if angle else start for angle in angles]
+        scores = by_zero(angles).sum(axis=1)
         best = float(angles[int(np.argmin(scores))])
-        if start - min(scores) < _PROMISES or abs(best) < 0.5 * _STEP:
+        if start - scores.min() < _PROMISES or abs(best) < 0.5 * _STEP:
             return None
         best = float(
             minimize_scalar(
