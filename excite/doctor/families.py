@@ -14,7 +14,7 @@ from excite.doctor.drive_fit import Drive, shares_left
 from excite.doctor.likely_bodies import half_log
 
 # Bodies beyond a joint turn with it, their first moments with the angle, their inertias with its double, and with these
-# every torque: a trigonometric polynomial of second degree in the joint's angle, which five angles determine [rad].
+# every torque: trigonometric polynomials of second degree in the joint's angle, which five angles determine [rad].
 _DEGREE = 2
 TURNS = tuple(float(angle) for angle in 2.0 * np.pi * np.arange(2 * _DEGREE + 1) / (2 * _DEGREE + 1))
 
@@ -26,6 +26,28 @@ def turned(angles: Array) -> Array:
     """
     away = np.asarray(angles, dtype=float)[:, None] - np.array(TURNS)
     return np.asarray(1.0 + 2.0 * np.cos(away) + 2.0 * np.cos(2.0 * away)) / len(TURNS)
+
+
+def affine(values: Array) -> Array:
+    """Weights of a constant and of the values' components, for values ``(k, d)``: ``(k, 1 + d)``."""
+    return np.column_stack([np.ones(len(values)), values])
+
+
+def mixed_power(rests: Sequence[Array], mixtures: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """Half the logarithm of the mean squares of mixtures of residuals, as a function: ``(k, m)``.
+
+    Args:
+        rests: the residuals that are mixed, ``(n, m)`` each.
+        mixtures: what makes weights of the residuals, ``(k, r)``, of what the function is asked for.
+    """
+    parts = np.stack(rests).transpose(2, 0, 1)
+    products = parts @ parts.transpose(0, 2, 1) / parts.shape[2]
+
+    def left(values: Array) -> Array:
+        weights = mixtures(values)
+        return half_log(((weights @ products) * weights).sum(axis=2).T)
+
+    return left
 
 
 def by_zero(torque: Array, models: Sequence[Array], drive: Drive) -> Callable[[Array], Array]:
@@ -51,9 +73,7 @@ def by_gravity(
         drive: motions of the joints.
     """
     parts = np.stack([still, *(model - still for model in pulled)])
-    return lambda gravities: half_log(
-        shares_left(torque, parts, drive, np.column_stack([np.ones(len(gravities)), gravities]))
-    )
+    return lambda gravities: half_log(shares_left(torque, parts, drive, affine(gravities)))
 
 
 def by_clock(torque: Array, model: Array, weight: Array, drive: Drive) -> Callable[[float], Array]:
