@@ -68,7 +68,9 @@ def shares_left(torque: Array, models: Array, drive: Drive, mixtures: Array | No
     parts = models[None] if mixtures is None else models
     weights = np.ones((1, 1)) if mixtures is None else np.asarray(mixtures, dtype=float)
     out = np.empty((len(weights), torque.shape[1]))
-    shares(torque, parts, weights, drive.v, drive.sign, drive.a, *_GAIN, _DEAD, _TRACE, out)
+    # Of one layout in memory, for which alone the loops are then compiled.
+    moved = (np.ascontiguousarray(values) for values in (torque, parts, weights, *drive))
+    shares(*moved, *_GAIN, _DEAD, _TRACE, out)
     return out[0] if mixtures is None else out
 
 
