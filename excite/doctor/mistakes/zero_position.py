@@ -51,7 +51,7 @@ class ZeroPosition(Mistake[Samples]):
         def left(angle: float) -> float:
             return float(by_zero(np.array([angle])).sum())
 
-        angles = np.arange(-11, 13) * _STEP
+        angles = np.asarray(np.arange(-11, 13) * _STEP, dtype=float)
         scores = by_zero(angles).sum(axis=1)
         best = float(angles[int(np.argmin(scores))])
         if start - scores.min() < _PROMISES or abs(best) < 0.5 * _STEP:
