@@ -10,12 +10,18 @@ JOBS ?= 2
 
 .PHONY: demo manual test test-all test-fast bench bench-all reproduce lint format fuzz licences mutation report clean
 
+# pip fetches and unpacks one package after the other, 85 s where uv takes 25. Where uv cannot be had, or does not reach
+# the index that pip is set up for, pip does it.
+QUIET := --quiet --disable-pip-version-check
+WANTED := --constraint constraints.txt --editable ".[test,lint,docs]"
+INSTALL = $(BIN)/python -m pip install $(QUIET) uv==0.13.9 && $(BIN)/uv pip install --quiet --python $(BIN)/python $(WANTED)
+
 # The environment is rebuilt whenever the pins or the project file change.
 $(VENV)/.ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c "import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))" \
 	  || (echo "excite needs Python 3.11, 3.12 or 3.13; say which with make PYTHON=python3.12 …" >&2; exit 1)
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[test,lint,docs]"
+	@$(INSTALL) || (echo "uv could not install it; pip does, which takes longer" >&2; $(BIN)/python -m pip install $(QUIET) $(WANTED))
 	@touch $@
 
 demo: $(VENV)/.ready

@@ -1,22 +1,41 @@
-"""One joint's torque beside the nominal model's: what model and drive explain of it."""
+"""Torques of joints beside the nominal model's: what model and drive explain of them."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from excite.arrays import Array
+from excite.doctor.share_loops import shares
 from excite.rows.drive_terms import smooth_sign
 
 # Nominal masses are believed within these factors.
 _GAIN = (0.5, 2.0)
 # A torque whose power is all but this share in its mean is a dead channel.
 _DEAD = 1e-12
-_TRACE = 1e-9 * np.eye(4)
+_TRACE = 1e-9
 # Width over which dry friction changes sign [rad/s]: slower motion is mostly noise of the encoder after filtering.
 WIDTH = 0.02
+
+
+class Drive(NamedTuple):
+    """Motion of measured joints, which their drives feel.
+
+    Attributes:
+        v: velocities ``(n, n_torques)``.
+        sign: of the velocities, smooth, likewise.
+        a: accelerations, likewise.
+    """
+
+    v: Array
+    sign: Array
+    a: Array
+
+    @classmethod
+    def of(cls, v: Array, a: Array) -> Drive:
+        """From velocities and accelerations."""
+        return cls(v, smooth_sign(v, WIDTH), a)
 
 
 class Predicted(NamedTuple):
@@ -24,16 +43,14 @@ class Predicted(NamedTuple):
 
     Attributes:
         torque: of rigid bodies ``(n, n_torques)`` [N·m].
-        v: velocities ``(n, n_torques)``.
-        a: accelerations, likewise.
+        drive: motion of the joints.
     """
 
     torque: Array
-    v: Array
-    a: Array
+    drive: Drive
 
 
-def shares_left(torque: Array, model: Array, v: Array, a: Array) -> Array:
+def shares_left(torque: Array, models: Array, drive: Drive, mixtures: Array | None = None) -> Array:
     """Share of each torque's power that the model and the joint's own drive leave.
 
     The model's gain is free within :data:`_GAIN`, an offset is free; friction takes power out and rotors are heavy:
@@ -41,37 +58,54 @@ def shares_left(torque: Array, model: Array, v: Array, a: Array) -> Array:
 
     Args:
         torque: measured, ``(n, m)`` [N·m].
-        model: nominal, ``(n, m)`` [N·m].
-        v: velocities of the joints, ``(n, m)``; ``a`` their accelerations.
+        models: nominal, ``(n, m)`` [N·m]; or parts of it, ``(k, n, m)``, with ``mixtures``.
+        drive: motions of the joints, each ``(n, m)``.
+        mixtures: ``(r, k)`` weights of the parts in each of several models.
 
     Returns:
-        ``(m,)``; one for a torque that never changes.
+        ``(m,)``, or ``(r, m)`` with mixtures; one for a torque that never changes.
     """
-    y = torque - torque.mean(axis=0)
-    power = (y**2).sum(axis=0)
-    # A torque that never changes, filters' rounding aside, is explained by nothing.
-    dead = power <= _DEAD * (torque**2).sum(axis=0)
-    columns = np.stack([model, v, smooth_sign(v, WIDTH), a], axis=1).transpose(2, 1, 0)
-    columns = columns - columns.mean(axis=2, keepdims=True)
-    scale = np.maximum(np.sqrt((columns**2).sum(axis=2)), 1e-300)
-    scaled = columns / scale[:, :, None]
-    rest = y.T - _GAIN[0] * columns[:, 0]
-    grams = scaled @ scaled.transpose(0, 2, 1)
-    rights = (scaled @ rest[:, :, None])[:, :, 0]
-    most = (_GAIN[1] - _GAIN[0]) * scale[:, 0]
-    # The normal equations' root is all that the small problems need; a trace of regularisation keeps them regular.
-    grams += _TRACE
-    roots = np.linalg.cholesky(grams)
-    targets = np.linalg.solve(roots, rights[:, :, None])[:, :, 0]
-    weights = np.zeros_like(scale)
-    for j in np.flatnonzero(~dead):
-        weights[j] = nnls(roots[j].T, targets[j])[0]
-        if weights[j, 0] > most[j]:
-            root = np.linalg.cholesky(grams[j, 1:, 1:])
-            others = rights[j, 1:] - most[j] * grams[j, 1:, 0]
-            weights[j] = most[j], *nnls(root.T, np.linalg.solve(root, others))[0]
-    rest -= (weights[:, None] @ scaled)[:, 0]
-    return np.where(dead, 1.0, (rest**2).sum(axis=1) / np.where(dead, 1.0, power))
+    parts = models[None] if mixtures is None else models
+    weights = np.ones((1, 1)) if mixtures is None else np.asarray(mixtures, dtype=float)
+    out = np.empty((len(weights), torque.shape[1]))
+    # Of one layout in memory, for which alone the loops are then compiled.
+    moved = (np.ascontiguousarray(values) for values in (torque, parts, weights, *drive))
+    shares(*moved, *_GAIN, _DEAD, _TRACE, out)
+    return out[0] if mixtures is None else out
+
+
+def shares_across(torque: Array, model: Array, drive: Drive) -> Array:
+    """Share of every torque's power that every joint's model and drive leave, of either sign the better.
+
+    Args:
+        torque: measured, ``(n, m)``; ``model`` nominal, ``(n, m)`` [N·m].
+        drive: motions of the joints.
+
+    Returns:
+        ``(m, m)``: of each joint as it explains each torque.
+    """
+    found = []
+    for j in range(torque.shape[1]):
+        one, *moved = (np.repeat(values[:, [j]], torque.shape[1], axis=1) for values in (model, *drive))
+        either = [shares_left(turned, one, Drive(*moved)) for turned in (torque, -torque)]
+        found.append(np.minimum(*either))
+    return np.array(found)
+
+
+def beside_drives(torque: Array, model: Array, drive: Drive) -> list[tuple[Array, Array]]:
+    """Measured and modelled torque of each joint ``(n,)`` without what offset, friction and rotor explain of them.
+
+    Args:
+        torque: measured, ``(n, m)``; ``model`` nominal, ``(n, m)`` [N·m].
+        drive: motions of the joints.
+    """
+    found = []
+    for j in range(torque.shape[1]):
+        columns = np.column_stack([np.ones(len(torque)), *(values[:, j] for values in drive)])
+        basis, _ = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
+        y, x = (values - basis @ (basis.T @ values) for values in (torque[:, j], model[:, j]))
+        found.append((y, x))
+    return found
 
 
 def drive_fit(torque: Array, model: Array, v: Array, a: Array) -> tuple[Array, Array]:

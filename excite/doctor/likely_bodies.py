@@ -29,7 +29,13 @@ _EFFECTIVE = 50.0
 # deviation and the motion's; as good as free.
 _FREE = 10.0
 _PASSES = 3
+# Less than this share of a channel's power is no better explained: nominal inertias are off by some tenths.
 FLOOR = 1e-3
+
+
+def half_log(shares: Array) -> Array:
+    """Half the logarithm of shares of power that are left, and of :data:`FLOOR` where less is."""
+    return np.asarray(0.5 * np.log(np.maximum(shares, FLOOR)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,19 +83,22 @@ class LikelyBodies:
         body = joint_torque_regressor(tree, q, v, a)[:, columns]
         scale = np.maximum(torque.std(axis=0), 1e-12)
         target = (torque - body @ tree.phi) / scale
-        used = np.flatnonzero(np.abs(body).max(axis=(0, 1)) * self.spread > 1e-9)
-        body = body[:, :, used] * self.spread[used] / scale[:, None]
+        felt = np.abs(body).max(axis=0) * self.spread > 1e-9
+        used = np.flatnonzero(felt.any(axis=0))
         k = len(used)
-        grams, rights, powers = [], [], []
+        grams, rights, powers, places = [], [], [], []
         for j in range(m):
+            # A joint feels the bodies beyond it alone.
+            mine = np.flatnonzero(felt[j])
             speed, push = v[:, columns[j]], a[:, columns[j]]
             drive = np.column_stack([np.ones(n), speed, smooth_sign(speed, width), push])
             drive = drive / np.maximum(np.sqrt((drive**2).mean(axis=0)), 1e-12) * _FREE
-            rows = np.column_stack([body[:, j], drive])
+            rows = np.column_stack([body[:, j, mine] * (self.spread[mine] / scale[j]), drive])
+            places.append(np.concatenate([np.searchsorted(used, mine), k + 4 * j + np.arange(4)]))
             grams.append(rows.T @ rows / n)
             rights.append(rows.T @ target[:, j] / n)
             powers.append(float(target[:, j] @ target[:, j]) / n)
-        return _fitted(grams, rights, np.array(powers), k, 4)
+        return _fitted(grams, rights, np.array(powers), places, k)
 
     def left_of_wrench(self, body: Array, others: Array, target: Array) -> Array:
         """The same of a wrench, whose parts have no drives.
@@ -102,18 +111,28 @@ class LikelyBodies:
         Returns:
             ``(m + 1,)``, as :meth:`left`.
         """
-        used = np.flatnonzero(np.abs(body).max(axis=(0, 1)) * self.spread > 1e-9)
-        rows = np.concatenate([body[:, :, used] * self.spread[used], others], axis=2)
-        n, m, k = rows.shape
-        grams = [rows[:, j].T @ rows[:, j] / n for j in range(m)]
-        rights = [rows[:, j].T @ target[:, j] / n for j in range(m)]
-        return _fitted(grams, rights, (target**2).mean(axis=0), k, 0)
+        felt = np.abs(body).max(axis=0) * self.spread > 1e-9
+        used = np.flatnonzero(felt.any(axis=0))
+        n, m, added = others.shape
+        grams, rights, places = [], [], []
+        for j in range(m):
+            # Forces do not feel inertias.
+            mine = np.flatnonzero(felt[j])
+            rows = np.column_stack([body[:, j, mine] * self.spread[mine], others[:, j]])
+            places.append(np.concatenate([np.searchsorted(used, mine), len(used) + np.arange(added)]))
+            grams.append(rows.T @ rows / n)
+            rights.append(rows.T @ target[:, j] / n)
+        return _fitted(grams, rights, (target**2).mean(axis=0), places, len(used) + added)
 
 
-def _fitted(grams: list[Array], rights: list[Array], powers: Array, k: int, drives: int) -> Array:
-    """Weights by what is left, again and again; friction and rotors that come out negative are left out."""
-    m, size = len(grams), k + drives * len(grams)
-    places = [np.concatenate([np.arange(k), k + drives * j + np.arange(drives)]) for j in range(m)]
+def _fitted(
+    grams: list[Array], rights: list[Array], powers: Array, places: list[NDArray[np.int64]], k: int
+) -> Array:
+    """Weights by what is left, again and again; friction and rotors that come out negative are left out.
+
+    ``places`` says which unknowns each channel's equations have: the first ``k`` are the bodies', four a drive follow.
+    """
+    m, size = len(grams), 1 + max(int(place.max()) for place in places)
     allowed = np.ones(size, dtype=bool)
     shares = np.full(m, 0.1)
     x = np.zeros(size)
@@ -121,7 +140,7 @@ def _fitted(grams: list[Array], rights: list[Array], powers: Array, k: int, driv
         weights = _EFFECTIVE / np.maximum(shares, FLOOR)
         matrix, right = np.eye(size), np.zeros(size)
         for j in range(m):
-            matrix[np.ix_(places[j], places[j])] += weights[j] * grams[j]
+            matrix[places[j][:, None], places[j]] += weights[j] * grams[j]
             right[places[j]] += weights[j] * rights[j]
         while True:
             kept = np.flatnonzero(allowed)
@@ -137,4 +156,4 @@ def _fitted(grams: list[Array], rights: list[Array], powers: Array, k: int, driv
             [powers[j] - 2.0 * parts[j] @ rights[j] + parts[j] @ grams[j] @ parts[j] for j in range(m)]
         )
     cost = 0.5 * float(x[:k] @ x[:k]) / _EFFECTIVE
-    return np.append(0.5 * np.log(np.clip(shares, FLOOR, None)), cost)
+    return np.append(half_log(shares), cost)

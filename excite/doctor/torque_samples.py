@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
-from excite.doctor.drive_fit import WIDTH, Predicted, shares_left
-from excite.doctor.likely_bodies import LikelyBodies
+from excite.doctor import families
+from excite.doctor.drive_fit import WIDTH, Drive, Predicted, beside_drives, shares_across, shares_left
+from excite.doctor.likely_bodies import LikelyBodies, half_log
 from excite.doctor.reading import Reading
 from excite.errors import LogError
 from excite.logs.log import Log
@@ -19,7 +21,7 @@ from excite.logs.signals.butterworth import lowpass
 from excite.regressor.kernels import inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
-from excite.rows.drive_terms import slides, smooth_sign
+from excite.rows.drive_terms import slides
 from excite.rows.joint_rows import JointRows
 from excite.rows.kinematics import forces_on_grid, trial_kinematics
 from excite.rows.settings import ProblemSettings
@@ -31,8 +33,6 @@ _JUDGED = 250
 _COMPARED, _LEAST_SAMPLES = 28, 120
 # Motions whose torques are kept: corrections change one thing at a time and come back to the same few.
 _REMEMBERED = 64
-# Less than this share of a torque's power is no better explained: nominal inertias are off by some tenths.
-FLOOR = 1e-3
 # Share of a torque's power that bodies make where they tell something of it.
 _TELLS = 0.05
 
@@ -106,7 +106,7 @@ class TorqueSamples:
             torque = inverse_dynamics(self._under(reading.gravity), q, v, a)[:, columns]
             if len(self._models) >= _REMEMBERED:
                 del self._models[next(iter(self._models))]
-            self._models[key] = Predicted(torque, v[:, columns], a[:, columns])
+            self._models[key] = Predicted(torque, Drive.of(v[:, columns], a[:, columns]))
         return self._models[key]
 
     def measured_torque(self, reading: Reading) -> Array:
@@ -116,14 +116,31 @@ class TorqueSamples:
 
     def tells(self, reading: Reading) -> NDArray[np.bool_]:
         """Which torques the nominal bodies make a good share of, ``(n_torques,)``."""
-        model, torque = self.predicted(reading)[0], self.measured_torque(reading)
+        model, torque = self.predicted(reading).torque, self.measured_torque(reading)
         return np.asarray(model.var(axis=0) > _TELLS * torque.var(axis=0))
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of the share of each torque's power that nothing explains, ``(n_torques,)``."""
-        model, v, a = self.predicted(reading)
-        torque = self.measured_torque(reading)
-        return np.asarray(0.5 * np.log(np.maximum(shares_left(torque, model, v, a), FLOOR)))
+        model, drive = self.predicted(reading)
+        return half_log(shares_left(self.measured_torque(reading), model, drive))
+
+    def by_zero(self, reading: Reading, joint: int) -> Callable[[Array], Array]:
+        """What is left, as a function of angles added to a joint's zero ``(k,)`` [rad]: ``(k, n_torques)``."""
+        moved = [self.predicted(reading.with_position(joint, zero=angle)).torque for angle in families.TURNS]
+        return families.by_zero(self.measured_torque(reading), moved, self.predicted(reading).drive)
+
+    def by_gravity(self, reading: Reading) -> Callable[[Array], Array]:
+        """What is left, as a function of gravities ``(k, 3)`` [m/s²]: ``(k, n_torques)``."""
+        pulls = np.vstack([np.zeros(3), np.eye(3)])
+        still, *pulled = (self.predicted(replace(reading, gravity=pull)).torque for pull in pulls)
+        drive = self.predicted(reading).drive
+        return families.by_gravity(self.measured_torque(reading), still, pulled, drive)
+
+    def by_clock(self, reading: Reading) -> Callable[[float], Array]:
+        """What is left, as a function of the factor by which a unit of the stamps grows: ``(n_torques,)``."""
+        model, drive = self.predicted(reading)
+        weight = self.predicted(replace(reading, tick=np.inf)).torque
+        return families.by_clock(self.measured_torque(reading), model, weight, drive)
 
     def judged(self, reading: Reading) -> Array:
         """As :meth:`left`, beside the likeliest bodies for this reading; their price last, ``(n_torques + 1,)``."""
@@ -136,37 +153,22 @@ class TorqueSamples:
 
     def across(self, reading: Reading) -> Array:
         """The same of every torque column taken for every joint's, ``(n_joints, n_columns)``, the better sign."""
-        model, v, a = self.predicted(reading)
-        torque = self.measured_torque(reading)
-        shares = []
-        for j in range(torque.shape[1]):
-            one = [np.repeat(values[:, [j]], torque.shape[1], axis=1) for values in (model, v, a)]
-            shares.append(np.minimum(shares_left(torque, *one), shares_left(-torque, *one)))
-        return 0.5 * np.log(np.maximum(shares, FLOOR))
+        return half_log(shares_across(self.measured_torque(reading), *self.predicted(reading)))
 
     def gains(self, reading: Reading) -> tuple[Array, Array]:
         """Measured torque per modelled one beside the drive, and its share of the torque, each ``(n_torques,)``."""
         torque = self.measured_torque(reading)
-        pairs, power = self._beside_drives(reading), ((torque - torque.mean(axis=0)) ** 2).sum(axis=0)
+        pairs, power = (
+            beside_drives(torque, *self.predicted(reading)),
+            ((torque - torque.mean(axis=0)) ** 2).sum(axis=0),
+        )
         gains = np.array([float(x @ y) / max(float(x @ x), 1e-300) for y, x in pairs])
         return gains, gains**2 * np.array([float(x @ x) for _, x in pairs]) / np.maximum(power, 1e-300)
 
     def agreement(self, reading: Reading) -> Array:
         """Squared correlation of measured and modelled torques beside the drive, ``(n_torques,)``."""
-        pairs = self._beside_drives(reading)
+        pairs = beside_drives(self.measured_torque(reading), *self.predicted(reading))
         return np.array([float(x @ y) ** 2 / max(float(x @ x) * float(y @ y), 1e-300) for y, x in pairs])
-
-    def _beside_drives(self, reading: Reading) -> list[tuple[Array, Array]]:
-        """Measured and modelled torque of each joint without what offset, friction and rotor explain of them."""
-        model, v, a = self.predicted(reading)
-        torque = self.measured_torque(reading)
-        found = []
-        for j in range(torque.shape[1]):
-            drive = np.column_stack([np.ones(len(v)), v[:, j], smooth_sign(v[:, j], WIDTH), a[:, j]])
-            basis, _ = np.linalg.qr(drive / np.maximum(np.linalg.norm(drive, axis=0), 1e-300))
-            y, x = (values - basis @ (basis.T @ values) for values in (torque[:, j], model[:, j]))
-            found.append((y, x))
-        return found
 
     def own_inertia(self) -> Array:
         """Mean inertia that each measured joint has by the nominal model, ``(n_torques,)``: torque per acceleration."""

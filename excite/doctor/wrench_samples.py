@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,13 +11,15 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array, Moved
 from excite.doctor.base_pose import BasePose
-from excite.doctor.likely_bodies import FLOOR, LikelyBodies
+from excite.doctor.families import TURNS, affine, mixed_power, turned
+from excite.doctor.levers import Levers
+from excite.doctor.likely_bodies import FLOOR, LikelyBodies, half_log
 from excite.doctor.reading import Reading
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
 from excite.logs.robot import robot_in_log
 from excite.logs.signals.butterworth import lowpass
-from excite.regressor.kernels import base_link_regressor, forward_kinematics, inverse_dynamics
+from excite.regressor.kernels import base_link_regressor, inverse_dynamics
 from excite.regressor.tree import KinematicTree, read_tree
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import slides
@@ -30,8 +33,6 @@ _SAMPLES = 150
 _TOLD, _LEVER_M = 0.01, 0.5
 # Biases of contact sensors as share of the weight, and of its moment over a decimetre; tilt of the base [rad].
 _BIAS, _ARM_M, _TILT = 0.05, 0.1, 0.05
-# Motions whose levers are kept.
-_KEPT = 64
 _AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
@@ -60,7 +61,6 @@ class WrenchSamples:
     rate_hz: float
     scale: Array
     _models: dict[bytes, Array] = field(default_factory=dict, repr=False)
-    _lifts: dict[bytes, Array] = field(default_factory=dict, repr=False)
 
     @property
     def measured_name(self) -> str:
@@ -101,38 +101,31 @@ class WrenchSamples:
         below = at.astype(np.int64)
         share = (at - below)[:, None, None]
         logged = (1.0 - share) * self.wrenches[below] + share * self.wrenches[below + 1]
-        key = reading.motion_key()
-        if key not in self._lifts:
-            # One motion is asked for again and again while wrenches are read otherwise; others once or twice.
-            if len(self._lifts) >= _KEPT:
-                self._lifts.clear()
-            self._lifts[key] = self._lifted(q)
         made = np.einsum("sij,nsj->nsi", reading.wrench_map, logged[:, reading.sensor_of])
-        return np.einsum("nsij,nsj->ni", self._lifts[key], made)
-
-    def _lifted(self, q: Array) -> Array:
-        """What turns each sensor's wrench into that on the base, ``(n, n_sensors, 6, 6)``."""
-        poses = forward_kinematics(self._nominal, q)
-        back = poses.rotation[:, 1].transpose(0, 2, 1)
-        found = np.zeros((len(q), len(self.sensors), 6, 6))
-        for s, sensor in enumerate(self.robot.sensors):
-            turn = back @ poses.rotation[:, sensor.joint] @ sensor.placement.rotation
-            away = poses.point(sensor.joint, sensor.placement.translation) - poses.translation[:, 1]
-            lever = np.einsum("nij,nj->ni", back, away)
-            found[:, s, :3, :3] = found[:, s, 3:, 3:] = turn
-            # As np.cross, which takes as long as all the rest, some hundred times a log.
-            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                found[:, s, 3 + i, :3] = lever[:, j, None] * turn[:, k] - lever[:, k, None] * turn[:, j]
-        return found
+        return np.einsum("nsij,nsj->ni", self._levers.at(reading, q), made)
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of what the nominal bodies leave of each channel's power, ``(6,)``."""
+        return half_log((self._rest(reading) ** 2).mean(axis=0))
+
+    def by_zero(self, reading: Reading, joint: int) -> Callable[[Array], Array]:
+        """What is left, as a function of angles added to a joint's zero ``(k,)`` [rad]: ``(k, 6)``."""
+        rests = [self._rest(reading.with_position(joint, zero=angle)) for angle in TURNS]
+        return mixed_power(rests, turned)
+
+    def by_gravity(self, reading: Reading) -> Callable[[Array], Array]:
+        """What is left, as a function of gravities ``(k, 3)`` [m/s²]: ``(k, 6)``."""
+        pulls = np.vstack([np.zeros(3), np.eye(3)])
+        still, *pulled = (self._rest(replace(reading, gravity=pull)) for pull in pulls)
+        return mixed_power([still, *(rest - still for rest in pulled)], affine)
+
+    def _rest(self, reading: Reading) -> Array:
+        """What sensors say less what the nominal bodies need, in units of the scale, ``(n, 6)``."""
         key = reading.motion_key()
         q, v, a = self.motion(reading)
         if key not in self._models:
             self._models[key] = inverse_dynamics(self._tree(reading), q, v, a)[:, :6]
-        rest = (self.measured(reading, q) - self._models[key]) / self.scale
-        return 0.5 * np.log(np.maximum((rest**2).mean(axis=0), FLOOR))
+        return np.asarray((self.measured(reading, q) - self._models[key]) / self.scale)
 
     def judged(self, reading: Reading) -> Array:
         """The same beside the likeliest bodies, biases of sensors and tilt; their price last, ``(7,)``."""
@@ -141,7 +134,7 @@ class WrenchSamples:
         body = base_link_regressor(tree, q, v, a) / self.scale[:, None]
         body[:, :, [10 * segment + i for segment in self._unmeasured for i in range(10)]] = 0.0
         target = self.measured(reading, q) / self.scale - body @ tree.phi
-        others = np.concatenate([self._biases(reading), self._tilts(tree, q)], axis=2)
+        others = np.concatenate([self._biases(reading, q), self._tilts(tree, q)], axis=2)
         return LikelyBodies.of(tree).left_of_wrench(body, others / self.scale[:, None], target)
 
     def weight_ratio(self, reading: Reading) -> float:
@@ -155,6 +148,10 @@ class WrenchSamples:
     def weight(self) -> float:
         """Of what the sensors carry, by the nominal model [N]."""
         return float(self._nominal.phi[::10].sum() * np.linalg.norm(self.robot.model.gravity.linear))
+
+    @cached_property
+    def _levers(self) -> Levers:
+        return Levers(self.robot, self.places, self._nominal)
 
     @cached_property
     def _nominal(self) -> KinematicTree:
@@ -172,10 +169,10 @@ class WrenchSamples:
         """What the sensors carry, under the reading's gravity."""
         return replace(self._nominal, gravity=np.asarray(reading.gravity, dtype=float))
 
-    def _biases(self, reading: Reading) -> Array:
+    def _biases(self, reading: Reading, q: Array) -> Array:
         """Wrenches on the base per standard deviation of each sensor's bias, ``(n, 6, 6·n_sensors)``."""
         size = _BIAS * self.weight * np.array([1.0] * 3 + [_ARM_M] * 3)
-        lifts = self._lifts[reading.motion_key()] * size
+        lifts = self._levers.at(reading, q) * size
         return np.concatenate(list(lifts.transpose(1, 0, 2, 3)), axis=2)
 
     def _tilts(self, tree: KinematicTree, q: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -148,32 +149,40 @@ def interpolate(motion: Motion, robot: Robot, time: Array) -> Motion:
     return replace(motion, time=np.asarray(time, dtype=float), q=q, v=v, a=a, contacts=contacts)
 
 
-def configuration_at(motion: Motion, robot: Robot, time: float) -> Array:
-    """Configuration at one time, the same as :func:`interpolate` gives, for searches that ask for one at a time.
+class Instants:
+    """Configurations at single times, as :func:`interpolate` gives them, for searches that ask for one at a time."""
 
-    Args:
-        motion: the motion.
-        robot: its robot.
-        time: [s], inside ``motion.time``.
+    def __init__(self, motion: Motion, robot: Robot):
+        self._motion, self._model = motion, robot.model
+        self._floating = motion.floating
+        self._times: list[float] = motion.time.tolist()
+        # Polynomials of the intervals that were asked for: a search comes back to few of them.
+        self._polynomials: dict[int, Array] = {}
 
-    Returns:
-        ``(nq,)`` [rad or m].
-    """
-    end = min(max(int(motion.time.searchsorted(time)), 1), motion.n_samples - 1)
-    start = end - 1
-    if time == motion.time[end]:
-        return np.asarray(motion.q[end])
-    h = motion.time[end] - motion.time[start]
-    s = min(max((time - motion.time[start]) / h, 0.0), 1.0)
-    if motion.floating:
-        step = pin.difference(robot.model, motion.q[start], motion.q[end])
-    else:
-        step = motion.q[end] - motion.q[start]
-    c1, c2, c3, c4, c5 = _quintic(h, step, motion.v[start], motion.v[end], motion.a[start], motion.a[end])
-    d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
-    return np.asarray(
-        pin.integrate(robot.model, motion.q[start], d) if motion.floating else motion.q[start] + d
-    )
+    def at(self, time: float) -> Array:
+        """Configuration at one time [s], inside ``motion.time``: ``(nq,)`` [rad or m]."""
+        end = min(max(bisect_left(self._times, time), 1), len(self._times) - 1)
+        if time == self._times[end]:
+            return np.asarray(self._motion.q[end])
+        known = self._polynomials.get(end)
+        if known is None:
+            known = self._polynomials[end] = self._polynomial(end)
+        h = self._times[end] - self._times[end - 1]
+        s = min(max((time - self._times[end - 1]) / h, 0.0), 1.0)
+        c1, c2, c3, c4, c5 = known
+        d = s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+        start = self._motion.q[end - 1]
+        return np.asarray(pin.integrate(self._model, start, d) if self._floating else start + d)
+
+    def _polynomial(self, end: int) -> Array:
+        """Coefficients of the interval that ends with a sample, ``(5, nv)``."""
+        m, start = self._motion, end - 1
+        h = m.time[end] - m.time[start]
+        if self._floating:
+            step = pin.difference(self._model, m.q[start], m.q[end])
+        else:
+            step = m.q[end] - m.q[start]
+        return np.array(_quintic(h, step, m.v[start], m.v[end], m.a[start], m.a[end]))
 
 
 def _quintic(h: Array, step: Array, v0: Array, v1: Array, a0: Array, a1: Array) -> list[Array]:

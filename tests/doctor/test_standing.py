@@ -13,6 +13,8 @@ import pytest
 import excite
 from excite.doctor.doubt import Doubt
 from excite.doctor.examine import Chart, examine
+from excite.doctor.reading import Reading
+from excite.doctor.wrench_samples import wrench_samples
 from excite.logs.log import Log
 from excite.motion.collection import load_motions
 from excite.robot.loading import load_robot
@@ -47,6 +49,20 @@ def spoiling(chart: Chart) -> set[str]:
 
 def test_a_healthy_log_raises_no_alarm(g1: Robot, log: Log) -> None:
     assert spoiling(examine(g1, log)) == set()
+
+
+def test_wrenches_follow_a_joints_zero_and_gravity(g1: Robot, log: Log) -> None:
+    """Of many readings made of a few motions, each is what it is by itself."""
+    samples, reading = wrench_samples(g1, log), Reading.as_stated(log)
+    assert samples is not None
+    reading = reading.with_position(2, zero=0.2)
+    angles = np.array([-2.9, -0.4, 0.0, 1.57])
+    for joint in (0, 3, 20):
+        alone = [samples.left(reading.with_position(joint, zero=float(angle))) for angle in angles]
+        np.testing.assert_allclose(samples.by_zero(reading, joint)(angles), alone, atol=1e-9)
+    pulls = 9.81 * np.array([[0.0, 0.0, -1.0], [0.6, 0.0, 0.8]])
+    alone = [samples.left(replace(reading, gravity=pull)) for pull in pulls]
+    np.testing.assert_allclose(samples.by_gravity(reading)(pulls), alone, atol=1e-9)
 
 
 @pytest.mark.parametrize("strength", [0, pytest.param(1, marks=pytest.mark.battery)])

@@ -14,7 +14,8 @@ from excite.robot.shapes.collision import collision_model
 from excite.safety.check import check_motion
 from excite.safety.checks import collision
 from excite.safety.checks.approach import approach_rates
-from excite.safety.checks.collision import Distances, find_closest
+from excite.safety.checks.collision import find_closest
+from excite.safety.checks.distances import Distances
 from excite.safety.checks.sweep import Sweep
 from tests.safety.motions import moved_joint, smooth, squat
 
@@ -130,6 +131,27 @@ def test_undecided_search_is_unsafe(humanoid: Robot, monkeypatch: pytest.MonkeyP
     assert not verdict.safe
     assert verdict.not_computed == ("self_collision_m",)
     assert "could not compute" in verdict.summary()
+
+
+def test_balls_bound_distances_from_below_and_change_no_answer(
+    humanoid: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of pairs that balls show to be far, nothing is asked, and what is found is what it would be of all pairs."""
+    sweep = Sweep(humanoid, squat(humanoid))
+    distances, times = Distances(sweep), sweep.fine.time[::20]
+    every = np.array([distances.at(float(time), np.arange(distances.n_pairs)) for time in times])
+    assert (distances.at_least(times) <= every).all()
+    required = float(every.min())
+    for level in (required - 0.01, required + 0.005):
+        with_balls = find_closest(distances, level)
+        with monkeypatch.context() as patched:
+            patched.setattr(Distances, "at_least", lambda d, times: np.full((len(times), d.n_pairs), -np.inf))
+            without = find_closest(Distances(sweep), level)
+        assert (with_balls.lower, with_balls.upper, with_balls.found) == (
+            without.lower,
+            without.upper,
+            without.found,
+        )
 
 
 def test_a_distance_does_not_depend_on_what_was_asked_before(humanoid: Robot) -> None:

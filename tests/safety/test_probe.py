@@ -20,7 +20,8 @@ from excite.robot.robot import Robot
 from excite.robot.shapes.collision import collision_model
 from excite.safety.checks import collision
 from excite.safety.checks.approach import approach_rates
-from excite.safety.checks.collision import Distances, SelfCollisionCheck, find_closest
+from excite.safety.checks.collision import SelfCollisionCheck, find_closest
+from excite.safety.checks.distances import Distances
 from excite.safety.checks.sweep import Sweep
 from excite.safety.repairs.collisions import EXTRA, CollisionProbe
 from excite.safety.repairs.draft import Draft, Rejection
@@ -364,6 +365,13 @@ class Profiles:
         self.asked += 1
         level, at, width = self.dips[pairs].T
         return level - self.steepness * np.maximum(0.0, width - np.abs(time - at))
+
+    def at_least(self, times: np.ndarray) -> np.ndarray:
+        """Bounds that are loose by more and less, of every other pair none."""
+        found = np.array([self.at(float(time), np.arange(self.n_pairs)) for time in times])
+        return found - np.where(
+            np.arange(self.n_pairs) % 2, np.inf, 0.3 * np.abs(np.sin(40.0 * times))[:, None]
+        )
 
     def approach(self, start: float, end: float, pairs: np.ndarray) -> np.ndarray:
         return np.full(len(pairs), self.steepness * (end - start))

@@ -98,11 +98,11 @@ def _samples(robot: Robot, log: Log) -> TorqueSamples | None:
 
 def _rotors(samples: TorqueSamples, reading: Reading) -> tuple[float, int]:
     """Rotor inertia at the outer joints, as share of the links', and the number of joints that rub."""
-    model, v, a = samples.predicted(reading)
+    model, drive = samples.predicted(reading)
     torque, own = samples.measured_torque(reading), samples.own_inertia()
     rotors, rubbing = [], 0
     for j in np.flatnonzero(own > _WEIGHTLESS):
-        weights, friction = drive_fit(torque[:, j], model[:, j], v[:, j], a[:, j])
+        weights, friction = drive_fit(torque[:, j], model[:, j], drive.v[:, j], drive.a[:, j])
         rotors.append(weights[-1] / max(float(own[j]), 1e-12))
         moving = torque[:, j] - torque[:, j].mean()
         rubbing += float(friction @ friction) > _DRIVE_SHARE * float(moving @ moving)

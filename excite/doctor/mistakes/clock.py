@@ -9,26 +9,29 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from excite.doctor.doubt import Doubt
-from excite.doctor.mistakes.mistake import Correction, Mistake, Samples
+from excite.doctor.mistakes.mistake import Correction, Mistake
 from excite.doctor.reading import Reading
+from excite.doctor.torque_samples import TorqueSamples
 
 # Inertias off by some tenths look like a clock off by half as much: less is not told by the torques.
 _LEAST = 1.12
 _TICKS = np.geomspace(0.1, 10.0, 41)
 
 
-class Clock(Mistake[Samples]):
+class Clock(Mistake[TorqueSamples]):
     """Weights do not know the clock, inertial forces do: they grow with its square."""
 
     name = "clock"
     leaves = frozenset({Doubt.CLOCK})
 
-    def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
+    def corrections(self, samples: TorqueSamples, reading: Reading) -> Iterable[Correction]:
         if reading.tick != 1.0:
             return
 
+        by_clock = samples.by_clock(reading)
+
         def left(log_tick: float) -> float:
-            return float(samples.left(replace(reading, tick=float(np.exp(log_tick)))).sum())
+            return float(by_clock(float(np.exp(log_tick))).sum())
 
         grid = np.log(_TICKS)
         scores = [left(value) for value in grid]

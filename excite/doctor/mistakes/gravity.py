@@ -29,16 +29,19 @@ class Gravity(Mistake[Samples]):
     def corrections(self, samples: Samples, reading: Reading) -> Iterable[Correction]:
         axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
 
-        def left(direction: Array) -> float:
-            return float(samples.left(replace(reading, gravity=_G * direction)).sum())
+        by_gravity = samples.by_gravity(reading)
+
+        def best_of(directions: list[Array]) -> tuple[float, Array]:
+            scores = by_gravity(_G * np.array(directions)).sum(axis=1)
+            best = int(np.argmin(scores))
+            return float(scores[best]), directions[best]
 
         stated = reading.gravity / max(float(np.linalg.norm(reading.gravity)), 1e-12)
-        best = min([stated, *axes], key=left)
-        score = left(best)
+        score, best = best_of([stated, *axes])
         for step in _STEPS:
-            found = min(_around(best, step), key=left)
-            if left(found) < score:
-                best, score = found, left(found)
+            found = best_of(_around(best, step))
+            if found[0] < score:
+                score, best = found
         angle = float(np.arccos(np.clip(best @ stated, -1.0, 1.0)))
         if angle < _LEAST:
             return

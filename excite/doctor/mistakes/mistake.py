@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Generic, Protocol, TypeVar
 
@@ -38,6 +38,12 @@ class Samples(Protocol):
 
     def left(self, reading: Reading) -> Array:
         """Half the logarithm of the share of each channel's power that nothing explains, ``(n_channels,)``."""
+
+    def by_zero(self, reading: Reading, joint: int) -> Callable[[Array], Array]:
+        """What is left where a joint's zero is moved, as a function of angles ``(k,)`` [rad]: ``(k, n_channels)``."""
+
+    def by_gravity(self, reading: Reading) -> Callable[[Array], Array]:
+        """What is left, as a function of gravities ``(k, 3)`` [m/s²]: ``(k, n_channels)``."""
 
     def judged(self, reading: Reading) -> Array:
         """The same beside the likeliest bodies, and what these cost, ``(n_channels + 1,)``; slower."""

@@ -46,13 +46,15 @@ class ZeroPosition(Mistake[Samples]):
                 yield self._said(samples, moved, {j: a * _QUARTER, k: b * _QUARTER})
 
     def _best(self, samples: Samples, reading: Reading, joint: int, start: float) -> Correction | None:
-        def left(angle: float) -> float:
-            return float(samples.left(reading.with_position(joint, zero=angle)).sum())
+        by_zero = samples.by_zero(reading, joint)
 
-        angles = np.arange(-11, 13) * _STEP
-        scores = [left(angle) if angle else start for angle in angles]
+        def left(angle: float) -> float:
+            return float(by_zero(np.array([angle])).sum())
+
+        angles = np.asarray(np.arange(-11, 13) * _STEP, dtype=float)
+        scores = by_zero(angles).sum(axis=1)
         best = float(angles[int(np.argmin(scores))])
-        if start - min(scores) < _PROMISES or abs(best) < 0.5 * _STEP:
+        if start - scores.min() < _PROMISES or abs(best) < 0.5 * _STEP:
             return None
         best = float(
             minimize_scalar(

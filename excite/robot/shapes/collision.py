@@ -83,6 +83,22 @@ def geometry_data(geometry: pin.GeometryModel) -> pin.GeometryData:
     return data
 
 
+def bounding_balls(geometry: pin.GeometryModel) -> tuple[Array, Array]:
+    """Balls about the shapes of a geometry model.
+
+    Returns:
+        Centres ``(n_shapes, 3)`` [m] in the shapes' own frames; radii ``(n_shapes,)`` [m], infinite of what has no end.
+    """
+    centres, radii = [], []
+    for item in geometry.geometryObjects:
+        item.geometry.computeLocalAABB()
+        centre, radius = np.array(item.geometry.aabb_center).ravel(), float(item.geometry.aabb_radius)
+        ends = bool(np.isfinite(radius) and np.isfinite(centre).all())
+        centres.append(centre if ends else np.zeros(3))
+        radii.append(radius if ends else np.inf)
+    return np.array(centres), np.array(radii)
+
+
 def pair_distance(geometry: pin.GeometryModel, data: pin.GeometryData, pair: int) -> float:
     """Distance of a pair of shapes whose placements are up to date, negative in penetration [m].
 

@@ -84,12 +84,12 @@ def _stretch(corners: Array, planes: Array, factor: float) -> Array:
     reduced as far as the growth along the other two allows.
     """
     stretch = np.full(3, max(1.0, factor) * (1.0 + 1e-9))
-    terms = corners[:, None, :] * planes[None, :, :3]
+    terms = [corners[:, axis, None] * planes[:, axis] for axis in range(3)]
     for axis in range(3):
-        others = [other for other in range(3) if other != axis]
-        room = -planes[:, 3] - (terms[:, :, others] / stretch[others]).sum(axis=2)
-        outward = terms[:, :, axis] > 0.0
-        needed = terms[:, :, axis][outward] / room[outward]
+        one, other = (k for k in range(3) if k != axis)
+        room = -planes[:, 3] - (terms[one] / stretch[one] + terms[other] / stretch[other])
+        outward = terms[axis] > 0.0
+        needed = terms[axis][outward] / room[outward]
         stretch[axis] = max(1.0, float(needed.max(initial=1.0))) * (1.0 + 1e-9)
     return stretch
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import count
+from itertools import count, pairwise
 from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.motion.motion import configuration_at
 from excite.robot.robot import Robot
-from excite.robot.shapes.collision import collision_model, collision_shapes, geometry_data, pair_distance
-from excite.safety.checks.approach import approach_rates
+from excite.robot.shapes.collision import collision_shapes
 from excite.safety.checks.base import Check, CheckResult
+from excite.safety.checks.distances import Distances
 from excite.safety.checks.sweep import Sweep
 from excite.safety.verdict import Violation
 
@@ -87,133 +84,84 @@ def _all_have_shapes(robot: Robot) -> bool:
     return {segment.joint for segment in robot.segments} <= {shape.joint for shape in collision_shapes(robot)}
 
 
-@dataclass(frozen=True, eq=False)
-class Distances:
-    """Distances of the pairs of a robot's collision model along a motion."""
-
-    sweep: Sweep
-
-    @cached_property
-    def geometry(self) -> pin.GeometryModel:
-        """The robot's collision model."""
-        return collision_model(self.sweep.robot)
-
-    @cached_property
-    def _data(self) -> tuple[pin.Data, pin.GeometryData]:
-        return self.sweep.robot.model.createData(), geometry_data(self.geometry)
-
-    @property
-    def n_pairs(self) -> int:
-        """Number of pairs."""
-        return len(self.geometry.collisionPairs)
-
-    @cached_property
-    def _reach(self) -> Array:
-        return approach_rates(self.sweep.robot.model, self.geometry)
-
-    @cached_property
-    def _travel(self) -> Array:
-        """Way of each coordinate group since the start, at the fine grid's samples, ``(n, n_columns)``."""
-        sweep = self.sweep
-        speed = np.abs(sweep.control_points.velocity).max(axis=1)
-        if sweep.robot.floating:
-            h = np.diff(sweep.fine.time)[:, None]
-            v, a = sweep.fine.v[:, :6].reshape(-1, 2, 3), sweep.fine.a[:, :6].reshape(-1, 2, 3)
-            v_norm, a_norm = np.linalg.norm(v, axis=2), np.linalg.norm(a, axis=2)
-            base = np.maximum(v_norm[:-1], v_norm[1:]) + h * np.maximum(a_norm[:-1], a_norm[1:])
-            speed = np.hstack([base, speed])
-        steps = speed * np.diff(sweep.fine.time)[:, None]
-        return np.vstack([np.zeros(steps.shape[1]), np.cumsum(steps, axis=0)])
-
-    def approach(self, start: float, end: float, pairs: NDArray[np.intp]) -> Array:
-        """Bound on how much each pair's distance can change between two times, ``(n,)`` [m]."""
-        return self._reach[pairs] @ (self._travel_at(end) - self._travel_at(start))
-
-    @cached_property
-    def _travelled(self) -> dict[float, Array]:
-        """What :meth:`_travel_at` has been asked for: the search meets each instant in several intervals."""
-        return {}
-
-    def _travel_at(self, time: float) -> Array:
-        known = self._travelled.get(time)
-        if known is None:
-            grid = self.sweep.fine.time
-            k = min(max(int(grid.searchsorted(time, side="right")) - 1, 0), len(grid) - 2)
-            share = (time - grid[k]) / (grid[k + 1] - grid[k])
-            known = np.asarray((1.0 - share) * self._travel[k] + share * self._travel[k + 1])
-            self._travelled[time] = known
-        return known
-
-    def at(self, time: float, pairs: NDArray[np.intp]) -> Array:
-        """Distances of pairs at a time, ``(n,)`` [m], negative in penetration."""
-        model_data, data = self._data
-        robot = self.sweep.robot
-        q = configuration_at(self.sweep.fine, robot, time)
-        pin.updateGeometryPlacements(robot.model, model_data, self.geometry, data, q)
-        return np.array([pair_distance(self.geometry, data, int(pair)) for pair in pairs])
-
-    def midpoint(self, start: float, end: float) -> float:
-        """A time between two others: a sample of the grid while there is one, else the middle."""
-        grid = self.sweep.fine.time
-        first, last = int(grid.searchsorted(start, side="right")), int(grid.searchsorted(end))
-        return float(grid[(first + last - 1) // 2]) if last > first else 0.5 * (start + end)
-
-    def first_below(self, pair: int, required: float, time: float, distance: float) -> Violation:
-        """The violation of a pair at the first sample below the required distance, or at an instant known."""
-        objects, chosen = self.geometry.geometryObjects, self.geometry.collisionPairs[pair]
-        where = f"{objects[chosen.first].name} - {objects[chosen.second].name}"
-        only = np.array([pair])
-        for sample in self.sweep.fine.time:
-            if sample >= time:
-                break
-            value = float(self.at(float(sample), only)[0])
-            if value < required:
-                return Violation("self_collision", float(sample), where, value, required)
-        return Violation("self_collision", time, where, distance, required)
-
-
 def find_closest(distances: Distances, required: float) -> Closest:
     """Smallest distance over all pairs and instants, and the pairs closer than ``required``."""
     grid = distances.sweep.fine.time
     n_first = max(2, int(np.ceil((grid[-1] - grid[0]) / _FIRST_STEP)) + 1)
     times = grid[np.unique(np.linspace(0, len(grid) - 1, min(n_first, len(grid))).round().astype(int))]
-    everyone = np.arange(distances.n_pairs)
-    values = [distances.at(float(time), everyone) for time in times]
-    upper = min(float(row.min()) for row in values)
-    found: dict[int, tuple[float, float]] = {}
-    for time, row in zip(times, values, strict=True):
-        _note(found, float(time), everyone, row, required)
+    first = _first_look(distances, times, required)
+    upper, found = first.upper, first.found
     heap: list[tuple[float, int, float, float, NDArray[np.intp], Array, Array]] = []
     tie = count()
 
-    def push(start: float, end: float, pairs: NDArray[np.intp], first: Array, last: Array) -> None:
-        bound = 0.5 * (first + last - distances.approach(start, end, pairs))
-        open_ = bound < upper
-        if open_.any():
-            entry = (
-                float(bound[open_].min()),
-                next(tie),
-                start,
-                end,
-                pairs[open_],
-                first[open_],
-                last[open_],
-            )
-            heapq.heappush(heap, entry)
+    def push(start: float, end: float, pairs: NDArray[np.intp], before: Array, after: Array) -> None:
+        bound = 0.5 * (before + after - distances.approach(start, end, pairs))
+        # Few pairs are left in most intervals: numbers of a list are compared sooner than those of an array.
+        bounds = bound.tolist()
+        if not bounds or min(bounds) >= upper:
+            return
+        if max(bounds) >= upper:
+            open_ = bound < upper
+            pairs, before, after = pairs[open_], before[open_], after[open_]
+        heapq.heappush(heap, (min(bounds), next(tie), start, end, pairs, before, after))
 
     for k in range(len(times) - 1):
-        push(float(times[k]), float(times[k + 1]), everyone, values[k], values[k + 1])
+        pairs = np.flatnonzero(first.asked[k] & first.asked[k + 1])
+        push(float(times[k]), float(times[k + 1]), pairs, first.values[k, pairs], first.values[k + 1, pairs])
     for _ in range(_MAX_EVALUATIONS):
         if not heap or _settled(heap[0][0], upper, required):
             break
-        _, _, start, end, pairs, first, last = heapq.heappop(heap)
+        _, _, start, end, pairs, before, after = heapq.heappop(heap)
         middle = distances.midpoint(start, end)
         row = distances.at(middle, pairs)
-        upper = min(upper, float(row.min()))
+        upper = min(upper, *row.tolist())
         _note(found, middle, pairs, row, required)
-        push(start, middle, pairs, first, row)
-        push(middle, end, pairs, row, last)
+        push(start, middle, pairs, before, row)
+        push(middle, end, pairs, row, after)
     return Closest(min(heap[0][0], upper) if heap else upper, upper, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _FirstLook:
+    """Distances at the instants that the search begins with.
+
+    Attributes:
+        values: ``(n, n_pairs)`` distances where they were asked for, else bounds from below [m].
+        asked: ``(n, n_pairs)`` where.
+        upper: the smallest distance [m].
+        found: as in :class:`Closest`.
+    """
+
+    values: Array
+    asked: NDArray[np.bool_]
+    upper: float
+    found: dict[int, tuple[float, float]]
+
+
+def _first_look(distances: Distances, times: Array, required: float) -> _FirstLook:
+    """Distances at some instants of all pairs but those that bounds show to be far, at them and between them.
+
+    What is left out could neither be the smallest distance, nor too small, nor be looked at again.
+    """
+    everyone = np.arange(distances.n_pairs)
+    values = distances.at_least(times)
+    ways = np.array([distances.approach(float(a), float(b), everyone) for a, b in pairwise(times)])
+    between = 0.5 * (values[:-1] + values[1:] - ways)
+    # What an interval may hold, as its ends have to be asked for it.
+    lowest = values.copy()
+    lowest[:-1] = np.minimum(lowest[:-1], between)
+    lowest[1:] = np.minimum(lowest[1:], between)
+    asked = np.zeros(values.shape, dtype=bool)
+    upper, found = np.inf, dict[int, tuple[float, float]]()
+    for k, time in enumerate(times):
+        asked[k] = (lowest[k] < upper) | (values[k] < required)
+        pairs = np.flatnonzero(asked[k])
+        if len(pairs):
+            row = distances.at(float(time), pairs)
+            values[k, pairs] = row
+            upper = min(upper, float(row.min()))
+            _note(found, float(time), pairs, row, required)
+    return _FirstLook(values, asked, upper, found)
 
 
 def _settled(lower: float, upper: float, required: float) -> bool:
@@ -224,6 +172,6 @@ def _settled(lower: float, upper: float, required: float) -> bool:
 def _note(
     found: dict[int, tuple[float, float]], time: float, pairs: NDArray[np.intp], row: Array, required: float
 ) -> None:
-    for pair, value in zip(pairs[row < required], row[row < required], strict=True):
-        if int(pair) not in found or time < found[int(pair)][0]:
-            found[int(pair)] = (time, float(value))
+    for pair, value in zip(pairs.tolist(), row.tolist(), strict=True):
+        if value < required and (pair not in found or time < found[pair][0]):
+            found[pair] = (time, value)

@@ -1,0 +1,134 @@
+"""Distances of a robot's bodies along a motion, and how fast they can change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from excite.arrays import Array
+from excite.motion.motion import Instants
+from excite.robot.shapes.collision import bounding_balls, collision_model, geometry_data, pair_distance
+from excite.safety.checks.approach import approach_rates
+from excite.safety.checks.sweep import Sweep
+from excite.safety.verdict import Violation
+
+# Coal knows a distance to within 1e-6 m: bounds that are compared with distances give way by more.
+_TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """Distances of the pairs of a robot's collision model along a motion."""
+
+    sweep: Sweep
+
+    @cached_property
+    def geometry(self) -> pin.GeometryModel:
+        """The robot's collision model."""
+        return collision_model(self.sweep.robot)
+
+    @cached_property
+    def _data(self) -> tuple[pin.Data, pin.GeometryData]:
+        return self.sweep.robot.model.createData(), geometry_data(self.geometry)
+
+    @cached_property
+    def _instants(self) -> Instants:
+        return Instants(self.sweep.fine, self.sweep.robot)
+
+    @property
+    def n_pairs(self) -> int:
+        """Number of pairs."""
+        return len(self.geometry.collisionPairs)
+
+    @cached_property
+    def _reach(self) -> Array:
+        return approach_rates(self.sweep.robot.model, self.geometry)
+
+    @cached_property
+    def _travel(self) -> Array:
+        """Way of each coordinate group since the start, at the fine grid's samples, ``(n, n_columns)``."""
+        sweep = self.sweep
+        speed = np.abs(sweep.control_points.velocity).max(axis=1)
+        if sweep.robot.floating:
+            h = np.diff(sweep.fine.time)[:, None]
+            v, a = sweep.fine.v[:, :6].reshape(-1, 2, 3), sweep.fine.a[:, :6].reshape(-1, 2, 3)
+            v_norm, a_norm = np.linalg.norm(v, axis=2), np.linalg.norm(a, axis=2)
+            base = np.maximum(v_norm[:-1], v_norm[1:]) + h * np.maximum(a_norm[:-1], a_norm[1:])
+            speed = np.hstack([base, speed])
+        steps = speed * np.diff(sweep.fine.time)[:, None]
+        return np.vstack([np.zeros(steps.shape[1]), np.cumsum(steps, axis=0)])
+
+    def approach(self, start: float, end: float, pairs: NDArray[np.intp]) -> Array:
+        """Bound on how much each pair's distance can change between two times, ``(n,)`` [m]."""
+        known = self._travelled
+        first, last = known.get(start), known.get(end)
+        first = self._travel_at(start) if first is None else first
+        last = self._travel_at(end) if last is None else last
+        return self._reach[pairs] @ (last - first)
+
+    @cached_property
+    def _travelled(self) -> dict[float, Array]:
+        """What :meth:`_travel_at` has found: the search meets each instant in several intervals."""
+        return {}
+
+    def _travel_at(self, time: float) -> Array:
+        grid = self.sweep.fine.time
+        k = min(max(int(grid.searchsorted(time, side="right")) - 1, 0), len(grid) - 2)
+        share = (time - grid[k]) / (grid[k + 1] - grid[k])
+        found = np.asarray((1.0 - share) * self._travel[k] + share * self._travel[k + 1])
+        self._travelled[time] = found
+        return found
+
+    def at(self, time: float, pairs: NDArray[np.intp]) -> Array:
+        """Distances of pairs at a time, ``(n,)`` [m], negative in penetration."""
+        data = self._placed(time)
+        return np.array([pair_distance(self.geometry, data, pair) for pair in pairs.tolist()])
+
+    def at_least(self, times: Array) -> Array:
+        """Bounds of all pairs' distances from below at some times, ``(n, n_pairs)`` [m]: of balls about the bodies."""
+        centres, radii = bounding_balls(self.geometry)
+        first, second = (np.array(ends) for ends in self._ends)
+        reach = radii[first] + radii[second] + _TOLERANCE
+        bounds = np.empty((len(times), self.n_pairs))
+        for k, time in enumerate(times):
+            placements = self._placed(float(time)).oMg
+            points = np.array([placements[i].act(centre) for i, centre in enumerate(centres)])
+            bounds[k] = np.linalg.norm(points[first] - points[second], axis=1) - reach
+        return bounds
+
+    @property
+    def _ends(self) -> tuple[list[int], list[int]]:
+        """Indices of the two bodies of each pair."""
+        pairs = self.geometry.collisionPairs
+        return [int(pair.first) for pair in pairs], [int(pair.second) for pair in pairs]
+
+    def _placed(self, time: float) -> pin.GeometryData:
+        """The bodies where they are at a time."""
+        model_data, data = self._data
+        robot = self.sweep.robot
+        q = self._instants.at(time)
+        pin.updateGeometryPlacements(robot.model, model_data, self.geometry, data, q)
+        return data
+
+    def midpoint(self, start: float, end: float) -> float:
+        """A time between two others: a sample of the grid while there is one, else the middle."""
+        grid = self.sweep.fine.time
+        first, last = int(grid.searchsorted(start, side="right")), int(grid.searchsorted(end))
+        return float(grid[(first + last - 1) // 2]) if last > first else 0.5 * (start + end)
+
+    def first_below(self, pair: int, required: float, time: float, distance: float) -> Violation:
+        """The violation of a pair at the first sample below the required distance, or at an instant known."""
+        objects, chosen = self.geometry.geometryObjects, self.geometry.collisionPairs[pair]
+        where = f"{objects[chosen.first].name} - {objects[chosen.second].name}"
+        only = np.array([pair])
+        for sample in self.sweep.fine.time:
+            if sample >= time:
+                break
+            value = float(self.at(float(sample), only)[0])
+            if value < required:
+                return Violation("self_collision", float(sample), where, value, required)
+        return Violation("self_collision", time, where, distance, required)
