@@ -17,7 +17,7 @@ from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
 from excite.logs.files import load_log
 from excite.logs.log import Log, LogHeader
-from excite.logs.robot import nominal_robot
+from excite.logs.robot import nominal_robot, robot_in_log
 from excite.reading.number import check_seed
 from excite.robot.robot import Robot
 from excite.rows.drive_terms import DRIVE_TERMS
@@ -81,6 +81,8 @@ def _diagnosed(
 ) -> Diagnosis:
     """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
     loaded = chart.log
+    # The doctor may have turned gravity, or a sensor.
+    robot = robot_in_log(robot, loaded.header)
     modelled = _modelled(loaded.header)
     if chart.doubts:
         modelled = in_doubt(modelled, chart.doubts)

@@ -17,6 +17,7 @@ from excite.errors import IllLogError
 from excite.identification.identify import identify
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
+from excite.logs.robot import robot_in_log
 from excite.robot.loading import load_robot
 from excite.robot.robot import Robot
 from tests.diagnosis.few_trials import few_trials
@@ -112,15 +113,19 @@ def test_identify_and_diagnose_say_what_the_doctor_says(
     """And no diagnosis names the illness as an effect."""
     robot, log = logs["ur10"]
     log = few_trials(log, 1)
-    ill = _through_a_file(ILLNESSES["torque sign"].change(log, np.random.default_rng(2), 0), robot, tmp_path)
-    said = [item.to_json() for item in doctor(ill, robot).findings]
-    assert said
-    found = identify(robot, ill, "wls")
-    assert [item.to_json() for item in found.findings[: len(said)]] == said
-    diagnosis = diagnose(ill, robot)
-    assert [item.to_json() for item in diagnosis.faults] == said
-    healthy = diagnose(log, robot)
-    assert [item.effect for item in diagnosis.effects] == [item.effect for item in healthy.effects]
+    healthy = diagnose(_through_a_file(log, robot, tmp_path / "healthy"), robot)
+    for name in ("torque sign", "gravity"):
+        changed = ILLNESSES[name].change(log, np.random.default_rng(2), 0)
+        ill = _through_a_file(changed, robot, tmp_path / name.replace(" ", "_"))
+        said = [item.to_json() for item in doctor(ill, robot).findings]
+        assert said
+        found = identify(robot, ill, "wls")
+        assert [item.to_json() for item in found.findings[: len(said)]] == said
+        # As the command line has it: the robot stands as the log says.
+        diagnosis = diagnose(ill, robot_in_log(robot, ill.header))
+        assert [item.to_json() for item in diagnosis.faults] == said
+        assert [item.effect for item in diagnosis.effects] == [item.effect for item in healthy.effects]
+        assert diagnosis.gap.before == pytest.approx(healthy.gap.before, rel=1e-3)
 
 
 def test_a_log_that_nothing_can_save_says_why(logs: dict[str, tuple[Robot, Log]]) -> None:
