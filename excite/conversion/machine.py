@@ -10,7 +10,8 @@ import numpy as np
 from excite.arrays import Array
 from excite.reading.file import read_text
 from excite.reading.xml_document import MAX_XML_BYTES
-from excite.robot.loading import load_robot, portable_description
+from excite.robot.bringing import load_robot
+from excite.robot.loading import portable_description
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import parse_urdf
@@ -63,7 +64,7 @@ class Machine:
 
 
 def load_machine(name_or_path: str | Path) -> Machine:
-    """A bundled robot, a ``robot.yaml``, or a bare URDF; raises RobotError."""
+    """A bundled robot, a ``robot.yaml``, or a bare URDF, xacro or MuJoCo model; raises RobotError."""
     path = Path(name_or_path)
     if path.suffix == ".urdf":
         return _of_urdf(path)

@@ -18,6 +18,9 @@ _RATES = frozenset(
     "fps fs rate ratehz hz frequency freq samplingrate samplerate samplingfrequency samplefrequency frequencyhz "
     "samplingratehz sampleratehz controlfreq controlfrequency fshz controlrate".split()
 )
+_RATE_OF = re.compile(
+    r"(action|control|ctrl|policy|log|logging|record|recording|data|state|loop|update)s?(hz|rate|freq|frequency)"
+)
 _STEPS = frozenset(
     "dt ts step timestep sampletime samplingtime deltat period tsample dts sampleperiod dtms tsms".split()
 )
@@ -94,7 +97,7 @@ def stated_rate(said: Mapping[str, Any]) -> float | None:
         number = value if isinstance(value, int | float) and not isinstance(value, bool) else 0.0
         if not np.isfinite(number) or number <= 0.0:
             continue
-        if word in _RATES and number >= 1.0:
+        if (word in _RATES or _RATE_OF.fullmatch(word)) and number >= 1.0:
             return float(number)
         if word in _STEPS:
             # Nobody records a row a second or slower: such steps are in milliseconds.

@@ -10,11 +10,13 @@ import numpy as np
 from excite.diagnosis.answer.result import Diagnosis
 from excite.diagnosis.arm.diagnose import diagnose_arm
 from excite.diagnosis.doubtful import in_doubt, said
+from excite.diagnosis.equations.standstill import long_trials
 from excite.diagnosis.floating.diagnose import diagnose_floating
 from excite.diagnosis.servo.currents import diagnose_currents
 from excite.diagnosis.servo.diagnose import diagnose_commands
 from excite.doctor.examine import Chart, examine
 from excite.errors import InputError, LogError
+from excite.finding import listed
 from excite.logs.files import load_log
 from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot, robot_in_log
@@ -69,10 +71,14 @@ def diagnose(
         )
     chart = examine(robot, loaded)
     chart.check_usable()
+    trials = long_trials(robot, chart.log) if chart.log.header.base == "fixed" else chart.log.trials
+    short = [trial.name for trial in chart.log.trials if trial.name not in {kept.name for kept in trials}]
+    chart = replace(chart, log=replace(chart.log, trials=trials))
     found = _diagnosed(robot, chart, rng, None if out is None else Path(out), budget=budget)
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
+    left_out = (f"left out, as their motion is over too soon: {listed(short)}",) if short else ()
     doubts = (said(chart.doubts),) if chart.doubts else ()
-    warnings = (*limits, *doubts, *found.warnings)
+    warnings = (*limits, *left_out, *doubts, *found.warnings)
     return replace(found, faults=(*chart.findings, *found.faults), warnings=warnings)
 
 

@@ -13,9 +13,10 @@ from excite.logs.bare_urdf import bare_description
 from excite.logs.header import header_path, read_header
 from excite.logs.header_blocks import FootHeader, SensorHeader
 from excite.logs.log import Log, LogHeader
+from excite.robot.bringing import load_robot
 from excite.robot.catalogue import bundled_robots
 from excite.robot.links import link_placement
-from excite.robot.loading import build_robot, load_robot
+from excite.robot.loading import build_robot
 from excite.robot.mechanisms.mechanism import Mechanism
 from excite.robot.robot import Robot, WrenchSensor
 
@@ -50,7 +51,7 @@ def _names_bundled(log: Log) -> bool:
 
 
 def robot_for_log(name_or_path: str | Path, log: str | Path) -> Robot:
-    """The robot that logs are to be read with: a bundled one, a ``robot.yaml``, or a bare URDF.
+    """The robot that logs are to be read with: a bundled one, a ``robot.yaml``, or a bare model.
 
     Args:
         name_or_path: bundled name or path; of a URDF only the joints that the log has stay movable.

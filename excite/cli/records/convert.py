@@ -26,7 +26,10 @@ def command(
         ),
     ],
     robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="Bundled robot, or path to a robot.yaml or URDF.")
+        str,
+        typer.Option(
+            "--robot", metavar="ROBOT", help="Bundled robot, or path to a robot.yaml, URDF, xacro or MJCF."
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="LOG", help="Log folder that is written.")],
     mapping: Annotated[

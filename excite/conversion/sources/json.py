@@ -18,6 +18,8 @@ from excite.reading.file import check_file, first_bytes
 # Ten times what is read as JSON elsewhere is still read at once in a gigabyte.
 _MAX_BYTES = 512 * 1024 * 1024
 _DEEPEST = 6
+# Robots with more joints are not recorded as JSON, and trials with fewer rows are none.
+_MOST_JOINTS, _FEWEST_ROWS = 64, 20
 
 
 class JsonSource(Source):
@@ -42,13 +44,45 @@ class JsonSource(Source):
             content = _parsed(text, path)
         except (OSError, ValueError, RecursionError, MemoryError) as error:
             raise damaged(path, error, "JSON") from error
-        arrays: dict[str, Any] = {}
-        said: dict[str, object] = {}
-        collect("", content, arrays, said, 0)
-        streams = longest(stream_of_arrays(path.stem, arrays))
-        if not streams:
+        around, trials = _trials(content)
+        if trials:
+            names = [f"{path.stem}_{k + 1}" for k in range(len(trials))]
+            found = [
+                _recording(path, name, around | trial) for name, trial in zip(names, trials, strict=True)
+            ]
+        else:
+            found = [_recording(path, path.stem, content)]
+        whole = tuple(recording for recording in found if recording is not None)
+        if not whole:
             raise nothing_there(path)
-        return (Recording(str(path), path.stem, streams, said | constants(arrays)),)
+        return whole
+
+
+def _recording(path: Path, name: str, content: Any) -> Recording | None:
+    """The recording that an object holds; None where it holds no rows of numbers."""
+    arrays: dict[str, Any] = {}
+    said: dict[str, object] = {}
+    collect("", content, arrays, said, 0)
+    streams = longest(stream_of_arrays(name, arrays))
+    return Recording(str(path), name, streams, said | constants(arrays)) if streams else None
+
+
+def _trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """A list of trials, each an object of long lists, and what stands beside it; an empty list where there is none.
+
+    Entries that hold a list a quantity with a number a joint are rows of one trial: such lists are short, and of one
+    length in all of them.
+    """
+    lists = content.items() if isinstance(content, dict) else [("", content)]
+    for key, value in lists:
+        if not isinstance(value, list) or len(value) < 2 or not all(isinstance(one, dict) for one in value):
+            continue
+        lengths = [max((len(v) for v in one.values() if isinstance(v, list)), default=0) for one in value]
+        longer = min(lengths) > _MOST_JOINTS
+        if longer or (min(lengths) >= _FEWEST_ROWS and len(set(lengths)) > 1):
+            around = {k: v for k, v in content.items() if k != key} if isinstance(content, dict) else {}
+            return around, value
+    return {}, []
 
 
 def _parsed(text: str, path: Path) -> Any:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.diagnosis.equations.arm_trial import ArmTrial, Bands
 from excite.diagnosis.equations.repeats import Repeat, repeats_of
-from excite.diagnosis.equations.standstill import span_of_motion, standstill_speed
+from excite.diagnosis.equations.standstill import rows_of_motion, standstill_speed
 from excite.errors import LogError
 from excite.logs.log import Log, Trial
-from excite.logs.signals.butterworth import lowpass, settling_samples
+from excite.logs.signals.butterworth import lowpass
 from excite.logs.signals.coupling import coupling_matrix, joint_torques
 from excite.logs.signals.differentiate import central_differences
 from excite.logs.signals.sections import both_ways, butterworth_sections
@@ -30,11 +30,6 @@ from excite.rows.kinematics import (
 )
 
 _ORDER = 4
-
-# Bent gears and bristles remember what they did before the first sample for so long, or this share of a trial [s].
-_REMEMBERED_S, _REMEMBERED = 0.5, 0.05
-# Fewer rows of a trial say nothing.
-_LEAST_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,25 +210,13 @@ def _arm_trial(
     tau = joint_torques(forces_on_grid(trial.time, motor, grid), places.coupling)
     positions = positions_on_grid(trial.time, trial.q, grid)
     d = central_differences(lowpass(positions, rate, bands.kinematics_hz), rate)
-    n = len(grid)
     q = in_configurations(robot, places.logged, d.value)
     v, a = (in_velocities(robot, places.logged, values) for values in (d.first, d.second))
     commanded = None
     if trial.q_cmd is not None:
         q_cmd = positions_on_grid(trial.time, trial.q_cmd, grid)
         commanded = in_configurations(robot, places.logged, q_cmd)
-    edge = max(3, settling_samples(rate, bands.rows_hz))
-    step = max(1, round(rate / bands.rate_hz))
-    first, last = span_of_motion(v, 4 * edge)
-    first = max(first, round(min(_REMEMBERED_S * rate, _REMEMBERED * n)))
-    # All trials have rows at the same times after their starts: what is repeated is compared row by row.
-    rows = np.arange(-(-(first + edge) // step) * step, last + 1 - edge, step)
-    if len(rows) < _LEAST_ROWS:
-        raise LogError(
-            f"{n / rate:.2f} s with {(last - first) / rate:.2f} s of motion are too short",
-            source=trial.name,
-            remedy=f"leave the trial out, or record {(2 * edge + _LEAST_ROWS * step) / rate + _REMEMBERED_S:.0f} s",
-        )
+    rows = rows_of_motion(v, rate, bands, trial.name)
     return ArmTrial(
         name=trial.name,
         identification=trial.role == "identification",
