@@ -521,3 +521,27 @@ def test_more_names_than_cells_are_not_believed_and_said(data, arm, tmp_path):
     (tmp_path / "few.csv").write_text("\n".join(lines))
     with pytest.raises(UnclearError, match="line of names has 15 cells and its rows have 3"):
         excite.convert([tmp_path / "few.csv"], arm, tmp_path / "log", robot)
+
+
+def test_a_list_of_trials_with_arrays_and_a_rate_beside_it(arm, tmp_path):
+    """As a script keeps what it did: settings, then an object a motion, of any length."""
+    trials = [written.motion(n=300 + 40 * k) for k in range(3)]
+    content = {
+        "config": {"action_hz": 100, "joint_limits": [-1, 1]},
+        "data": [
+            {
+                "type": "chirp",
+                "targets": [],
+                **{f"q_{joint}": trial["q"][:, k].tolist() for k, joint in enumerate(JOINTS)},
+                "torque": trial["tau"].tolist(),
+            }
+            for trial in trials
+        ],
+    }
+    (tmp_path / "set.json").write_text(json.dumps(content))
+    rules = Map.model_validate({"trials": {"split": "none"}})
+    conversion = excite.convert([tmp_path / "set.json"], arm, tmp_path / "log", rules)
+    assert conversion.log.header.rate_hz == pytest.approx(100.0)
+    assert len(conversion.log.trials) == 3
+    for k, trial in enumerate(trials):
+        check(conversion, trial, "q", "tau", trial=k)
