@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.divergence import diverged, without_log_file
 from excite.errors import MotionError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Robot
+from excite.simulation.clock import Clock, clock_of
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
 from excite.simulation.mjcf import build_spec
 from excite.simulation.plant import Plant
@@ -25,24 +27,11 @@ if TYPE_CHECKING:
 
 SETTLE_S = 1.0
 
-Stop = Callable[[int, Array], bool]
+Stop = Callable[[int, Plant], bool]
 
 
-@dataclass(frozen=True, eq=False)
-class _Clock:
-    """Steps of the physics and of the sensors.
-
-    Attributes:
-        step: [s]
-        per_sample: steps between two sensor samples.
-        settle: steps before the motion starts, a multiple of ``per_sample``.
-        samples: number of sensor samples.
-    """
-
-    step: float
-    per_sample: int
-    settle: int
-    samples: int
+class DivergedError(MotionError):
+    """A simulation that has become infinite."""
 
 
 def execute(
@@ -66,7 +55,7 @@ def execute(
         virtual: the robot.
         motion: the motion, of the same joints.
         settle_s: how long the first posture is held before the recording starts [s].
-        stop: asked at every sample with its number and ``qpos`` in MuJoCo's layout; True ends the run there.
+        stop: asked at every sample with its number and the plant after the step from there; True ends the run.
         session_s: when the run starts within its session [s].
         memory: what injected physics keeps from run to run of a session, filled here.
 
@@ -74,7 +63,7 @@ def execute(
         The recording, shorter than the motion if it was stopped.
 
     Raises:
-        MotionError: the motion is not for this robot, or the simulation diverged.
+        MotionError: the motion is not for this robot; DivergedError: the simulation diverged.
     """
     import mujoco
 
@@ -83,7 +72,7 @@ def execute(
         raise MotionError(
             f"moves other joints than {robot.name}", source=motion.name, remedy="plan it for this robot"
         )
-    clock = _clock(virtual, motion, settle_s)
+    clock = clock_of(virtual, motion, settle_s)
     world = replace(virtual.world, timestep=clock.step)
     spec = build_spec(robot, virtual.truth.phi, virtual.drives, world)
     for change in virtual.changes:
@@ -109,20 +98,11 @@ def execute(
                 plant.advance()
                 continue
             track.sample()
-            if stop is not None and stop(track.count - 1, data.qpos[plant.qpos]):
+            if stop is not None and stop(track.count - 1, plant):
                 break
     if diverged(data) or not np.isfinite(track.qacc[: track.count]).all():
-        raise MotionError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
+        raise DivergedError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
     return track.recording(virtual, motion.name, positions[:: clock.per_sample], clock)
-
-
-def _clock(virtual: VirtualRobot, motion: Motion, settle_s: float) -> _Clock:
-    period = 1.0 / virtual.robot.description.sensors.rate_hz
-    per_sample = max(1, int(np.ceil(period / virtual.world.timestep - 1e-9)))
-    step = period / per_sample
-    samples = int(np.floor(motion.duration / period + 1e-9)) + 1
-    settle = round(settle_s / period) * per_sample
-    return _Clock(step, per_sample, settle, samples)
 
 
 def _start(robot: Robot, motion: Motion) -> Array:
@@ -130,7 +110,7 @@ def _start(robot: Robot, motion: Motion) -> Array:
     return position_to_mujoco(motion.q[0], floating=robot.floating)
 
 
-def _commands(robot: Robot, motion: Motion, clock: _Clock) -> tuple[Array, Array]:
+def _commands(robot: Robot, motion: Motion, clock: Clock) -> tuple[Array, Array]:
     """Joint positions and velocities at every step; drives interpolate the commands that they receive."""
     count = (clock.samples - 1) * clock.per_sample + 1
     time = motion.time[0] + np.minimum(np.arange(count) * clock.step, motion.duration)
@@ -141,7 +121,7 @@ def _commands(robot: Robot, motion: Motion, clock: _Clock) -> tuple[Array, Array
 class _Track:
     """Collects the samples of a run."""
 
-    def __init__(self, plant: Plant, clock: _Clock):
+    def __init__(self, plant: Plant, clock: Clock):
         import mujoco
 
         self.friction_type = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
@@ -155,7 +135,7 @@ class _Track:
         )
         self.damped = np.ones(n, dtype=bool)
         self.actuator, self.coulomb = np.zeros((n, joints)), np.zeros((n, joints))
-        self.contacts = np.zeros((n, len(robot.feet), 6))
+        self.pushes: list[tuple[int, NDArray[np.int32], Array, Array, Array]] = []
         self.touches = np.zeros(n)
         self.foot_of_body = np.full(model.nbody, -1)
         for number, foot in enumerate(robot.feet):
@@ -186,25 +166,33 @@ class _Track:
         self.count += 1
 
     def _contact(self, data: mujoco.MjData, row: int) -> None:
+        """Note which soles the ground pushes, where, and how hard."""
         contact = data.contact
-        # Only soles on the ground exert forces; MuJoCo orders a plane before a sphere, and the first axis
-        # of a contact's frame points from the first to the second.
+        # Only soles on the ground exert forces.
         address = contact.efc_address
         soles = np.flatnonzero(address >= 0)
-        self.touches[row] = data.ncon - len(soles)
-        if not len(soles):
-            return
-        foot = self.foot_of_body[self.model.geom_bodyid[contact.geom2[soles]]]
-        frames = contact.frame[soles].reshape(-1, 3, 3)
-        wrenches = np.empty((len(soles), 6))
-        wrenches[:, :3] = np.einsum("kij,ki->kj", frames, data.efc_force[address[soles, None] + np.arange(3)])
-        fx, fy, fz = wrenches[:, :3].T
-        x, y, z = contact.pos[soles].T
-        # Written out: this runs at every sample, and numpy's cross product takes longer than a step of the physics.
-        wrenches[:, 3], wrenches[:, 4], wrenches[:, 5] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
-        np.add.at(self.contacts[row], foot, wrenches)
+        self.touches[row] = len(address) - len(soles)
+        if len(soles):
+            forces = data.efc_force[address[soles, None] + np.arange(3)]
+            self.pushes.append((row, contact.geom2[soles], contact.frame[soles], contact.pos[soles], forces))
 
-    def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: _Clock) -> Recording:
+    def _contact_wrenches(self) -> Array:
+        """Wrench of the ground on each foot about the world's origin, ``(n, n_feet, 6)``."""
+        wrenches = np.zeros((self.count, len(self.robot.feet), 6))
+        if not self.pushes:
+            return wrenches
+        at, shapes, frames, places, along = (list(part) for part in zip(*self.pushes, strict=True))
+        rows = np.repeat(at, [len(part) for part in shapes])
+        foot = self.foot_of_body[self.model.geom_bodyid[np.concatenate(shapes)]]
+        # MuJoCo orders a plane before a sphere, and the first axis of a contact's frame points from the first to the
+        # second.
+        axes = np.concatenate(frames).reshape(-1, 3, 3)
+        force = np.einsum("kij,ki->kj", axes, np.concatenate(along))
+        both = np.hstack([force, np.cross(np.concatenate(places), force)])
+        np.add.at(wrenches, (rows, foot), both)
+        return wrenches
+
+    def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: Clock) -> Recording:
         """The recording in pinocchio's conventions."""
         robot, n = self.robot, self.count
         q = position_from_mujoco(self.qpos[:n], floating=robot.floating)
@@ -218,7 +206,8 @@ class _Track:
         total = drives.total_coulomb
         share = np.divide(drives.coulomb, total, out=np.zeros_like(total), where=total > 0.0)
         gears = share * self.coulomb[:n] - drives.viscous * (v_joint + h * a_joint)
-        contacts = {foot.name: self.contacts[:n, number] for number, foot in enumerate(robot.feet)}
+        pushed = self._contact_wrenches()
+        contacts = {foot.name: pushed[:, number] for number, foot in enumerate(robot.feet)}
         return Recording(
             name=name,
             time=np.arange(n, dtype=np.float64) * clock.step * clock.per_sample,
