@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 from scipy.linalg import cho_factor, cho_solve
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from excite.arrays import Array
 from excite.atomic import write_text
@@ -92,7 +92,7 @@ def parameter_ranges(
     factor = cho_factor(scaled @ scaled.T + noise)
     gap = (pooled.mean - base.matrix @ problem.prior) / own
     mean = problem.prior + prior * (scaled.T @ cho_solve(factor, gap))
-    quantile = float(norm.ppf(0.5 * (1.0 + pooled.level)))
+    quantile = float(ndtri(0.5 * (1.0 + pooled.level)))
     found: list[ParameterRange] = []
     for s, segment in enumerate(problem.robot.segments):
         if s in problem.unmeasured:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from excite.arrays import Array
 from excite.identification.noise.bands import noise_bands
@@ -65,7 +65,7 @@ class BaseStatistics:
 
         Student's quantile, as the noise's power is estimated from the same residuals.
         """
-        return np.asarray(student.ppf(0.5 * (1.0 + level), self.degrees_of_freedom) * self.std)
+        return np.asarray(stdtrit(self.degrees_of_freedom, 0.5 * (1.0 + level)) * self.std)
 
     def rsd_percent(self, values: Array) -> Array:
         """Relative standard deviation ``100 σ/|value|``, ``(n_base,)`` [percent], infinite at zero."""

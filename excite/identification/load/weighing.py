@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -201,7 +201,7 @@ def friction_that_grows(
 
 
 def _weighed(found: DriveGains, source: str, settings: ProblemSettings) -> WeighedLoad:
-    half = student.ppf(0.975, len(found.gains_left_out) - 1) * found.load_std
+    half = stdtrit(len(found.gains_left_out) - 1, 0.975) * found.load_std
     return WeighedLoad(
         parameters=found.load,
         half_width_95=half,

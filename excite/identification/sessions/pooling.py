@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, gammaincinv, ndtr, ndtri
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -46,13 +46,13 @@ class Pooled:
         Cochran's ``Q``, at the intervals' level for all parameters together (Bonferroni).
         """
         q = (n_sessions - 1) / np.maximum(1.0 - self.inconsistency, 1e-12)
-        chance = chi2.sf(q, n_sessions - 1)
+        chance = chdtrc(n_sessions - 1, q)
         return np.asarray((self.inconsistency > 0.0) & (chance < (1.0 - self.level) / len(self.mean)))
 
     @property
     def next_std(self) -> Array:
         """Standard deviation of a normal distribution as wide as ``next_interval``, ``(k,)``."""
-        quantile = float(norm.ppf(0.5 * (1.0 + self.level)))
+        quantile = float(ndtri(0.5 * (1.0 + self.level)))
         return np.asarray(0.5 * (self.next_interval[1] - self.next_interval[0]) / quantile)
 
 
@@ -146,7 +146,7 @@ def _interval(values: Array, variances: Array, level: float, *, of_next: bool) -
     y, v = values / np.sqrt(unit), variances / unit
     center = y.mean(axis=0)
     y = y - center
-    wanted = chi2.ppf((np.arange(_QUANTILES) + 0.5) / _QUANTILES, n - 1)[:, None]
+    wanted = 2.0 * gammaincinv(0.5 * (n - 1), (np.arange(_QUANTILES) + 0.5) / _QUANTILES)[:, None]
     between = _profile(y, v, wanted)
     w = 1.0 / (v[:, None, :] + between)
     total = w.sum(axis=0)
@@ -179,6 +179,6 @@ def _mixture_quantile(mean: Array, std: Array, probability: float) -> Array:
     low, high = mean.min(axis=0) - reach, mean.max(axis=0) + reach
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        below = norm.cdf((middle - mean) / std).mean(axis=0) < probability
+        below = ndtr((middle - mean) / std).mean(axis=0) < probability
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return np.asarray(0.5 * (low + high))
