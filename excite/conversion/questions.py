@@ -12,6 +12,7 @@ from excite.conversion.guesses import Guesses
 from excite.conversion.machine import Machine
 from excite.conversion.mapping import Map
 from excite.conversion.recording import Recording
+from excite.conversion.sources.table_habits import MISFIT
 
 # Columns that are named in one line.
 MOST_NAMED = 12
@@ -102,7 +103,7 @@ def ask_for_positions(found: Guesses, recording: Recording, machine: Machine) ->
         return
     names = column_names(recording)
     there = ", ".join(names[:MOST_NAMED]) + (" …" if len(names) > MOST_NAMED else "")
-    there = "; ".join([there, *(note for note in recording.notes if note.startswith("its line of names"))])
+    there = "; ".join([there, *(note for note in recording.notes if note.startswith(MISFIT))])
     found.ask(
         f"no columns of joint positions were found for {machine.n} joints of {machine.name} among {there}",
         'columns: {q: "NAME{n}"}',

@@ -16,7 +16,7 @@ from excite.errors import LogError
 # How recordings call their rate and their step, letters only.
 _RATES = frozenset(
     "fps fs rate ratehz hz frequency freq samplingrate samplerate samplingfrequency samplefrequency frequencyhz "
-    "samplingratehz sampleratehz controlfreq controlfrequency fshz controlrate".split()
+    "samplingratehz sampleratehz fshz".split()
 )
 _RATE_OF = re.compile(
     r"(action|control|ctrl|policy|log|logging|record|recording|data|state|loop|update)s?(hz|rate|freq|frequency)"
@@ -69,6 +69,15 @@ class Stream:
     def n_rows(self) -> int:
         """Rows of the stream."""
         return len(self.columns[0].values) if self.columns else 0
+
+    def rows(self, chosen: slice | NDArray[np.bool_] | NDArray[np.int64]) -> Stream:
+        """Some of the rows, or all in another order: of numbers, texts and times alike."""
+        return replace(
+            self,
+            columns=tuple(replace(column, values=column.values[chosen]) for column in self.columns),
+            words={name: cells[chosen] for name, cells in self.words.items()},
+            time=None if self.time is None else self.time[chosen],
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.conversion.recording import Column, Recording, Stream
+from excite.conversion.recording import Column, Recording
 
 # Dynamixel and Feetech: torque_enable; drives: enabled, power_on, servo_on, drive_enabled, motor_powered.
 _SWITCH = re.compile(
@@ -36,7 +36,7 @@ def with_drives_on(recording: Recording) -> Recording:
                     f"{', '.join(off)}: a drive was off in {int((~on).sum())} of {len(on)} rows of {recording.name}, "
                     "which are left out"
                 )
-                stream = _only(stream, on)
+                stream = stream.rows(on)
         streams.append(stream)
     if len(notes) == len(recording.notes):
         return recording
@@ -52,8 +52,3 @@ def _off(column: Column) -> NDArray[np.bool_] | None:
         return None
     off = known & (column.values == 0.0)
     return off if _FEWEST <= off.sum() <= known.sum() - _FEWEST else None
-
-
-def _only(stream: Stream, rows: NDArray[np.bool_]) -> Stream:
-    columns = tuple(replace(column, values=column.values[rows]) for column in stream.columns)
-    return replace(stream, columns=columns, time=None if stream.time is None else stream.time[rows])

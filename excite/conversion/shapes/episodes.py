@@ -17,7 +17,7 @@ _WORDS = frozenset(
 )
 _BESIDE = frozenset("index idx id nr no num number name label".split())
 # A trial has more rows than this, or the column counts something else.
-_FEWEST = 20
+FEWEST_ROWS = 20
 
 
 def by_episode(recording: Recording) -> list[Recording]:
@@ -29,14 +29,14 @@ def by_episode(recording: Recording) -> list[Recording]:
         starts = np.flatnonzero(cells[1:] != cells[:-1]) + 1
         ends = [*starts.tolist(), len(cells)]
         lengths = np.diff([0, *ends])
-        if not len(starts) or np.median(lengths) < _FEWEST:
+        if not len(starts) or np.median(lengths) < FEWEST_ROWS:
             continue
         note = f"{name} tells {len(ends)} trials apart"
         found = []
         for start, end in zip([0, *starts.tolist()], ends, strict=True):
-            if end - start < _FEWEST:
+            if end - start < FEWEST_ROWS:
                 continue
-            part = _rows(stream, slice(start, end), name)
+            part = _without(stream, name).rows(slice(start, end))
             label = f"{recording.name}_{_label(name, cells[start])}"
             found.append(replace(recording, name=label, streams=(part,), notes=(*recording.notes, note)))
         return found
@@ -64,9 +64,9 @@ def _label(name: str, value: object) -> str:
     return f"{'_'.join(words)}{float(str(value)):g}"
 
 
-def _rows(stream: Stream, rows: slice, without: str) -> Stream:
-    columns = tuple(replace(c, values=c.values[rows]) for c in stream.columns if c.name != without)
-    words = {name: cells[rows] for name, cells in stream.words.items() if name != without}
+def _without(stream: Stream, name: str) -> Stream:
     return replace(
-        stream, columns=columns, words=words, time=None if stream.time is None else stream.time[rows]
+        stream,
+        columns=tuple(column for column in stream.columns if column.name != name),
+        words={key: cells for key, cells in stream.words.items() if key != name},
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.conversion.recording import Recording, nothing_there
 from excite.conversion.shapes.array_streams import longest, stream_of_arrays
+from excite.conversion.shapes.episodes import FEWEST_ROWS
 from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import Source, damaged
 from excite.errors import LogError
@@ -18,8 +19,8 @@ from excite.reading.file import check_file, first_bytes
 # Ten times what is read as JSON elsewhere is still read at once in a gigabyte.
 _MAX_BYTES = 512 * 1024 * 1024
 _DEEPEST = 6
-# Robots with more joints are not recorded as JSON, and trials with fewer rows are none.
-_MOST_JOINTS, _FEWEST_ROWS = 64, 20
+# Robots with more joints are not recorded as JSON.
+_MOST_JOINTS = 64
 
 
 class JsonSource(Source):
@@ -79,7 +80,7 @@ def _trials(content: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:
             continue
         lengths = [max((len(v) for v in one.values() if isinstance(v, list)), default=0) for one in value]
         longer = min(lengths) > _MOST_JOINTS
-        if longer or (min(lengths) >= _FEWEST_ROWS and len(set(lengths)) > 1):
+        if longer or (min(lengths) >= FEWEST_ROWS and len(set(lengths)) > 1):
             around = {k: v for k, v in content.items() if k != key} if isinstance(content, dict) else {}
             return around, value
     return {}, []

@@ -18,6 +18,9 @@ _OTHER_UNITS = frozenset(
 _SEPARATORS = (",", ";", "\t", "|", " ")
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf(inity)?)$", re.IGNORECASE)
 
+# How the note on names that are not believed begins.
+MISFIT = "its line of names"
+
 # Numbers or words within brackets, as data frames write arrays.
 _ARRAY = re.compile(r"\s*(?:[\w.]*(?:array|tensor)\()?[\[(].*[\d'\"][^\w]*$", re.DOTALL)
 _QUOTED_ARRAY = re.compile(r'"\s*[\w.]*\(?[\[(]')
@@ -77,7 +80,7 @@ def _misfit(above: list[str], width: int) -> str:
     words = [cell for cell in above if re.match(r"[A-Za-zµ]", cell)]
     if len(words) < 2 or len(words) < len(above):
         return ""
-    return f"its line of names has {len(above)} cells and its rows have {width}, so that the names are not believed"
+    return f"{MISFIT} has {len(above)} cells and its rows have {width}, so that the names are not believed"
 
 
 def _whole_lines(lines: list[str]) -> list[str]:

@@ -211,5 +211,4 @@ def _at_its_ticks(stream: Stream) -> tuple[Stream, str]:
         return stream, ""
     note = f"{stream.name}: messages were written up to {1000.0 * late.max():.0f} ms late; times are the robot's ticks"
     order = np.argsort(own, kind="stable")
-    columns = tuple(replace(column, values=column.values[order]) for column in stream.columns)
-    return replace(stream, columns=columns, time=own[order] + (stream.time - own).min()), note
+    return replace(stream, time=own + (stream.time - own).min()).rows(order), note
