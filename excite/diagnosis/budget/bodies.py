@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
 from excite.diagnosis.budget.evidence import nats_between, price_of
-from excite.diagnosis.budget.joint_fit import fit
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.refine import Beside
 from excite.diagnosis.budget.search import Search
-from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect
 
 
@@ -66,7 +66,8 @@ def bodies_again(search: Search, maker: TermMaker) -> Search:
         chosen = made.model.chosen
         bodies = [k for k in chosen if made.design.terms[k].effect.is_body]
         terms = made.design.terms
-        own = [k for k in chosen if terms[k].own in like.columns and not terms[k].effect.is_body]
+        here = {None, *like.columns}
+        own = [k for k in chosen if terms[k].own in here and not terms[k].effect.is_body]
         weights = [k for k in own if _like_weight(terms[k])]
         all_but_begun = [k for k in own if k in weights or not terms[k].started]
         if not all_but_begun and len(bodies) < 2:

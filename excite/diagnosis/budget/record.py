@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
-from excite.diagnosis.budget.design import Design, Rows, blocks_of
-from excite.diagnosis.budget.joint_fit import fit
-from excite.diagnosis.budget.library import Form, Library, with_begun
+from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
+from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
+from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
+from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.search import Search
-from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
@@ -29,8 +30,12 @@ from excite.diagnosis.equations.samples import ArmSamples
 _LARGE = 0.3
 # Of what might stand in a term's place, how many have their non-linear parameters searched as well.
 _INSTEAD = 2
+# Effects that are listed as likely by themselves.
+_LIKELY = 8
 # Joints at which resonances are searched, and how far above the noise they have to stand [power].
 _RESONANT, _STANDS = 3, 1.5
+# How often a resonance is searched again on what is fitted with it, and the nats that have to be in it.
+_AGAIN, _PROMISES = 3, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +46,13 @@ class Found:
         search: the last search, with its design and rivals.
         baseline: what every model begins with, fitted.
         prediction: its torques.
+        likely: what would explain most if it stood alone, best first.
     """
 
     search: Search
     baseline: Baseline
     prediction: Prediction
+    likely: tuple[Term, ...] = ()
 
 
 def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
@@ -58,7 +65,6 @@ def model_of_gap(
     modelled: tuple[str, ...],
     effects: tuple[Effect, ...],
     floor: Array,
-    forms: tuple[Form, ...] = (),
 ) -> Found:
     """Search for the model of a record's gap.
 
@@ -67,13 +73,15 @@ def model_of_gap(
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
-        forms: of effects that another search has found, tried along.
     """
-    library, rows = Library(modelled, effects, forms), rows_of(full, modelled, floor)
+    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
     maker = TermMaker(Context(full), full.strict)
     kept: list[Term] = []
     near: list[Term] = []
-    for least in (_LARGE, 0.0):
+    likely: tuple[Term, ...] = ()
+    steps = [_LARGE, 0.0]
+    while steps:
+        least = steps.pop(0)
         begun = library.begun(maker)
         pruned = {t.key for t in begun} - {t.key for t in kept} if least == 0.0 else set()
         first = [*begun, *(t for t in kept if not t.started)]
@@ -82,13 +90,19 @@ def model_of_gap(
         bodies = _bodies(library.bodies(maker.context), beside, maker)
         design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
+        if not likely:
+            ranking = one_each(design, screened(search.model, search.allowed(search.model)))
+            likely = tuple(design.terms[item.index] for item in ranking[:_LIKELY])
+        # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.
+        search.stops = least > 0.0 and not kept
         search.run()
+        steps = [_LARGE, *steps] if search.stopped else steps
         if least > 0.0:
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)
         kept, near, maker = _refined(full, search, library, resonances=least > 0.0)
     last = _settled(search, kept, near, maker)
-    return Found(last, full, predicted(full, last.model))
+    return Found(last, full, predicted(full, last.model), likely)
 
 
 def _bodies(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMaker) -> list[Term]:
@@ -124,6 +138,9 @@ def _refined(
     for k in model.chosen:
         term = terms[k]
         if term.started:
+            forms = _along(maker.context, term)
+            if forms:
+                term = replace(Refiner(maker).refined(beside_others(search, k), term, forms), started=True)
             kept.append(term)
             near += [terms[tried.index] for tried in search.rivals.get(k, ())]
             continue
@@ -140,7 +157,7 @@ def _refined(
             kept.append(again)
             continue
         refiner = Refiner(own)
-        kept.append(refiner.refined(beside, again, term.effect.richer))
+        kept.append(refiner.refined(beside, again, term.effect.richer, closer=not resonances))
         others = [i for i in model.chosen if i != k]
         neighbours = [i for i in others if terms[i].own == term.own and not terms[i].started]
         if term.own is not None and neighbours:
@@ -150,8 +167,18 @@ def _refined(
         for other in search.instead(k, beside.model)[:_INSTEAD]:
             near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
     if resonances:
-        near += _resonances(search, Refiner(maker))
+        near += [_with_its_swing(full, search, term) for term in _resonances(search, Refiner(maker))]
     return kept, near, maker
+
+
+def _along(context: Context, term: Term) -> list[Effect]:
+    """Richer forms of what the model begins with that have another effect in them, where they can be."""
+    forms = [form for form in term.effect.richer if form.along]
+    return [
+        form
+        for form in forms
+        if form.admissible(context, term.location, form.starts(term.theta)[0], np.ones(len(form.linear)))
+    ]
 
 
 def _resonances(search: Search, refiner: Refiner) -> list[Term]:
@@ -171,6 +198,27 @@ def _resonances(search: Search, refiner: Refiner) -> list[Term]:
             best[term.key] = (gain, term)
     made = [refiner.refined(beside, term) for _, term in best.values()]
     return made + [found for _, term in best.values() for found in refiner.unlike(beside, term)]
+
+
+def _with_its_swing(full: Baseline, search: Search, term: Term) -> Term:
+    """A gear's play or softness searched again on what is fitted with it, as long as that gains.
+
+    It takes the load from the rigid bodies, which its swinging has bent while nobody knew of it.
+    """
+    model = search.model
+    beside, terms = Beside.of(model), [*model.terms, term]
+    gain = beside.gain(term)[0]
+    for _ in range(_AGAIN if gain > _PROMISES else 0):
+        design = Design(model.design.rows, (*terms[:-1], term))
+        now = predicted(full, fit(design, range(len(terms)), model.weight, left_out=False))
+        own = TermMaker(now.without(len(terms) - 1), full.strict)
+        made = own.again(term)
+        found = term if made is None else Refiner(own).refined(beside, made)
+        more = beside.gain(found)[0]
+        if more <= gain + _PROMISES:
+            break
+        term, gain = found, more
+    return term
 
 
 def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
-_FIRST, _LAST, _MOST = 1.5, 1.04, 40
+_FIRST, _LAST, _MOST = 1.5, 1.01, 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,7 @@ class Beside:
 
     model: Model
     inverse: Array
+    _rows: dict[int, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: Model) -> Beside:
@@ -34,29 +35,49 @@ class Beside:
         return cls(model, np.asarray(np.linalg.inv(model.normal)))
 
     def gain(self, term: Term) -> tuple[float, Array]:
-        """Nats that a term's columns gain, and its parameters."""
+        """Nats that a term's columns gain, each joint's by what is left of it, and its parameters."""
         m = self.model
-        left, slope = self.information(term)
+        left, slope, cross = self._products(term)
         if (np.diag(left) <= 0.0).any():
             return -np.inf, np.zeros(term.size)
         x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
-        power, count = float(2.0 * slope @ x - x @ left @ x), float((m.design.rows.block >= 0).sum())
-        joint = term.own if term.own is not None else int(np.argmax(m.share))
-        share = float(m.share[joint])
-        return -0.5 * count * share * float(np.log(max(1.0 - power / count, 1e-9))), x
+        shift, use = -self.inverse @ (cross @ x), m.design.rows.block >= 0
+        nats = 0.0
+        for j in range(m.design.rows.n_joints):
+            rest = m.residual[j][use]
+            moved = shift[m.layout.numbers[j]] @ self._columns(j)
+            if j in term.columns:
+                moved = moved + term.columns[j][use] @ x
+            more = float(moved @ (moved - 2.0 * rest)) * float(m.weight[j]) / len(rest)
+            nats -= 0.5 * len(rest) * float(m.share[j]) * float(np.log(max(1.0 + more, 1e-9)))
+        return nats, x
 
     def information(self, term: Term) -> tuple[Array, Array]:
         """Normal matrix ``(size, size)`` of a term's parameters beside the model's, and their right side."""
+        left, slope, _ = self._products(term)
+        return left, slope
+
+    def _products(self, term: Term) -> tuple[Array, Array, Array]:
+        """The same, and the products of the model's columns and the term's, ``(n_parameters, size)``."""
         m = self.model
         use = m.design.rows.block >= 0
         size = term.size
         cross, inner, slope = np.zeros((m.layout.size, size)), np.zeros((size, size)), np.zeros(size)
         for j, block in term.columns.items():
             inside, w = block[use], m.weight[j]
-            cross[m.layout.numbers[j]] += w * (m.design.matrices[j][:, m.layout.columns[j]][use].T @ inside)
+            cross[m.layout.numbers[j]] += w * (self._columns(j) @ inside)
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
-        return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope
+        return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope, cross
+
+    def _columns(self, j: int) -> Array:
+        """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""
+        if j not in self._rows:
+            m = self.model
+            self._rows[j] = np.ascontiguousarray(
+                m.design.matrices[j].T[m.layout.columns[j]][:, m.design.rows.block >= 0]
+            )
+        return self._rows[j]
 
 
 @dataclass(eq=False)
@@ -69,8 +90,17 @@ class Refiner:
 
     maker: TermMaker
 
-    def refined(self, beside: Beside, term: Term, forms: Sequence[Effect] = ()) -> Term:
-        """The term at better parameters, or in a richer form where that is worth its parameters."""
+    def refined(
+        self, beside: Beside, term: Term, forms: Sequence[Effect] = (), *, closer: bool = False
+    ) -> Term:
+        """The term at better parameters, or in a richer form where that is worth its parameters.
+
+        Args:
+            beside: the model without it.
+            term: where to begin.
+            forms: richer forms.
+            closer: whether to try it with what its first order leaves out.
+        """
         best, gain = self._searched(beside, term)
         for form in forms:
             for start in form.starts(best.theta)[:3]:
@@ -80,6 +110,11 @@ class Refiner:
                 item, more = self._searched(beside, begun)
                 if more - gain > 3.0 + (item.n_parameters - best.n_parameters):
                     best, gain = item, more
+        whole = best.effect.closer if closer else None
+        begun = None if whole is None else self._made(whole, best, best.theta)
+        if begun is not None:
+            item, more = self._searched(beside, begun)
+            best = item if more > gain else best
         return best
 
     def unlike(self, beside: Beside, term: Term) -> list[Term]:

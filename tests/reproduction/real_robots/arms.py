@@ -39,7 +39,7 @@ def entries(data: Path, folder: Path) -> list[Entry]:
 
 
 def _diagnosed(log: Log, *, motor: bool) -> Diagnosis:
-    return diagnose(with_modelled(log, (*RIGID, *FRICTION, *(("armature",) if motor else ()))), budget=True)
+    return diagnose(with_modelled(log, (*RIGID, *FRICTION, *(("armature",) if motor else ()))))
 
 
 def _panda(data: Path, folder: Path) -> Entry:
@@ -135,7 +135,7 @@ def _airbot_load(data: Path, folder: Path) -> Entry:
     arm = with_inertials(robot, identify(robot, bare, "lmi").parameters)
     loaded = airbot_play_load.chirp_log(data, folder, loaded=True)
     modelled = ("rigid_body_fixed", *FRICTION, "armature", "torque_bias")
-    d = diagnose(with_modelled(loaded, modelled), arm, budget=True)
+    d = diagnose(with_modelled(loaded, modelled), arm)
     likeliest = d.candidates[0]
     return Entry(
         title="AirBot Play, load not modelled",
