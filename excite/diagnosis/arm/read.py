@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
 from excite.diagnosis.attribution.extended import extended
@@ -94,7 +96,7 @@ class Reading:
 
     def _stages(self, chosen: Iterable[Named]) -> tuple[list[Stage], list[Named]]:
         """The effects one after the other, at last nothing; and which of them can be there."""
-        stages, kept, current = list[Stage](), list[Named](), self.scorer.baseline
+        stages, kept, current = list[Stage](), list[Named](), self._begun
         for item in chosen:
             scored = self._try(self._terms[item.effect, item.location], current, item.nats)
             # A search that ended where its name stands for something else has found that.
@@ -112,7 +114,7 @@ class Reading:
         k = next(k for k in search.model.chosen if terms[k].key == (item.effect, item.location))
         made = []
         for tried, chance in zip(search.rivals.get(k, ()), item.chances, strict=True):
-            scored = self._try(terms[tried.index], self.scorer.baseline)
+            scored = self._try(terms[tried.index], self._begun)
             if scored is not None:
                 made.append((scored, chance))
         return made
@@ -122,6 +124,15 @@ class Reading:
         base = self.scorer.baseline
         first = Stage(Context(base), (), None)
         return Attribution((first,), base.fit, base.fit, base, self.scorer.floor(base.fit), self.scorer.scale)
+
+    @cached_property
+    def _begun(self) -> Baseline:
+        """What is modelled, its friction changing sign as it does in the model of the gap."""
+        base, now = self.scorer.baseline, self.found.baseline
+        if (base.signs, base.samples.lead) == (now.signs, now.samples.lead):
+            return base
+        moved = base.with_signs(now.signs, now.samples.lead)
+        return moved.updated(moved.solver.fit())
 
     @cached_property
     def _terms(self) -> dict[tuple[str, str], Term]:
@@ -135,9 +146,21 @@ class Reading:
         made = (self._try(term, self.scorer.baseline) for term in terms)
         return tuple(scored for scored in made if scored is not None)
 
+    def _at_model(self, baseline: Baseline) -> Baseline:
+        """A baseline with its own equations, and predictions at the bodies of the model of the gap.
+
+        A gear's load is what its link needs, which the fit without the gear has bent.
+        """
+        if not baseline.free:
+            return baseline
+        x, n = self.found.search.model.x, self.found.baseline.basis.shape[1]
+        there = replace(baseline.fit, shared=np.concatenate([x[:n], baseline.fit.shared[n:]]))
+        return replace(baseline.updated(there), solver=baseline.solver)
+
     def _try(self, term: Term, baseline: Baseline, nats: float | None = None) -> Scored | None:
         """A term in the equations of what is modelled; None where it cannot be there."""
-        made = hypothesis_of(term, baseline)
+        named = self._terms.get(term.key) is term or baseline is self._begun
+        made = hypothesis_of(term, self._at_model(baseline) if named else baseline)
         return self.scorer.scored(baseline.fit, made, nats) if made.physical else None
 
 

@@ -14,6 +14,7 @@ from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge
+from excite.diagnosis.budget.polish import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.screening import one_each, screened
@@ -100,8 +101,8 @@ def model_of_gap(
         if least > 0.0:
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)
-        kept, near, maker = _refined(full, search, library, resonances=least > 0.0)
-    last = _settled(search, kept, near, maker)
+        kept, near = _refined(full, search, library, resonances=least > 0.0)
+    last, full = _settled(full, search, kept, near, library)
     return Found(last, full, predicted(full, last.model), likely)
 
 
@@ -111,24 +112,28 @@ def _bodies(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMak
     return [term for term in made if term is not None]
 
 
-def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMaker) -> Search:
-    """The terms found, at their better parameters, judged once more beside each other."""
-    begun = [t for t in search.design.terms if t.started and t.key not in {k.key for k in kept}]
-    design = Design(search.design.rows, (*kept, *begun, *near))
+def _settled(
+    full: Baseline, search: Search, kept: list[Term], near: list[Term], library: Library
+) -> tuple[Search, Baseline]:
+    """The terms found, at their best parameters together, judged once more beside each other."""
+    state = Polisher(library).polished(full, search.design.rows, kept)
+    maker = TermMaker(Context(state.full), state.full.strict)
+    begun = [t for t in library.begun(maker) if t.key not in {k.key for k in kept}]
+    design = Design(state.rows, (*state.terms, *begun, *near))
     model = fit(design, range(len(kept)))
-    last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
+    last = Search(design, state.prediction.context, model, search.dry_given, tried=search.candidates)
     last.backward()
     merge(last)
     if any(term.effect.is_body for term in last.model.terms):
-        last = bodies_again(last, maker)
+        last = bodies_again(last, TermMaker(last.context, state.full.strict))
         last.forward()
     last.backward()
-    return last
+    return last, state.full
 
 
 def _refined(
     full: Baseline, search: Search, library: Library, *, resonances: bool
-) -> tuple[list[Term], list[Term], TermMaker]:
+) -> tuple[list[Term], list[Term]]:
     """Accepted terms at better non-linear parameters, and what might stand in their places at its best."""
     model, terms = search.model, search.model.design.terms
     now = predicted(full, model)
@@ -168,7 +173,7 @@ def _refined(
             near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
     if resonances:
         near += [_with_its_swing(full, search, term) for term in _resonances(search, Refiner(maker))]
-    return kept, near, maker
+    return kept, near
 
 
 def _along(context: Context, term: Term) -> list[Effect]:

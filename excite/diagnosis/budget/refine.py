@@ -45,7 +45,7 @@ class Beside:
         nats = 0.0
         for j in range(m.design.rows.n_joints):
             rest = m.residual[j][use]
-            moved = shift[m.layout.numbers[j]] @ self._columns(j)
+            moved = shift[m.layout.numbers[j]] @ self.columns(j)
             if j in term.columns:
                 moved = moved + term.columns[j][use] @ x
             more = float(moved @ (moved - 2.0 * rest)) * float(m.weight[j]) / len(rest)
@@ -65,12 +65,12 @@ class Beside:
         cross, inner, slope = np.zeros((m.layout.size, size)), np.zeros((size, size)), np.zeros(size)
         for j, block in term.columns.items():
             inside, w = block[use], m.weight[j]
-            cross[m.layout.numbers[j]] += w * (self._columns(j) @ inside)
+            cross[m.layout.numbers[j]] += w * (self.columns(j) @ inside)
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
         return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope, cross
 
-    def _columns(self, j: int) -> Array:
+    def columns(self, j: int) -> Array:
         """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""
         if j not in self._rows:
             m = self.model
@@ -105,7 +105,8 @@ class Refiner:
         for form in forms:
             for start in form.starts(best.theta)[:3]:
                 begun = self._made(form, term, start)
-                if begun is None:
+                # A form that begins where it cannot be ends there as well.
+                if begun is None or not self._can_be(begun, beside.gain(begun)[1]):
                     continue
                 item, more = self._searched(beside, begun)
                 if more - gain > 3.0 + (item.n_parameters - best.n_parameters):

@@ -151,6 +151,10 @@ class Effect(ABC):
         """Where the search of a richer form begins besides, where the plain one fits nothing."""
         return []
 
+    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+        """Non-linear parameters that say about the same on another fit of the baseline."""
+        return theta
+
     def nearest_body(
         self, context: Context, location: str, information: Array, target: Array
     ) -> Array | None:

@@ -10,7 +10,7 @@ import numpy as np
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Theta
 from excite.diagnosis.effects.form import Draft, Form, Sizes
-from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping
+from excite.diagnosis.effects.gears.gear import Gear, contact_stiffness, gear_damping, link_inertia
 from excite.diagnosis.effects.gears.gear_effect import GearEffect, joint_behind
 from excite.diagnosis.effects.note import Beyond, Note
 from excite.diagnosis.equations.joint_torque import Fit
@@ -64,6 +64,11 @@ class JointElasticity(GearEffect):
 
     def gear(self, context: Context, location: str, theta: Theta) -> Gear:
         return Gear(theta[0], gear_damping(context, context.row(location), theta[0], theta[1]))
+
+    def carried_over(self, old: Context, new: Context, location: str, theta: Theta) -> Theta:
+        """As many swings a second: a link that turns out lighter has a gear that is softer by as much."""
+        before, after = (float(link_inertia(c, c.row(location)).mean()) for c in (old, new))
+        return (theta[0] * after / before, *theta[1:])
 
     def sizes(self, context: Context, location: str, theta: Theta, fit: Fit) -> dict[str, float]:
         values = super().sizes(context, location, theta, fit)
