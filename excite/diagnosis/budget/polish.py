@@ -39,11 +39,15 @@ _DONE = 0.3
 _RICHER = 3.0
 
 
+# What has no term: a joint's sign change of friction, and how long before the velocity all change; bounds of that [s].
+_SIGN, _LEAD, _LEADS = -1, -2, (2e-4, 0.02)
+
+
 class Knob(NamedTuple):
     """A number that is moved.
 
     Attributes:
-        term: index of the term that has it; −1: of a joint's friction.
+        term: index of the term that has it; or of a joint's sign change of friction, or the lead of all of them.
         joint: index of the joint.
         place: index in the term's ``theta``.
         low: least value.
@@ -141,12 +145,21 @@ class Polisher:
             return state
         state = self._searched(state)
         state = State.fitted(state.full, state.rows, state.terms, weight=state.model.weight)
-        for k, term in enumerate(terms):
+        state = self._in_forms(state)
+        rubbing = sorted({knob.joint for knob in self._knobs(state) if knob.term == _SIGN})
+        signs = state.full.signs
+        for j in rubbing:
+            state = self._plain_sign(state, j)
+        if any(knob.term == _LEAD for knob in self._knobs(state)):
+            state = self._plainer(state, state.full.signs, 0.0)
+        return state if state.full.signs == signs else self._in_forms(state)
+
+    def _in_forms(self, state: State) -> State:
+        """Each term in the plainest form that says as much, and the one of highest order of those."""
+        for k, term in enumerate(state.terms):
             if not term.started:
                 for other in _other_forms(term.effect):
                     state = self._in_form(state, k, other)
-        for j in sorted({knob.joint for knob in self._knobs(state) if knob.term < 0}):
-            state = self._plain_sign(state, j)
         return state
 
     def _in_form(self, state: State, k: int, effect: Effect) -> State:
@@ -159,8 +172,9 @@ class Polisher:
         begun = state.changed((*state.terms[:k], made, *state.terms[k + 1 :]))
         if not _can_be(begun, k):
             return state
-        spared = term.n_parameters - made.n_parameters
-        found = self._searched(begun)
+        found, spared = self._searched(begun), term.n_parameters - made.n_parameters
+        if not _can_be(state, k):
+            return found
         return found if found.loss < state.loss + (_RICHER + spared if spared > 0 else 0.0) else state
 
     def _plain_sign(self, state: State, j: int) -> State:
@@ -169,8 +183,14 @@ class Polisher:
             return state
         signs = list(state.full.signs)
         signs[j] = SignChange(WIDTHS[len(WIDTHS) // 2])
-        begun = self._at_signs(state, signs, [term.theta for term in state.terms])
-        found = state if begun is None else self._searched(begun)
+        return self._plainer(state, signs, state.full.samples.lead)
+
+    def _plainer(self, state: State, signs: Sequence[SignChange], lead: float) -> State:
+        """With plainer sign changes of friction, where these say as much."""
+        new = self._columns(state, signs, lead, [term.theta for term in state.terms])
+        if new is None:
+            return state
+        found = self._searched(state.changed(new[2], new[0], new[1]))
         return found if found.loss < state.loss + _RICHER else state
 
     def _searched(self, state: State) -> State:
@@ -299,23 +319,27 @@ class Polisher:
     ) -> tuple[Baseline, Rows, list[Term]] | None:
         """Baseline, rows and terms at other values of the knobs; what does not change is the same object."""
         signs, thetas = list(state.full.signs), [term.theta for term in state.terms]
+        lead = state.full.samples.lead
         for knob, value in zip(knobs, values, strict=True):
-            if knob.term < 0:
+            if knob.term == _LEAD:
+                lead = value
+            elif knob.term == _SIGN:
                 sign = signs[knob.joint]
                 signs[knob.joint] = sign._replace(**{_number_of(sign): value})
             else:
                 theta = thetas[knob.term]
                 thetas[knob.term] = (*theta[: knob.place], value, *theta[knob.place + 1 :])
-        return self._columns(state, signs, thetas)
+        return self._columns(state, signs, lead, thetas)
 
     def _columns(
-        self, state: State, signs: Sequence[SignChange], thetas: Sequence[Theta]
+        self, state: State, signs: Sequence[SignChange], lead: float, thetas: Sequence[Theta]
     ) -> tuple[Baseline, Rows, list[Term]] | None:
         full, rows, terms = state.full, state.rows, list(state.terms)
-        turned = [j for j, sign in enumerate(signs) if sign != full.signs[j]]
+        led = lead != full.samples.lead
+        turned = [j for j, sign in enumerate(signs) if led or sign != full.signs[j]]
         begun: dict[tuple[str, str], Term] = {}
         if turned:
-            full = full.with_signs(signs, full.samples.lead)
+            full = full.with_signs(signs, lead)
             own = list(rows.own)
             for j in turned:
                 columns = own_signals(full.samples, own_terms(self.library.modelled), j, signs[j])
@@ -332,18 +356,12 @@ class Polisher:
                 continue
             context = term.context
             if turned:
-                context = Context(replace(context.baseline, signs=tuple(signs)))
+                context = Context(replace(context.baseline, signs=tuple(signs), samples=full.samples))
             made = _made(TermMaker(context, full.strict), term, thetas[k])
             if made is None:
                 return None
             terms[k] = made
         return full, rows, terms
-
-    def _at_signs(
-        self, state: State, signs: Sequence[SignChange], thetas: Sequence[Theta]
-    ) -> State | None:
-        new = self._columns(state, signs, thetas)
-        return None if new is None else state.changed(new[2], new[0], new[1])
 
     def _knobs(self, state: State) -> list[Knob]:
         """All that may be moved."""
@@ -357,7 +375,9 @@ class Polisher:
                 rubbing.add(term.own)
         for j in sorted(rubbing):
             bounds = BREAKAWAY_BOUNDS if state.full.signs[j].bent else WIDTH_BOUNDS
-            knobs.append(Knob(-1, j, 0, *bounds))
+            knobs.append(Knob(_SIGN, j, 0, *bounds))
+        if rubbing and state.full.samples.lead > 0.0:
+            knobs.append(Knob(_LEAD, -1, 0, *_LEADS))
         return knobs
 
 
@@ -372,6 +392,8 @@ def _mixed(metric: Array, there: Array, change: Array, before: Array, change_bef
 def _value(state: State, knob: Knob) -> float:
     if knob.term >= 0:
         return state.terms[knob.term].theta[knob.place]
+    if knob.term == _LEAD:
+        return state.full.samples.lead
     sign = state.full.signs[knob.joint]
     return float(getattr(sign, _number_of(sign)))
 
