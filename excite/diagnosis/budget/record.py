@@ -14,7 +14,7 @@ from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library, with_begun
 from excite.diagnosis.budget.merge import merge
-from excite.diagnosis.budget.polish import Polisher
+from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.screening import one_each, screened
