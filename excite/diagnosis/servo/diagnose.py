@@ -162,10 +162,6 @@ def _evened(log: Log, trial: Trial) -> Trial:
 def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
     """The verdict after the roll-outs, with the gap in positions and what no torque leaves open."""
     gap, warnings = result.gap, list(result.warnings)
-    # Torques rebuilt from a servo are no more exact than that, whatever it is.
-    hidden = gap.before < EXACT
-    if result.verdict == "unknown" and hidden:
-        result = replace(result, verdict="none", location=None)
     rollout, servo = closed.rollout, closed.servo
     warnings.append(
         "the log has no torque: an error of a torque sensor cannot be seen, and where friction ends and the "
@@ -201,7 +197,7 @@ def _judged(result: Diagnosis, closed: ClosedLoop) -> Diagnosis:
         )
         warnings.append(f"the servo's torques speak for {named}, {but}")
         # What is no gap without an effect so faint is none with it.
-        silent = hidden or (faint and not closed.structured)
+        silent = faint and not closed.structured
         result = replace(
             result,
             verdict="none" if silent else "unknown",
