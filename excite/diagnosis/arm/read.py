@@ -70,7 +70,8 @@ class Reading:
         last = stages[-1].context.baseline
         rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
         beside = tuple(scored for scored, _ in rivals)
-        listed = (first, *beside, *self._scored(self._likely))[:_LISTED]
+        others = (self._terms[item.effect, item.location] for item in kept[1:])
+        listed = (first, *beside, *self._scored((*others, *self._likely)))[:_LISTED]
         stages[0] = replace(stages[0], ranking=listed)
         after = replace(
             self._nothing,
@@ -79,18 +80,18 @@ class Reading:
             final=last,
             floor=self.scorer.floor(last.fit),
         )
-        others = [(scored, chance) for scored, chance in rivals if scored.name != first.name]
+        named = [(scored, chance) for scored, chance in rivals if scored.name != first.name]
         renamed = tuple(_second_name(item, last) for item in after.accepted)
         chance = kept[0].probability + sum(p for scored, p in rivals if scored.name == first.name)
         judgement = Judgement(
-            "ambiguous" if others or renamed[0] is not None else "effect",
-            tuple(scored for scored, _ in others),
+            "ambiguous" if named or renamed[0] is not None else "effect",
+            tuple(scored for scored, _ in named),
             tuple((item.location, *(p for n, p in item.rivals if n == item.effect)) for item in kept),
             renamed,
             structured_joints(after, self.scorer.spectral),
-            tuple(_second_name(scored, last) for scored, _ in others),
+            tuple(_second_name(scored, last) for scored, _ in named),
             chance,
-            tuple(p for _, p in others),
+            tuple(p for _, p in named),
         )
         return after, judgement
 
