@@ -199,5 +199,19 @@ class Budget:
             if share >= _WORTH:
                 what = "what does not repeat" if name == NOT_REPEATED else f"unnamed, following {name},"
                 parts.append(f"{what} {100 * share:.0f} %")
+        if not parts:
+            return self._noise()
         parts.append(f"the rest {100 * self.rest:.0f} %")
         return "Of the gap above the noise: " + "; ".join(parts) + "."
+
+    def _noise(self) -> str:
+        """The same where nothing in the gap follows anything: how near to the noise it is."""
+        if not self.channels:
+            return "Nothing was compared."
+        name, most = max(
+            self.channels.items(), key=lambda item: item[1].gap / max(item[1].noise_floor, 1e-300)
+        )
+        return (
+            "Nothing in the gap follows an effect or what a joint does; it stands furthest above the noise at "
+            f"{name}: {most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}."
+        )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.fit.joint_fit import Model, effective_share
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 
@@ -36,21 +36,45 @@ class Beside:
 
     def gain(self, term: Term) -> tuple[float, Array]:
         """Nats that a term's columns gain, each joint's by what is left of it, and its parameters."""
-        m = self.model
-        left, slope, cross = self._products(term)
-        if (np.diag(left) <= 0.0).any():
-            return -np.inf, np.zeros(term.size)
-        x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
-        shift, use = -self.inverse @ (cross @ x), m.design.rows.block >= 0
-        nats = 0.0
-        for j in range(m.design.rows.n_joints):
+        m, use = self.model, self.model.design.rows.block >= 0
+        x, changes = self._changes(term)
+        nats = 0.0 if changes else -np.inf
+        for j, moved in enumerate(changes):
             rest = m.residual[j][use]
-            moved = shift[m.layout.numbers[j]] @ self.columns(j)
-            if j in term.columns:
-                moved = moved + term.columns[j][use] @ x
             more = float(moved @ (moved - 2.0 * rest)) * float(m.weight[j]) / len(rest)
             nats -= 0.5 * len(rest) * float(m.share[j]) * float(np.log(max(1.0 + more, 1e-9)))
         return nats, x
+
+    def between(self, one: Term, other: Term) -> float:
+        """Nats that another term's columns gain over those of one, against what is left with the other's.
+
+        What the other explains beyond the one is no sign of how alike neighbouring rows are.
+        """
+        rows = self.model.design.rows
+        use = rows.block >= 0
+        left = [self.model.residual.copy() for _ in (one, other)]
+        for rest, term in zip(left, (one, other), strict=True):
+            _, changes = self._changes(term)
+            if not changes:
+                return -np.inf
+            rest[:, use] -= np.array(changes)
+        share = effective_share(left[1], use, rows.trial, left[0] - left[1])
+        before, after = ((rest[:, use] ** 2).sum(axis=1) for rest in left)
+        return float(0.5 * use.sum() * (share * np.log(before / np.maximum(after, 1e-300))).sum())
+
+    def _changes(self, term: Term) -> tuple[Array, list[Array]]:
+        """A term's parameters and, by joint, how its rows change with it; none where it is the model's own."""
+        m, use = self.model, self.model.design.rows.block >= 0
+        left, slope, cross = self._products(term)
+        if (np.diag(left) <= 0.0).any():
+            return np.zeros(term.size), []
+        x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
+        shift = -self.inverse @ (cross @ x)
+        changes = []
+        for j in range(m.design.rows.n_joints):
+            moved = shift[m.layout.numbers[j]] @ self.columns(j)
+            changes.append(moved + term.columns[j][use] @ x if j in term.columns else moved)
+        return x, changes
 
     def information(self, term: Term) -> tuple[Array, Array]:
         """Normal matrix ``(size, size)`` of a term's parameters beside the model's, and their right side."""
@@ -109,7 +133,7 @@ class Refiner:
                 if begun is None or not self._can_be(begun, beside.gain(begun)[1]):
                     continue
                 item, more = self._searched(beside, begun)
-                if more - gain > 3.0 + (item.n_parameters - best.n_parameters):
+                if beside.between(best, item) > 3.0 + (item.n_parameters - best.n_parameters):
                     best, gain = item, more
         whole = best.effect.closer if closer else None
         begun = None if whole is None else self._made(whole, best, best.theta)
