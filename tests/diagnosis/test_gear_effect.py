@@ -10,6 +10,7 @@ import pytest
 
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.backlash import Backlash, SoftBacklash
+from excite.diagnosis.effects.gears.joint_elasticity import JointElasticity
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
@@ -55,6 +56,17 @@ def test_second_derivatives_of_the_torques(baseline: Baseline) -> None:
     # The inertia behind a joint does not change with its own angle.
     np.testing.assert_allclose(context.curvature(j, "qa")[:, j], 0.0, atol=1e-6)
     np.testing.assert_allclose(context.curvature(j, "vv")[:, j], 0.0, atol=1e-6)
+
+
+def test_a_lighter_link_has_a_softer_gear_for_the_same_swing(baseline: Baseline) -> None:
+    less = np.linalg.lstsq(baseline.basis, -0.5 * baseline.phi, rcond=None)[0]
+    light = baseline.updated(replace(baseline.fit, shared=baseline.fit.shared + less))
+    old, new = Context(baseline), Context(light)
+    q, v, a = (baseline.samples.stacked(name) for name in ("q", "v", "a"))
+    before, after = ((c.torques(q, v, a + FIRST) - c.torques(q, v, a))[:, 0].mean() for c in (old, new))
+    assert after < 0.7 * before
+    over = JointElasticity().carried_over(old, new, "first", (80.0, 0.1))
+    assert over == pytest.approx((80.0 * after / before, 0.1), rel=1e-6)
 
 
 def test_play_as_wide_as_any_that_is_searched_is_a_gear_that_passes_for_it(baseline: Baseline) -> None:

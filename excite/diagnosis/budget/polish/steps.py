@@ -57,10 +57,10 @@ class Steps:
             best = made if gained > 0.0 else best
             if worse >= (_PATIENCE if gears else 1):
                 break
-            mixed = there if last is None else _mixed(found.model.normal[:n, :n], there, there - x, *last)
-            last, x, state = (there, there - x), mixed, made
-            if mixed is not there:
-                moved = replace(found.model, x=np.concatenate([mixed, found.model.x[n:]]))
+            upcoming = there if last is None else mixed(found.model.normal[:n, :n], there, there - x, *last)
+            last, x, state = (there, there - x), upcoming, made
+            if upcoming is not there:
+                moved = replace(found.model, x=np.concatenate([upcoming, found.model.x[n:]]))
                 state = found.remade(predicted(found.full, moved))
         return best
 
@@ -141,7 +141,7 @@ class Steps:
         return found if all(found.can_be(knob.term) for knob in knobs if knob.term >= 0) else None
 
 
-def _mixed(metric: Array, there: Array, change: Array, before: Array, change_before: Array) -> Array:
+def mixed(metric: Array, there: Array, change: Array, before: Array, change_before: Array) -> Array:
     """Between ``there`` and ``before``, where the steps that led to them would cancel (Anderson 1965)."""
     turn = change - change_before
     size = float(turn @ metric @ turn)
