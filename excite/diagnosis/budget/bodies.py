@@ -7,7 +7,7 @@ out what a real body would show elsewhere: other names then take it. So the ten 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +41,12 @@ def body(beside: Beside, maker: TermMaker, effect: Effect, location: str) -> Ter
     target[kept] = slope / whole.scale
     found = effect.nearest_body(maker.context, location, information, target)
     return None if found is None else _along(whole, found)
+
+
+def bodies_at(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMaker) -> list[Term]:
+    """The likeliest body at each link, beside a model."""
+    made = (body(beside, maker, effect, link) for effect, link in places)
+    return [term for term in made if term is not None]
 
 
 def _along(whole: Term, direction: Array) -> Term | None:

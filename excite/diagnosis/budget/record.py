@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
+from excite.diagnosis.budget.bodies import beside_others, bodies_again, bodies_at
 from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
 from excite.diagnosis.budget.fit.joint_fit import fit
 from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.library import Library, with_begun
+from excite.diagnosis.budget.likely import likely_beside
 from excite.diagnosis.budget.merge import merge
 from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
-from excite.diagnosis.budget.screening import one_each, screened
 from excite.diagnosis.budget.search import Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
@@ -31,8 +30,6 @@ from excite.diagnosis.equations.samples import ArmSamples
 _LARGE = 0.3
 # Of what might stand in a term's place, how many have their non-linear parameters searched as well.
 _INSTEAD = 2
-# Effects that are listed as likely by themselves.
-_LIKELY = 8
 # Joints at which resonances are searched, and how far above the noise they have to stand [power].
 _RESONANT, _STANDS = 3, 1.5
 # How often a resonance is searched again on what is fitted with it, and the nats that have to be in it.
@@ -88,12 +85,10 @@ def model_of_gap(
         first = [*begun, *(t for t in kept if not t.started)]
         chosen = [k for k, term in enumerate(first) if term.key not in pruned]
         beside = Beside.of(fit(Design(rows, tuple(first)), chosen, left_out=False))
-        bodies = _bodies(library.bodies(maker.context), beside, maker)
+        bodies = bodies_at(library.bodies(maker.context), beside, maker)
         design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
-        if not likely:
-            ranking = one_each(design, screened(search.model, search.allowed(search.model)))
-            likely = tuple(design.terms[item.index] for item in ranking[:_LIKELY])
+        likely = likely or likely_beside(search)
         # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.
         search.stops = least > 0.0 and not kept
         search.run()
@@ -104,12 +99,6 @@ def model_of_gap(
         kept, near = _refined(full, search, library, resonances=least > 0.0)
     last, full = _settled(full, search, kept, near, library)
     return Found(last, full, predicted(full, last.model), likely)
-
-
-def _bodies(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMaker) -> list[Term]:
-    """The likeliest body at each link, beside a model."""
-    made = (body(beside, maker, effect, link) for effect, link in places)
-    return [term for term in made if term is not None]
 
 
 def _settled(
@@ -153,7 +142,7 @@ def _refined(
         beside = beside_others(search, k)
         near += [terms[tried.index] for tried in search.rivals.get(k, ())]
         if term.effect.is_body:
-            made = _bodies(library.bodies(own.context), beside, own)
+            made = bodies_at(library.bodies(own.context), beside, own)
             kept.append(next((t for t in made if t.key == term.key), term))
             near += [t for t in made if t.key != term.key]
             continue
