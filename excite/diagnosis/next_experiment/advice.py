@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.answer.result import NextExperiment
+from excite.diagnosis.attribution.attribution import Attribution, Scored
+from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.next_experiment.candidates import touching
 from excite.diagnosis.next_experiment.choice import Proposal, propose, written
-from excite.diagnosis.search.attribution import Attribution, Scored
-from excite.diagnosis.search.verdict import Judgement
 
 # Rivals that a motion is chosen for, the likeliest.
 _MOST = 5
