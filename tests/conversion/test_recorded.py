@@ -79,7 +79,8 @@ RECORDED = {
     ),
     "dvrk_psm_payload": Recorded("traj_one_no_weight.csv", "psm", 7, ("v", "tau"), 2),
     "feetech_sts3250_pendulum": Recorded("2024*.json", "continuous", 1, ("v", "q_cmd"), 3),
-    "franka_joint2_friction_nnfm": Recorded("case3_*.csv", "continuous", 1, ("v", "a", "tau"), 3),
+    # Its column of accelerations holds zeros: nobody filled it.
+    "franka_joint2_friction_nnfm": Recorded("case3_*.csv", "continuous", 1, ("v", "tau"), 3),
     "franka_panda_gaz2019": Recorded("panda_exciting*.csv", "panda", 7, ("v", "tau"), 2),
     "kuka_lwr4_flobaroid": Recorded("*.npz", "kuka_lwr4.urdf", 7, ("v", "a", "tau", "q_cmd"), 2),
     "so101_sage": Recorded("[cm]*s*e*.parquet", "so101", 6, ("v", "q_cmd"), 2),
