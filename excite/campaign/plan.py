@@ -136,6 +136,7 @@ def _chosen(
     ``seconds`` of the stages ``rank`` and ``choose`` are added up in passing.
     """
     robot, rehearsed = judged.asked.robot, Rehearsed()
+    base = structural_base_parameters(robot)
     while True:
         report = judged.more()
         if not report.kept:
@@ -143,7 +144,6 @@ def _chosen(
                 raise KeyboardInterrupt
             raise none_is_safe(robot, judged.refusals(report))
         filtered = time.perf_counter()
-        base = structural_base_parameters(robot)
         pool = Pool(report.kept, folder, ranked_segments(robot))
         ranked = time.perf_counter()
         seconds["rank"] += ranked - filtered

@@ -15,7 +15,7 @@ from excite.excitation.conditioning import MotionFactor, motion_factor
 from excite.excitation.ranking import Ranking
 from excite.excitation.sub_regressors import segment_columns, segment_conditions
 from excite.motion.motion import Motion
-from excite.regressor.base_parameters import structural_base_parameters
+from excite.regressor.base_parameters import BaseParameters, structural_base_parameters
 from excite.regressor.columns import measured_columns
 from excite.robot.robot import Robot
 from excite.temporary_folder import TemporaryFolder
@@ -57,7 +57,7 @@ class Keeper:
     def __call__(self, robot: Robot, motion: Motion) -> Accepted:
         """Write a motion and its R factor; raises InputError where that cannot be done."""
         motion = motion.renamed(self.prefix + motion.name)
-        factor = motion_factor(robot, motion)
+        factor = motion_factor(robot, motion, base=_base(robot))
         write_value(motion, _motion_file(self.folder, motion.name))
         write_value(factor, _factor_file(self.folder, motion.name))
         return Accepted(
@@ -147,5 +147,10 @@ def ranked_segments(robot: Robot) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=4)
+def _base(robot: Robot) -> BaseParameters:
+    return structural_base_parameters(robot)
+
+
+@lru_cache(maxsize=4)
 def _columns(robot: Robot) -> dict[str, NDArray[np.int64]]:
-    return segment_columns(robot, measured_columns(robot), structural_base_parameters(robot))
+    return segment_columns(robot, measured_columns(robot), _base(robot))

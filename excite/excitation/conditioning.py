@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.errors import InputError, MotionError
@@ -28,6 +29,8 @@ from excite.robot.robot import Robot
 
 # Factors that are stacked before they are made one.
 _STACKED = 40
+# Rows that become part of a factor at a time: a few megabytes stay in the processor's cache.
+_BLOCK_BYTES = 4e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +96,12 @@ class Conditioning:
 
 
 def motion_factor(
-    robot: Robot, motion: Motion, rate_hz: float = 50.0, *, row_std: Array | None = None
+    robot: Robot,
+    motion: Motion,
+    rate_hz: float = 50.0,
+    *,
+    row_std: Array | None = None,
+    base: BaseParameters | None = None,
 ) -> MotionFactor:
     """R factor of a motion's regressor.
 
@@ -106,6 +114,8 @@ def motion_factor(
         rate_hz: the motion is sampled anew at this rate.
         row_std: ``(r,)`` standard deviation of each of a sample's rows; the rows are divided by it. SI if
             None.
+        base: structural base parameters, for a robot that has them at hand: the same factor to rounding, in half the
+            time.
 
     Raises:
         MotionError: the motion's joints are not the robot's, or it holds NaN.
@@ -121,17 +131,34 @@ def motion_factor(
         raise MotionError("holds NaN or infinity", source=motion.name)
     columns = measured_columns(robot)
     sampled = motion.resampled(robot, rate_hz)
-    rows = regressor_rows(robot, columns, sampled.q, sampled.v, sampled.a, closed_contacts(robot, sampled))
-    if row_std is not None:
-        row_std = np.asarray(row_std, dtype=float)
-        if row_std.shape != rows.shape[1:2] or not (np.isfinite(row_std) & (row_std > 0.0)).all():
-            raise InputError(
-                f"standard deviations {row_std}", field="row_std", remedy=f"{rows.shape[1]} positive ones"
-            )
-        rows /= row_std[:, None]
-    rows = rows.reshape(-1, rows.shape[2])
-    matrix = r_factor(rows)
-    return MotionFactor((motion.name,), columns, matrix, len(rows), rate_hz, row_std)
+    closed = closed_contacts(robot, sampled)
+    reduced = base if base is not None and _within(base, columns, closed) else None
+    used = columns if reduced is None else columns.only(reduced.independent)
+    std = None if row_std is None else _checked_std(row_std, robot.n_equations)
+    block = max(1, int(_BLOCK_BYTES / (8 * robot.n_equations * len(used.names))))
+    matrix = np.zeros((0, len(used.names)))
+    for start in range(0, sampled.n_samples, block):
+        part = slice(start, start + block)
+        rows = regressor_rows(robot, used, sampled.q[part], sampled.v[part], sampled.a[part], closed[part])
+        if std is not None:
+            rows /= std[:, None]
+        matrix = r_factor(np.vstack([matrix, rows.reshape(-1, rows.shape[2])]))
+    if reduced is not None:
+        matrix = matrix @ reduced.matrix
+    n_rows = sampled.n_samples * robot.n_equations
+    return MotionFactor((motion.name,), columns, matrix, n_rows, rate_hz, std)
+
+
+def _within(base: BaseParameters, columns: Columns, closed: NDArray[np.bool_]) -> bool:
+    """Whether base parameters hold along a motion: they were found with one foot in the air at most."""
+    return base.names == columns.names and bool((closed.sum(axis=1) >= closed.shape[1] - 1).all())
+
+
+def _checked_std(row_std: Array, count: int) -> Array:
+    std = np.asarray(row_std, dtype=float)
+    if std.shape != (count,) or not (np.isfinite(std) & (std > 0.0)).all():
+        raise InputError(f"standard deviations {row_std}", field="row_std", remedy=f"{count} positive ones")
+    return std
 
 
 def stack_factors(factors: Sequence[MotionFactor]) -> MotionFactor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,17 @@ class Columns:
     def inertial(self) -> NDArray[np.int64]:
         """Indices in ``phi`` of the inertial columns, in their order."""
         return self.parameter[self.parameter >= 0]
+
+    def only(self, kept: NDArray[np.int64]) -> Columns:
+        """Some of the columns, by index."""
+        names = tuple(self.names[column] for column in kept)
+        return replace(
+            self,
+            names=names,
+            segment=self.segment[kept],
+            parameter=self.parameter[kept],
+            joint=self.joint[kept],
+        )
 
     def of_segment(self, segment: int) -> NDArray[np.int64]:
         """Columns of a segment, empty where no sensor sees it."""
@@ -89,7 +100,7 @@ def regressor_rows(
 
     Args:
         robot: the robot.
-        columns: from :func:`measured_columns`.
+        columns: from :func:`measured_columns`, all of them or some.
         q: ``(n, nq)`` configurations.
         v: ``(n, nv)`` velocities.
         a: ``(n, nv)`` accelerations.
@@ -113,9 +124,9 @@ def regressor_rows(
     motors = np.where(robot.passive, 0.0, np.ones_like(v))
     values = {"viscous": v, "coulomb": np.sign(v), "offset": motors, "armature": a}
     values = {term: motors * value for term, value in values.items()}
-    joints = np.arange(n_joints)
-    for index, term in enumerate(columns.drives):
-        rows[:, n_base + joints, n_inertial + index * n_joints + joints] = values[term]
+    for place in range(n_inertial, len(columns.names)):
+        term, joint = columns.names[place].partition("(")[0], columns.joint[place]
+        rows[:, n_base + joint, place] = values[term][:, joint]
     if not robot.floating:
         return rows
     closed = np.ones((len(q), len(robot.feet)), dtype=bool) if closed is None else closed

@@ -105,6 +105,10 @@ def _sole_axes(corners: Array, link: Array) -> Array | None:
     """Axes of a sole, z along its normal and x along the link's; None where its corners lie on a line."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
     if np.linalg.norm(normal) < 1e-9:
+        # The first three lie on a line: twice the polygon's area.
+        spokes = corners - corners.mean(axis=0)
+        normal = np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
+    if np.linalg.norm(normal) < 1e-9:
         return None
     normal /= np.linalg.norm(normal)
     if normal @ link[:, 2] < 0.0 and abs(normal @ link[:, 2]) > 0.5:

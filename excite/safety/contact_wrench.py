@@ -6,12 +6,9 @@ Everything here takes arrays over samples, in the world frame with z up, and kno
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-# Samples that are worked on at a time, to bound memory.
-_BLOCK = 1024
+from excite.arrays import Array
+from excite.lazy_kernel import LazyKernel
 
 
 def wrench_at_world_origin(base_wrench: Array, rotation: Array, position: Array) -> Array:
@@ -65,30 +62,45 @@ def polygon_margin(corners: Array, points: Array) -> Array:
     Returns:
         ``(n,)`` [m]: positive inside, negative outside, NaN where a point is NaN or the hull has no area.
     """
-    margin = np.empty(len(points))
-    for start in range(0, len(points), _BLOCK):
-        block = slice(start, start + _BLOCK)
-        margin[block] = _polygon_margin(corners[block], points[block])
+    margin = np.full(len(points), np.nan)
+    if corners.shape[1] > 2:
+        _margins(
+            np.ascontiguousarray(corners, dtype=float), np.ascontiguousarray(points, dtype=float), margin
+        )
     return margin
 
 
-def _polygon_margin(corners: Array, points: Array) -> Array:
-    if corners.shape[1] < 3:
-        return np.full(len(points), np.nan)
-    start, end = np.triu_indices(corners.shape[1], 1)
-    edge = corners[:, end] - corners[:, start]
-    length = np.linalg.norm(edge, axis=2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        along_x, along_y = edge[..., 0] / length, edge[..., 1] / length
-    # Distance to the left of each directed line, of every corner and of the point.
-    offset = along_x * corners[:, start, 1] - along_y * corners[:, start, 0]
-    left = along_x[..., None] * corners[:, None, :, 1] - along_y[..., None] * corners[:, None, :, 0]
-    left -= offset[..., None]
-    distance = along_x * points[:, 1, None] - along_y * points[:, 0, None] - offset
-    lowest, highest = left.min(axis=2), left.max(axis=2)
-    forward = (length > 1e-9) & (lowest > -1e-9) & (highest > 1e-6)
-    backward = (length > 1e-9) & (highest < 1e-9) & (lowest < -1e-6)
-    margin = np.minimum(
-        np.where(forward, distance, np.inf).min(axis=1), np.where(backward, -distance, np.inf).min(axis=1)
-    )
-    return np.where(np.isfinite(margin), margin, np.nan)
+# Two corners that are nearer to each other than this are one; a corner that is this far on a line's side is beside it,
+# and a hull that reaches less far from all of its lines has no area [m].
+_SAME_M, _AREA_M = 1e-9, 1e-6
+
+
+@LazyKernel
+def _margins(corners, points, margin):
+    """Write the margin of each sample that has one."""
+    n_corners = corners.shape[1]
+    for sample in range(len(points)):
+        x, y, least = points[sample, 0], points[sample, 1], np.inf
+        for start in range(n_corners - 1):
+            x0, y0 = corners[sample, start, 0], corners[sample, start, 1]
+            for end in range(start + 1, n_corners):
+                dx, dy = corners[sample, end, 0] - x0, corners[sample, end, 1] - y0
+                length = np.sqrt(dx * dx + dy * dy)
+                if not length > _SAME_M:
+                    continue
+                dx, dy = dx / length, dy / length
+                offset = dx * y0 - dy * x0
+                # Distance to the left of the directed line, of every corner and of the point.
+                lowest, highest = np.inf, -np.inf
+                for corner in range(n_corners):
+                    left = dx * corners[sample, corner, 1] - dy * corners[sample, corner, 0] - offset
+                    lowest, highest = min(lowest, left), max(highest, left)
+                    if lowest <= -_SAME_M and highest >= _SAME_M:
+                        break
+                distance = dx * y - dy * x - offset
+                if lowest > -_SAME_M and highest > _AREA_M:
+                    least = np.nan if np.isnan(distance) else min(least, distance)
+                elif highest < _SAME_M and lowest < -_AREA_M:
+                    least = np.nan if np.isnan(distance) else min(least, -distance)
+        if np.isfinite(least):
+            margin[sample] = least

@@ -8,6 +8,11 @@ import pinocchio as pin
 from excite.arrays import Array
 
 
+def body_name(link: str) -> str:
+    """Name of a link's body in MuJoCo, which keeps ``world`` for what does not move; some bases are called so."""
+    return "world link" if link == "world" else link
+
+
 def position_to_mujoco(q: Array, *, floating: bool) -> Array:
     """``(nq,)`` configuration with the base's quaternion as w x y z."""
     return np.concatenate([q[:3], q[6:7], q[3:6], q[7:]]) if floating else q.copy()

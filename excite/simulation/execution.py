@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.divergence import diverged, without_log_file
@@ -25,7 +26,11 @@ if TYPE_CHECKING:
 
 SETTLE_S = 1.0
 
-Stop = Callable[[int, Array], bool]
+Stop = Callable[[int, Plant], bool]
+
+
+class DivergedError(MotionError):
+    """A simulation that has become infinite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +71,7 @@ def execute(
         virtual: the robot.
         motion: the motion, of the same joints.
         settle_s: how long the first posture is held before the recording starts [s].
-        stop: asked at every sample with its number and ``qpos`` in MuJoCo's layout; True ends the run there.
+        stop: asked at every sample with its number and the plant after the step from there; True ends the run.
         session_s: when the run starts within its session [s].
         memory: what injected physics keeps from run to run of a session, filled here.
 
@@ -74,7 +79,7 @@ def execute(
         The recording, shorter than the motion if it was stopped.
 
     Raises:
-        MotionError: the motion is not for this robot, or the simulation diverged.
+        MotionError: the motion is not for this robot; DivergedError: the simulation diverged.
     """
     import mujoco
 
@@ -109,10 +114,10 @@ def execute(
                 plant.advance()
                 continue
             track.sample()
-            if stop is not None and stop(track.count - 1, data.qpos[plant.qpos]):
+            if stop is not None and stop(track.count - 1, plant):
                 break
     if diverged(data) or not np.isfinite(track.qacc[: track.count]).all():
-        raise MotionError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
+        raise DivergedError("the simulation diverged", source=motion.name, remedy="check gains and timestep")
     return track.recording(virtual, motion.name, positions[:: clock.per_sample], clock)
 
 
@@ -155,7 +160,7 @@ class _Track:
         )
         self.damped = np.ones(n, dtype=bool)
         self.actuator, self.coulomb = np.zeros((n, joints)), np.zeros((n, joints))
-        self.contacts = np.zeros((n, len(robot.feet), 6))
+        self.pushes: list[tuple[int, NDArray[np.int32], Array, Array, Array]] = []
         self.touches = np.zeros(n)
         self.foot_of_body = np.full(model.nbody, -1)
         for number, foot in enumerate(robot.feet):
@@ -186,23 +191,31 @@ class _Track:
         self.count += 1
 
     def _contact(self, data: mujoco.MjData, row: int) -> None:
+        """Note which soles the ground pushes, where, and how hard."""
         contact = data.contact
-        # Only soles on the ground exert forces; MuJoCo orders a plane before a sphere, and the first axis
-        # of a contact's frame points from the first to the second.
+        # Only soles on the ground exert forces.
         address = contact.efc_address
         soles = np.flatnonzero(address >= 0)
-        self.touches[row] = data.ncon - len(soles)
-        if not len(soles):
-            return
-        foot = self.foot_of_body[self.model.geom_bodyid[contact.geom2[soles]]]
-        frames = contact.frame[soles].reshape(-1, 3, 3)
-        wrenches = np.empty((len(soles), 6))
-        wrenches[:, :3] = np.einsum("kij,ki->kj", frames, data.efc_force[address[soles, None] + np.arange(3)])
-        fx, fy, fz = wrenches[:, :3].T
-        x, y, z = contact.pos[soles].T
-        # Written out: this runs at every sample, and numpy's cross product takes longer than a step of the physics.
-        wrenches[:, 3], wrenches[:, 4], wrenches[:, 5] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
-        np.add.at(self.contacts[row], foot, wrenches)
+        self.touches[row] = len(address) - len(soles)
+        if len(soles):
+            forces = data.efc_force[address[soles, None] + np.arange(3)]
+            self.pushes.append((row, contact.geom2[soles], contact.frame[soles], contact.pos[soles], forces))
+
+    def _contact_wrenches(self) -> Array:
+        """Wrench of the ground on each foot about the world's origin, ``(n, n_feet, 6)``."""
+        wrenches = np.zeros((self.count, len(self.robot.feet), 6))
+        if not self.pushes:
+            return wrenches
+        at, shapes, frames, places, along = (list(part) for part in zip(*self.pushes, strict=True))
+        rows = np.repeat(at, [len(part) for part in shapes])
+        foot = self.foot_of_body[self.model.geom_bodyid[np.concatenate(shapes)]]
+        # MuJoCo orders a plane before a sphere, and the first axis of a contact's frame points from the first to the
+        # second.
+        axes = np.concatenate(frames).reshape(-1, 3, 3)
+        force = np.einsum("kij,ki->kj", axes, np.concatenate(along))
+        both = np.hstack([force, np.cross(np.concatenate(places), force)])
+        np.add.at(wrenches, (rows, foot), both)
+        return wrenches
 
     def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: _Clock) -> Recording:
         """The recording in pinocchio's conventions."""
@@ -218,7 +231,8 @@ class _Track:
         total = drives.total_coulomb
         share = np.divide(drives.coulomb, total, out=np.zeros_like(total), where=total > 0.0)
         gears = share * self.coulomb[:n] - drives.viscous * (v_joint + h * a_joint)
-        contacts = {foot.name: self.contacts[:n, number] for number, foot in enumerate(robot.feet)}
+        pushed = self._contact_wrenches()
+        contacts = {foot.name: pushed[:, number] for number, foot in enumerate(robot.feet)}
         return Recording(
             name=name,
             time=np.arange(n, dtype=np.float64) * clock.step * clock.per_sample,

@@ -11,6 +11,7 @@ import pinocchio as pin
 from excite.arrays import Array
 from excite.errors import InputError
 from excite.robot.robot import Foot, Robot
+from excite.simulation.coordinates import body_name
 from excite.simulation.drives import Drives
 from excite.simulation.inertial import PrincipalInertia, principal_inertia
 from excite.simulation.mjcf_closures import add_closures
@@ -109,7 +110,7 @@ def _add_body(robot: Robot, bodies: list[mujoco.MjsBody], joint: int, phi: Array
     placement = model.jointPlacements[joint]
     inertia = segment_inertia(robot, joint, phi)
     body = bodies[model.parents[joint]].add_body(
-        name=robot.segments[joint - 1].link,
+        name=body_name(robot.segments[joint - 1].link),
         pos=placement.translation,
         quat=wxyz(placement.rotation),
         explicitinertial=True,

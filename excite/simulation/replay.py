@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.motion.motion import Motion, interpolate
+from excite.regressor.kernels import forward_kinematics
 from excite.robot.robot import Robot
-from excite.simulation.execution import execute
+from excite.simulation.endings import (
+    FALL_HEIGHT_M,
+    FALL_TILT_RAD,
+    Fall,
+    FirstFault,
+    standing_phases,
+    vertical_axis,
+)
+from excite.simulation.execution import Stop, execute
 from excite.simulation.recording import Recording
 from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 
-# A base that tilts or sinks further than this from where the motion wants it has fallen.
-FALL_TILT_RAD = 0.5
-_FALL_COSINE = math.cos(FALL_TILT_RAD)
-FALL_HEIGHT_M = 0.15
+# A robot whose base is tilted further than this against the motion when that ends is on its way down.
 FALL_END_TILT_RAD = 0.1
-# A foot has this long after touchdown to come to rest before its slip counts.
-_TOUCHDOWN_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -112,14 +113,24 @@ class WatchedRun:
     replay: Replay
 
 
-def watched_run(virtual: VirtualRobot, motion: Motion, session_s: float = 0.0) -> WatchedRun:
-    """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay`."""
+def watched_run(
+    virtual: VirtualRobot, motion: Motion, session_s: float = 0.0, *, may_slip_m: float | None = None
+) -> WatchedRun:
+    """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay`.
+
+    Args:
+        virtual: the robot.
+        motion: the motion.
+        session_s: when the run starts within its session [s].
+        may_slip_m: stop as well as soon as a standing robot touches itself or slips by more than this [m].
+    """
     robot = virtual.robot
     planned = _planned(robot, motion)
     watched = replace(virtual, world=replace(virtual.world, watch_touches=True))
-    run = execute(
-        watched, motion, stop=_Fall(planned) if robot.floating and robot.feet else None, session_s=session_s
-    )
+    stop: Stop | None = None
+    if robot.floating and robot.feet:
+        stop = Fall(planned) if may_slip_m is None else FirstFault(robot, planned, may_slip_m)
+    run = execute(watched, motion, stop=stop, session_s=session_s)
     return WatchedRun(run, _judge(virtual, planned, run))
 
 
@@ -129,7 +140,6 @@ def _judge(virtual: VirtualRobot, planned: Motion, run: Recording) -> Replay:
     if robot.floating and robot.feet:
         tilt, sink = _departure(run.q, planned.q[: len(run.q)])
     lost = (tilt > FALL_TILT_RAD) | (sink > FALL_HEIGHT_M)
-    # A robot that has not come upright again when the motion ends is on its way down.
     lost[-1] |= tilt[-1] > FALL_END_TILT_RAD
     fallen = np.flatnonzero(lost)
     slip, lift = _feet(robot, run, planned)
@@ -156,28 +166,8 @@ def _planned(robot: Robot, motion: Motion) -> Motion:
 
 def _departure(q: Array, planned: Array) -> tuple[Array, Array]:
     """Angle between the base's vertical axis and the planned one [rad], and how far it sank [m]."""
-    cosine = np.einsum("ni,ni->n", _vertical_axis(q[:, 3:7]), _vertical_axis(planned[:, 3:7]))
+    cosine = np.einsum("ni,ni->n", vertical_axis(q[:, 3:7]), vertical_axis(planned[:, 3:7]))
     return np.arccos(np.clip(cosine, -1.0, 1.0)), planned[:, 2] - q[:, 2]
-
-
-def _vertical_axis(quaternions: Array) -> Array:
-    """The body's z axis in the world for quaternions x y z w, ``(n, 3)``."""
-    x, y, z, w = quaternions.T
-    return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)])
-
-
-class _Fall:
-    """Ends a run as soon as the base has left the motion for good."""
-
-    def __init__(self, planned: Motion):
-        # Looked at at every sample: in plain numbers, which takes a tenth of what arrays of one row take.
-        self.vertical, self.height = _vertical_axis(planned.q[:, 3:7]).tolist(), planned.q[:, 2].tolist()
-
-    def __call__(self, sample: int, qpos: Array) -> bool:
-        height, w, x, y, z = qpos[2:7].tolist()
-        a, b, c = self.vertical[sample]
-        cosine = 2.0 * a * (x * z + w * y) + 2.0 * b * (y * z - w * x) + c * (1.0 - 2.0 * (x * x + y * y))
-        return bool(cosine < _FALL_COSINE or self.height[sample] - height > FALL_HEIGHT_M)
 
 
 def _feet(
@@ -186,29 +176,15 @@ def _feet(
     """Slip and lift of each foot in each of its phases on the ground."""
     slip: dict[str, tuple[float, ...]] = {}
     lift: dict[str, tuple[float, ...]] = {}
-    model, data = robot.model, robot.model.createData()
-    centres = np.zeros((len(run.q), len(robot.feet), 3))
-    heights = np.zeros((len(run.q), len(robot.feet)))
-    for row, q in enumerate(run.q) if robot.feet else ():
-        pin.forwardKinematics(model, data, q)
-        for number, foot in enumerate(robot.feet):
-            pose = data.oMi[foot.joint]
-            centres[row, number] = pose.act(foot.placement.translation)
-            heights[row, number] = (foot.sole @ pose.rotation[2] + pose.translation[2]).min()
-    settle = round(_TOUCHDOWN_S * robot.description.sensors.rate_hz)
-    for number, foot in enumerate(robot.feet):
-        flags = planned.contacts.get(foot.name, np.ones(len(planned.time), dtype=bool))[: len(run.q)]
-        phases = [(start + settle if start > 0 else 0, end) for start, end in _runs(flags)]
-        phases = [(start, end) for start, end in phases if end > start]
-        points = centres[:, number, :2]
+    if not robot.feet:
+        return slip, lift
+    placements, phases = forward_kinematics(robot.model, run.q), standing_phases(robot, planned)
+    for foot in robot.feet:
+        stood = [(start, min(end, len(run.q))) for start, end in phases[foot.name] if start < len(run.q)]
+        points = placements.point(foot.joint, foot.placement.translation)[:, :2]
+        heights = placements.point(foot.joint, foot.sole)[:, :, 2].min(axis=1)
         slip[foot.name] = tuple(
-            float(np.linalg.norm(points[start:end] - points[start], axis=1).max()) for start, end in phases
+            float(np.linalg.norm(points[start:end] - points[start], axis=1).max()) for start, end in stood
         )
-        lift[foot.name] = tuple(float(heights[start:end, number].max()) for start, end in phases)
+        lift[foot.name] = tuple(float(heights[start:end].max()) for start, end in stood)
     return slip, lift
-
-
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Half-open index ranges over which ``flags`` is True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]

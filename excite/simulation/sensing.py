@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.logs.header_blocks import ImuHeader, TrialHeader
@@ -81,14 +82,18 @@ def imu_readings(robot: Robot, recording: Recording | Motion) -> Array:
     if robot.description.sensors.imu is not None:
         link = robot.description.sensors.imu.link
         _, placement = link_placement(robot.model, link, robot.source, "sensors.imu.link")
-    readings = np.empty((len(recording.time), 6))
+    rotation, lever = placement.rotation, placement.translation
+    turn = Rotation.from_quat(recording.q[:, 3:7]).as_matrix() @ rotation
+    linear, angular, acceleration = (
+        part @ rotation
+        for part in (
+            recording.v[:, :3] + np.cross(recording.v[:, 3:6], lever),
+            recording.v[:, 3:6],
+            recording.a[:, :3] + np.cross(recording.a[:, 3:6], lever),
+        )
+    )
     gravity = np.array(robot.description.gravity)
-    for i, (q, v, a) in enumerate(zip(recording.q, recording.v, recording.a, strict=True)):
-        twist, acceleration = placement.actInv(pin.Motion(v[:6])), placement.actInv(pin.Motion(a[:6]))
-        turn = pin.Quaternion(q[3:7]).matrix() @ placement.rotation
-        readings[i, :3] = twist.angular
-        readings[i, 3:] = acceleration.linear + np.cross(twist.angular, twist.linear) - turn.T @ gravity
-    return readings
+    return np.hstack([angular, acceleration + np.cross(angular, linear) - gravity @ turn])
 
 
 def contact_flags(robot: Robot, recording: Recording) -> dict[str, NDArray[np.bool_]]:

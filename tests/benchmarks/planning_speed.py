@@ -42,7 +42,7 @@ if whole:
 else:
     from excite.temporary_folder import TemporaryFolder
     from excite.campaign.pool import Keeper, Pool, ranked_segments
-    from excite.motion.generators.registry import plan_candidates
+    from excite.motion.generators.mixture import plan_candidates
     from excite.safety.filter import filter_candidates
     folder = TemporaryFolder()
     candidates = plan_candidates(robot, count, np.random.SeedSequence(1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,7 @@ from excite.motion.motion import Motion
 from excite.regressor.base_parameters import structural_base_parameters
 from excite.robot.robot import Robot
 from tests.excitation.conftest import sines
+from tests.quadruped import quadruped
 
 
 def pinocchio_rows(robot: Robot, motion: Motion) -> np.ndarray:
@@ -54,6 +56,22 @@ def test_condition_numbers_are_those_of_the_stacked_regressor(
         assert [s.n_columns for s in found.segments] == [10] * len(found.segments)
         for i, segment in enumerate(found.segments):
             assert segment.condition == pytest.approx(np.linalg.cond(rows[:, 10 * i : 10 * i + 10]), rel=1e-6)
+
+
+def test_base_parameters_at_hand_leave_the_factor_as_it_is(tmp_path: Path) -> None:
+    robot = quadruped(tmp_path)
+    motion = sines(robot, "motion", 0)
+    feet = [foot.name for foot in robot.feet]
+    lifted = np.arange(motion.n_samples) > motion.n_samples // 2
+    base = structural_base_parameters(robot)
+    for raised in (1, 2):
+        flags = {name: ~lifted | (k >= raised) for k, name in enumerate(feet)}
+        whole = motion_factor(robot, replace(motion, contacts=flags))
+        quick = motion_factor(robot, replace(motion, contacts=flags), base=base)
+        # Beyond one raised foot the base parameters need not hold, and all columns are taken.
+        assert len(quick.matrix) == (base.rank if raised == 1 else len(base.names))
+        gram = whole.matrix.T @ whole.matrix
+        np.testing.assert_allclose(quick.matrix.T @ quick.matrix, gram, atol=1e-10 * np.abs(gram).max())
 
 
 def test_segments_of_an_arm_use_their_independent_columns(panda: Robot) -> None:

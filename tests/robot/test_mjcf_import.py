@@ -270,6 +270,33 @@ def test_a_ball_that_no_motor_turns_is_held_still_and_said(tmp_path: Path) -> No
     assert sum(i.mass for i in model.inertias) == pytest.approx(float(truth.body_mass.sum()), rel=1e-6)
 
 
+def test_the_keyframe_of_rest_is_the_posture(tmp_path: Path) -> None:
+    """Angles count from the reference position, 10 degrees of the second joint."""
+    key = '<keyframe><key name="other" qpos="0 0 0"/><key name="home" qpos="0.3 -0.2 0.1"/></keyframe>'
+    path = saved(ODD.replace("</mujoco>", f"{key}</mujoco>"), tmp_path)
+    found = convert_mjcf(path).posture
+    assert found == pytest.approx({"yaw": 0.3, "pitch": -0.2 - np.radians(10.0), "reach": 0.1})
+
+
+def test_a_joint_that_damping_locks_is_held_still_and_said(tmp_path: Path) -> None:
+    path = saved(ODD.replace('name="yaw"', 'name="yaw" damping="1e11"'), tmp_path)
+    written = write_scaffold(path, tmp_path / "out")
+    assert any("damping lets nothing move them are held still (yaw)" in note for note in written.notes)
+    robot = load_robot(written.description)
+    assert robot.joint_names == ("pitch", "reach")
+
+
+def test_a_body_that_a_program_moves_ties_nothing(tmp_path: Path) -> None:
+    """Models made for learning lead a hand by a weld to a mocap body."""
+    extra = '<body name="hand" mocap="true"><geom size=".01" contype="0" conaffinity="0"/></body></worldbody>'
+    weld = '<equality><weld body1="hand" body2="slider"/></equality></mujoco>'
+    path = saved(ODD.replace("</worldbody>", extra).replace("</mujoco>", weld), tmp_path)
+    conversion = convert_mjcf(path)
+    assert not conversion.loops
+    assert any("mocap" in note for note in conversion.notes)
+    assert set(pin.buildModelFromXML(conversion.urdf).names) == {"universe", "yaw", "pitch", "reach"}
+
+
 def test_files_that_are_there_stay(tmp_path: Path) -> None:
     path = saved(ODD, tmp_path)
     saved("<robot/>", tmp_path, "odd.urdf")

@@ -17,7 +17,10 @@ from excite.robot.robot import Robot
 from excite.robot.scaffold.description import scaffold_description
 from excite.robot.scaffold.files import write_scaffold
 from excite.robot.scaffold.source import Source
+from excite.robot.shapes.collision import collision_shapes
+from excite.simulation.replay import replay
 from tests.robot.small import ARM
+from tests.simulation.motions import standing
 
 INERTIAL = (
     '<inertial><mass value="{m}"/><inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -317,3 +320,39 @@ def test_slides_that_close_a_loop_need_no_limits(tmp_path: Path) -> None:
 
 
 AXES = ("1 0 0", "0 1 0", "0 0 1")
+
+
+def test_numbers_that_stand_for_no_limit_are_none(tmp_path: Path) -> None:
+    """Exporters write them: what the drives can do is assumed then, and said."""
+    text = quadruped().replace('velocity="5" effort="60"', 'velocity="1e9" effort="50000"')
+    limits = written(text, tmp_path).limits
+    assert limits.velocity.max() <= 1.5
+    assert limits.torque.max() < 60.0
+    stated = written(quadruped(), tmp_path / "stated").limits
+    assert (stated.velocity == 5.0).all() and (stated.torque == 60.0).all()
+
+
+def test_solids_without_size_are_none(tmp_path: Path) -> None:
+    points = '<visual><geometry><box size="0 0 0"/></geometry></visual>'
+    points += '<collision><geometry><sphere radius="0.0"/></geometry></collision></link>'
+    plain = written(biped(), tmp_path / "plain")
+    robot = written(biped().replace("</link>", points, 1), tmp_path / "points")
+    shapes = [[shape.name for shape in collision_shapes(one)] for one in (plain, robot)]
+    assert shapes[0] == shapes[1]
+    with pytest.raises(RobotError, match="size: is '0 1 1'"):
+        written(biped().replace("</link>", points.replace("0 0 0", "0 1 1"), 1), tmp_path / "flat")
+
+
+def test_soles_have_no_corners_on_one_another(tmp_path: Path) -> None:
+    """Two boxes a hundredth of a millimetre apart in size."""
+    box = '<geometry><box size="0.2 0.1 0.04"/></geometry></collision>'
+    twice = box + '<collision><origin xyz="0.03 0 -0.05"/>' + box.replace("0.1 ", "0.10002 ")
+    robot = written(biped().replace(box, twice), tmp_path)
+    assert [len(foot.sole) for foot in robot.feet] == [4, 4]
+
+
+def test_a_base_called_world_stands_in_simulation(tmp_path: Path) -> None:
+    """MuJoCo keeps the name for what does not move."""
+    robot = written(biped().replace('"pelvis"', '"world"'), tmp_path)
+    run = replay(robot, standing(robot, 0.2))
+    assert run.on_its_feet and run.max_tilt_rad < 0.05

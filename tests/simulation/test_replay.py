@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from excite.robot.robot import Robot
-from excite.simulation.replay import replay
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.replay import replay, watched_run
+from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 from tests.simulation.motions import squatting, standing, waving
 
 
@@ -53,3 +53,19 @@ def test_an_arm_that_follows_stays_up(panda: Robot) -> None:
     result = replay(panda, waving(panda, {"panda_joint4": 0.3}, duration=1.0))
     assert result.on_its_feet and result.max_slip_m == 0.0
     assert result.max_tracking_error_rad < 0.03
+
+
+@pytest.mark.parametrize("fault", ["slip", "touch", "none"])
+def test_a_run_that_ends_at_its_first_fault_is_judged_as_a_whole_one(g1: Robot, fault: str) -> None:
+    arm = {"left_shoulder_roll_joint": -0.6, "left_elbow_joint": 0.4}
+    motion = waving(g1, arm, duration=2.0) if fault == "touch" else squatting(g1, duration=2.0)
+    virtual = nominal_robot(g1)
+    whole = watched_run(virtual, motion)
+    assert whole.replay.self_collided == (fault == "touch")
+    limit = 0.5 * whole.replay.max_slip_m if fault == "slip" else 2.0 * whole.replay.max_slip_m
+    short = watched_run(virtual, motion, may_slip_m=limit)
+    assert (short.replay.max_slip_m > limit) == (fault == "slip")
+    assert short.replay.self_collided == (fault == "touch")
+    n = len(short.recording.time)
+    assert (n < len(whole.recording.time)) == (fault != "none")
+    assert (short.recording.q == whole.recording.q[:n]).all()

@@ -27,12 +27,14 @@ class MjcfClosures:
         passive: joints that follow from the others in those, by the first of the equalities that share joints.
         held: joints of other equalities, by why they cannot be told from the motors.
         still: joints that an equality holds at one value, with it [rad or m], from the reference position.
+        handles: numbers of equalities with a body that a program moves (mocap), which no machine has.
     """
 
     solved: tuple[int, ...]
     passive: dict[int, set[int]]
     held: dict[str, set[int]]
     still: dict[int, float]
+    handles: tuple[int, ...] = ()
 
 
 def read_closures(model: mujoco.MjModel, path: Path) -> MjcfClosures:
@@ -45,7 +47,8 @@ def read_closures(model: mujoco.MjModel, path: Path) -> MjcfClosures:
 
     tied: dict[int, set[int]] = {}
     still: dict[int, float] = {}
-    for number in (int(k) for k in np.flatnonzero(model.eq_active0)):
+    handles = tuple(int(k) for k in np.flatnonzero(model.eq_active0) if _is_handle(model, int(k)))
+    for number in (int(k) for k in np.flatnonzero(model.eq_active0) if k not in handles):
         kind = mujoco.mjtEq(int(model.eq_type[number]))
         if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
             tied[number] = loop_joints(model, number, path)
@@ -75,7 +78,20 @@ def read_closures(model: mujoco.MjModel, path: Path) -> MjcfClosures:
         else:
             solved += sorted(numbers)
             passive[min(numbers)] = found
-    return MjcfClosures(tuple(solved), passive, held, still)
+    return MjcfClosures(tuple(solved), passive, held, still, handles)
+
+
+def _is_handle(model: mujoco.MjModel, number: int) -> bool:
+    """Whether an equality ties a body to one that a program moves."""
+    import mujoco
+
+    kind = mujoco.mjtEq(int(model.eq_type[number]))
+    if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+        return False
+    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+    if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:
+        ends = [int(model.site_bodyid[end]) for end in ends]
+    return bool((model.body_mocapid[ends] >= 0).any())
 
 
 def mimics(model: mujoco.MjModel, closures: MjcfClosures) -> dict[int, Mimic]:

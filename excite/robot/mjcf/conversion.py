@@ -17,7 +17,7 @@ from excite.reading.child import in_child
 from excite.reading.xml_document import read_xml
 from excite.robot.mjcf.closure_blocks import BlockWriter
 from excite.robot.mjcf.closures import driven_joints, mimics, read_closures
-from excite.robot.mjcf.resting import excluded_pairs, rest_keyframe, tendon_groups
+from excite.robot.mjcf.resting import damped_joints, excluded_pairs, rest_keyframe, tendon_groups
 from excite.robot.mjcf.scan import scan_mjcf
 from excite.robot.mjcf.torques import idle_balls, torque_limits
 from excite.robot.mjcf.trees import robot_root
@@ -136,6 +136,8 @@ def compile_mjcf(path: Path) -> MjcfConversion:
         names = ", ".join(repr(model.body(body).name) for body in objects[:6])
         notes.append(f"bodies that move on their own are no part of the robot and left out ({names})")
     closures = read_closures(model, path)
+    if closures.handles:
+        notes.append("equalities with mocap bodies, handles of a simulation, are left out")
     for why, joints in closures.held.items():
         _hold(model, joints, why, notes)
     for joint, value in closures.still.items():
@@ -145,6 +147,7 @@ def compile_mjcf(path: Path) -> MjcfConversion:
     # What one motor drives through a tendon is one freedom where equalities tie it together.
     many = {joint for group in tendon_groups(model) if group - known for joint in group}
     _hold(model, many, "joints that one motor drives together through a tendon", notes)
+    _hold(model, damped_joints(model), "joints whose damping lets nothing move them", notes)
     writer = UrdfWriter(model, bodies, mimics(model, closures), torque_limits(model))
     robot = writer.robot(spec.modelname or path.stem, root)
     blocks = BlockWriter(model, closures, writer.joint_name, writer.link_name, writer.anchors)

@@ -13,6 +13,8 @@ from excite.robot.urdf.numbers import shorten
 
 # Gains of 1e5 and stand-ins for "no limit" of 1e6 occur; MuJoCo itself takes 1e10 for the end of all numbers.
 MAX_NUMBER = 1e10
+# Joints are locked by a damping of 1e11 in models that are made for learning.
+MAX_DAMPING = 1e15
 # Osmium has 22 600 kg/m³; a density a hundredfold is a slip of unit.
 MAX_DENSITY = 1e6
 # Buffers of a humanoid in a crowd have some thousands; each of these reserves memory for every one.
@@ -93,6 +95,8 @@ def _largest(element: ElementTree.Element, name: str) -> tuple[float, str]:
         return MAX_SIDE, "reduce its size"
     if name in _MASSES:
         return MAX_MASS, "write kilograms"
+    if name == "damping" and element.tag == "joint":
+        return MAX_DAMPING, "leave the joint out, where it shall not move"
     if name == "density":
         return MAX_DENSITY, "write kg/m³"
     return MAX_NUMBER, "check its unit and exponent"

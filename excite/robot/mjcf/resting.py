@@ -10,24 +10,42 @@ import numpy as np
 if TYPE_CHECKING:
     import mujoco
 
+# A joint that the weight of all that it carries, a metre away from a hinge, moves slower than this on the earth cannot
+# be made to move [m/s or rad/s, m/s²]. Dampings of joints that move end at 1e3; some of gymnasium's Fetch are locked
+# by 1e7 and 1e11.
+_SLOWEST, _GRAVITY = 1e-3, 9.81
+
 _NAMES = ("home", "stand", "standing", "init", "rest")
 
 
 def rest_keyframe(model: mujoco.MjModel, joint_name: Callable[[int], str]) -> dict[str, float] | None:
     """Joint values, from their references, of the keyframe named like a rest; None without such a one."""
-    import mujoco
-
     names = [model.key(number).name.lower() for number in range(model.nkey)]
     found = [number for name in _NAMES for number, called in enumerate(names) if called == name]
     if not found:
         return None
     q = np.asarray(model.key_qpos[found[0]])
     values = {}
-    for joint in range(model.njnt):
-        if model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-            address = int(model.jnt_qposadr[joint])
-            values[joint_name(joint)] = float(q[address] - model.qpos0[address])
+    for joint in _single(model):
+        address = int(model.jnt_qposadr[joint])
+        values[joint_name(joint)] = float(q[address] - model.qpos0[address])
     return values
+
+
+def damped_joints(model: mujoco.MjModel) -> set[int]:
+    """Hinges and slides whose damping lets nothing move them."""
+    weight = _GRAVITY * model.body_subtreemass[model.jnt_bodyid]
+    damping = model.dof_damping[model.jnt_dofadr]
+    return {joint for joint in _single(model) if damping[joint] * _SLOWEST > weight[joint]}
+
+
+def _single(model: mujoco.MjModel) -> list[int]:
+    """Hinges and slides."""
+    import mujoco
+
+    # As integers: MuJoCo's enumerations are unequal to NumPy's, though not the other way round.
+    kinds = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
 
 
 def excluded_pairs(

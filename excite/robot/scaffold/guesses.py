@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 _SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
 # A joint that turns less is a stop, a clutch or an exporter's zero: no motion fits in it [rad or m].
 _BLOCKED = 1e-3
+# Velocities that stand for no limit: of 1500 limits in 60 models those of robots end at 111 rad/s, and 1000, 50000 and
+# 1e9 are what exporters write.
+_NO_VELOCITY = 1e3
 _LETTERS = re.compile(r"(?<![A-Za-z])([lL])(?![a-z])|(?<=[a-z0-9])(L)(?![a-z])")
 
 
@@ -67,13 +70,17 @@ def guess_joints(joints: dict[str, ElementTree.Element], path: Path) -> tuple[Jo
                 name=name,
                 continuous=continuous,
                 position=ends if ends is not None and blocked is None and ends[0] < ends[1] else None,
-                velocity=found.get("velocity") or None,
+                velocity=_velocity(found.get("velocity", 0.0)),
                 torque=found.get("effort") or None,
                 follows=None if mimic is None else mimic.get("joint", ""),
                 blocked=blocked,
             )
         )
     return tuple(guesses)
+
+
+def _velocity(stated: float) -> float | None:
+    return stated if 0.0 < stated < _NO_VELOCITY else None
 
 
 def guess_pairs(robot: Robot) -> tuple[tuple[str, str], ...]:

@@ -74,7 +74,7 @@ def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) 
         name: tuple(str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
         for name, joint in joints.items()
     }
-    whole = max(masses.values(), default=0.0)
+    whole = max((masses[name] for name in moving), default=0.0)
     found: set[str] = set()
 
     def beyond(link: str) -> set[str]:

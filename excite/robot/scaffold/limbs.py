@@ -25,6 +25,8 @@ _LEVEL = 0.15
 _PATCH = 0.003
 # A ball of 30 mm radius has a patch of 27 mm within that of its lowest point; the narrowest sole known has 40 mm.
 _POINT = 0.03
+# A square millimetre of a sole [m²].
+_NO_AREA = 1e-6
 # Height and tilt of a sole take three joints, and its place two more.
 _STEERED = 5
 # Cosine of 45 degrees: soles face down so far in any posture in which a robot is drawn.
@@ -210,10 +212,15 @@ def outline(points: Array, floor: float) -> Array:
 
 
 def _fewer(hull: Array, most: int) -> Array:
-    """A polygon inside a convex one, with at most so many of its corners: those that cost least area go."""
-    while len(hull) > most:
+    """A polygon inside a convex one, with at most so many of its corners: those that cost least area go.
+
+    Corners that cost next to none go as well: rounded, they would lie on one another.
+    """
+    while len(hull) > 3:
         before, after = np.roll(hull, 1, axis=0), np.roll(hull, -1, axis=0)
         one, two = hull - before, after - before
-        area = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+        area = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+        if len(hull) <= most and area.min() > _NO_AREA:
+            break
         hull = np.delete(hull, int(np.argmin(area)), axis=0)
     return hull

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ _VELOCITY, _SLIDE_VELOCITY = 1.5, 0.25
 _ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
 # A drive is chosen for about twice the weight that it holds and moves.
 _RESERVE = 3.0
+# A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In some 110 URDFs those that
+# do (1000, 10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5 (Minitaur).
+_NO_TORQUE = 8.0
 # Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
 _FREQUENCY, _DAMPING = 8.0, 0.7
 # What weight bends a joint by [rad]: with it the bundled G1 has the 8000 N·m/rad with which it stands in simulation as
@@ -34,6 +38,14 @@ _TORQUE_NOISE = 0.005
 def two_digits(value: float) -> float:
     """Rounded to two significant digits, never to zero."""
     return float(f"{max(value, 1e-6):.2g}")
+
+
+def believable(guesses: tuple[JointGuess, ...], weight: float) -> tuple[JointGuess, ...]:
+    """The joints without torque limits that stand for none, of a robot of a ``weight`` [N]."""
+    return tuple(
+        replace(guess, torque=None) if guess.torque and guess.torque > _NO_TORQUE * weight else guess
+        for guess in guesses
+    )
 
 
 def torque_limits(

@@ -34,6 +34,7 @@ class Values:
         inertia = joint_inertias(self.robot, self.rng)
         mass = float(self.figure.beyond[0])
         legs = self._legs()
+        object.__setattr__(self, "free", numbers.believable(self.free, 9.81 * mass))
         loads = numbers.weight_loads(self.robot, self.rng, legs, 9.81 * mass if legs else 0.0)
         torques, said = numbers.torque_limits(self.robot, self.free, loads, inertia)
         object.__setattr__(self, "inertia", inertia)

@@ -16,7 +16,6 @@ from excite.robot.quantities import (
     MAX_ORIENTATION,
     MAX_STAND_IN,
     MAX_TRAVEL,
-    MAX_VELOCITY,
 )
 
 # Largest magnitude by attribute, and the likely cause of a larger one; elsewhere what stands in for "no limit".
@@ -25,7 +24,8 @@ _LARGEST: dict[str, tuple[float, str]] = {
     "rpy": (MAX_ORIENTATION, "looks like degrees: write radians"),
     "value": (MAX_MASS, "write kilograms"),
     "effort": (MAX_FORCE, "write N·m or N"),
-    "velocity": (MAX_VELOCITY, "write rad/s or m/s"),
+    # A first description reads much smaller ones as no limit.
+    "velocity": (MAX_STAND_IN, "write rad/s or m/s"),
     "size": (MAX_LENGTH, "write metres"),
     "radius": (MAX_LENGTH, "write metres"),
     "length": (MAX_LENGTH, "write metres"),

@@ -19,6 +19,7 @@ import pinocchio as pin
 from excite.errors import RobotError
 from excite.reading.xml_document import read_xml
 from excite.robot.joint_values import check_range
+from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
 from excite.robot.urdf.numbers import numbers
 from excite.robot.urdf.tree import MOVING, check_tree
@@ -74,7 +75,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
 
 
 def parse_urdf(path: Path) -> ElementTree.Element:
-    """The ``robot`` element of a URDF file.
+    """The ``robot`` element of a URDF file, without solids that are no more than points.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, or is another format.
@@ -89,6 +90,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
             field=root.tag,
             remedy="export it as URDF; excite init-robot does so for MuJoCo",
         )
+    drop_points(root)
     return root
 
 

@@ -17,6 +17,7 @@ from excite.diagnosis.floating.simulator.noted import write_note
 from excite.diagnosis.simulator.model_text import AugmentedModel, refused
 from excite.diagnosis.simulator.physical_bodies import PhysicalBodies, nearest_bodies, unphysical
 from excite.robot.robot import Robot
+from excite.simulation.coordinates import body_name
 from excite.simulation.drives import Drives, nominal_drives
 from excite.simulation.mjcf import World, build_spec
 from excite.simulation.mjcf_shapes import wxyz
@@ -92,6 +93,6 @@ def _add_sensors(spec: mujoco.MjSpec, problem: Problem, placements: dict[str, pi
     """A site for each sensor, where its readings are expressed; of plates in the world."""
     robot = problem.record.robot
     for sensor in robot.sensors:
-        body = spec.body(robot.segments[sensor.joint - 1].link) if sensor.joint else spec.worldbody
+        body = spec.body(body_name(robot.segments[sensor.joint - 1].link)) if sensor.joint else spec.worldbody
         placement = placements[sensor.name]
         body.add_site(name=sensor.name, pos=placement.translation, quat=wxyz(placement.rotation))

@@ -14,6 +14,7 @@ from excite.diagnosis.floating.equations.state import State
 from excite.diagnosis.floating.search.refinement import apply_all
 from excite.diagnosis.floating.simulator.noted import read_notes
 from excite.diagnosis.simulator.model_text import load_model
+from excite.simulation.coordinates import body_name
 from excite.simulation.inertial import MASSLESS_KG
 
 
@@ -41,7 +42,7 @@ class Simulator:
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         # What is beyond a sensor is not part of what its reading moves.
         for segment in record.unmeasured:
-            body = self.model.body(record.robot.segments[segment].link).id
+            body = self.model.body(body_name(record.robot.segments[segment].link)).id
             self.model.body_mass[body] = MASSLESS_KG
             self.model.body_inertia[body] = 1e-3 * MASSLESS_KG
         names = record.robot.joint_names
@@ -61,7 +62,7 @@ class Simulator:
         record, model = self.record, self.model
         phi, translations = np.zeros_like(record.tree.phi), record.tree.translations.copy()
         for k, segment in enumerate(record.robot.segments):
-            body = model.body(segment.link)
+            body = model.body(body_name(segment.link))
             axes = pin.Quaternion(*body.iquat).matrix()
             inertia = pin.Inertia(float(body.mass[0]), body.ipos, axes @ np.diag(body.inertia) @ axes.T)
             phi[10 * k : 10 * k + 10] = inertia.toDynamicParameters()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.simulation.coordinates import body_name
 from excite.simulation.effects.effect import InjectedEffect
 from excite.simulation.inertial import box_parameters
 from excite.simulation.true_parameters import TrueParameters
@@ -42,7 +43,7 @@ class Wobble:
 
         stiffness = self.mass * (2.0 * math.pi * self.hertz) ** 2
         size = 1e-3 * self.mass
-        wobbling = spec.body(self.body).add_body(
+        wobbling = spec.body(body_name(self.body)).add_body(
             name=f"{self.body}.tissue",
             pos=self.place,
             explicitinertial=True,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.simulation.coordinates import body_name
 from excite.simulation.effects.effect import InjectedEffect
 from excite.simulation.plant import Plant
 from excite.simulation.virtual_robot import VirtualRobot
@@ -26,7 +27,7 @@ class PushLaw:
 
     def start(self, plant: Plant) -> Callable[[], None]:
         """The law as a step."""
-        body = plant.model.body(self.link).id
+        body = plant.model.body(body_name(self.link)).id
 
         def step() -> None:
             plant.force[body, :3] += self.force

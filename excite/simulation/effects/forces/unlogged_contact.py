@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from excite.simulation.coordinates import body_name
 from excite.simulation.effects.effect import InjectedEffect
 from excite.simulation.plant import Plant
 from excite.simulation.virtual_robot import VirtualRobot
@@ -27,7 +28,7 @@ class TouchLaw:
 
     def start(self, plant: Plant) -> Callable[[], None]:
         """The law as a step."""
-        body = plant.model.body(self.link).id
+        body = plant.model.body(body_name(self.link)).id
 
         def step() -> None:
             wave = math.sin(2.0 * math.pi * plant.time / self.period) if plant.time > 0.0 else 0.0
