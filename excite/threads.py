@@ -31,3 +31,11 @@ def one_blas_thread(function: Callable[_P, _R]) -> Callable[_P, _R]:
 @cache
 def _controller() -> ThreadpoolController:
     return ThreadpoolController()
+
+
+@cache
+def blas_kernels() -> str:
+    """The kernels that BLAS has chosen for this machine's processor: with others, the last bits are others."""
+    return " ".join(
+        sorted({f"{one.get('version')} {one.get('architecture')}" for one in _controller().info()})
+    )

@@ -197,7 +197,9 @@ def adjoint(kinds, parents, idx_v, v, a, state, row_joint, weights, above, out_q
     for t in range(state.shape[0]):
         spatial_motion(kinds, parents, idx_v, v[t], a[t], state[t], axes, rates, vel, acc)
         for r in range(n_rows):
-            row_axes[r] = axes[row_joint[r]]
+            # A loop: of the assignment of one slice to another numba compiles its refusal, too, for two seconds.
+            for i in range(6):
+                row_axes[r, i] = axes[row_joint[r], i]
             if kinds[row_joint[r]] == FREE_FLYER:
                 row_axes[r, r + 3 if r < 3 else r - 3] = 1.0
         subtree_pulls(

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from excite.lazy_kernel import LazyKernel
 
@@ -95,6 +94,9 @@ def _distance_to_cone(rays: Array, target: Array) -> float:
     if not np.isfinite(target).all() or not np.isfinite(rays).all():
         return np.inf
     try:
+        # scipy.optimize takes 0.15 s to load, which most commands do not need.
+        from scipy.optimize import nnls
+
         return float(nnls(rays.T, target)[1])
     except RuntimeError:  # the solver gives up: unsafe
         return np.inf

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, chdtri, ndtr, ndtri
+from scipy.special import chdtrc, gammaincinv, ndtr, ndtri
 
 from excite.arrays import Array
 from excite.errors import InputError
@@ -146,7 +146,7 @@ def _interval(values: Array, variances: Array, level: float, *, of_next: bool) -
     y, v = values / np.sqrt(unit), variances / unit
     center = y.mean(axis=0)
     y = y - center
-    wanted = chdtri(n - 1, 1.0 - (np.arange(_QUANTILES) + 0.5) / _QUANTILES)[:, None]
+    wanted = 2.0 * gammaincinv(0.5 * (n - 1), (np.arange(_QUANTILES) + 0.5) / _QUANTILES)[:, None]
     between = _profile(y, v, wanted)
     w = 1.0 / (v[:, None, :] + between)
     total = w.sum(axis=0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from excite.arrays import Array
 
@@ -118,5 +117,8 @@ def _split(misfits: Array, velocity: Array) -> tuple[float, Array]:
             targets.append(square * weight)
     matrix = np.array(rows)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    # scipy.optimize takes 0.15 s to load, which most commands do not need.
+    from scipy.optimize import nnls
+
     found = nnls(matrix / scale, np.array(targets))[0] / scale
     return float(np.sqrt(found[0])), np.sqrt(found[1:])

@@ -15,7 +15,7 @@ from excite.errors import RobotError
 from excite.robot.links import link_placement
 from excite.robot.quantities import MAX_TRAVEL
 from excite.robot.robot import Robot
-from excite.robot.shapes.meshes import convex_hull
+from excite.robot.shapes.kept_hulls import kept_hull
 from excite.robot.shapes.shape import Shape
 
 # A hull of 96 corners may have to grow by a hundredth; of a smooth body the growth falls with the corners' square.
@@ -80,7 +80,7 @@ def _solid(at: _Place, solid: ElementTree.Element, meshes: Mapping[Path, Array])
                 remedy='looks like millimetres: write scale="0.001 0.001 0.001"',
             )
         try:
-            hull = convex_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
+            hull = kept_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:
             raise RobotError(
                 str(error), source=robot.source, field=where, remedy="author a shape instead"

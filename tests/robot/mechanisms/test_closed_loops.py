@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -92,8 +93,10 @@ def _mechanism(model: mujoco.MjModel) -> Mechanism:
     return mechanism(tree, loops, [n for n in list(tree.names)[1:] if n not in driven and n != "root"])
 
 
-def _simulated(model: mujoco.MjModel, free: bool) -> tuple[np.ndarray, ...]:
-    """States, accelerations and motor torques of MuJoCo's own forward dynamics under sums of sines."""
+@cache
+def _simulated(text: str, free: bool) -> tuple[np.ndarray, ...]:
+    """States, accelerations and motor torques of MuJoCo's own forward dynamics under sums of sines; to be read only."""
+    model = _compiled(text)
     data, random = mujoco.MjData(model), np.random.default_rng(3)
     size = np.array([3.0, 2.0])[: model.nu, None] * random.uniform(0.3, 1.0, (model.nu, 3))
     phase, seen = random.uniform(0.0, 6.0, (model.nu, 3)), []
@@ -111,7 +114,10 @@ def _simulated(model: mujoco.MjModel, free: bool) -> tuple[np.ndarray, ...]:
                 v[:3] = turn.T @ v[:3]
             seen.append((q, v, a, data.ctrl.copy()))
         mujoco.mj_step(model, data)
-    return tuple(np.array(column) for column in zip(*seen, strict=True))
+    columns = tuple(np.array(column) for column in zip(*seen, strict=True))
+    for column in columns:
+        column.flags.writeable = False
+    return columns
 
 
 @pytest.mark.parametrize(
@@ -126,7 +132,7 @@ def _simulated(model: mujoco.MjModel, free: bool) -> tuple[np.ndarray, ...]:
 def test_motors_torques_and_regressors_are_those_of_constrained_dynamics(text: str, free: bool) -> None:
     model = _compiled(text)
     closed = _mechanism(model)
-    q, v, a, tau = _simulated(model, free)
+    q, v, a, tau = _simulated(text, free)
     assert np.ptp(q[:, 7 * free :], axis=0).min() > 0.02
     forces = inverse_dynamics(closed.model, q, v, a)
     # The cut tree's own equations are not these torques: cuts carry forces.

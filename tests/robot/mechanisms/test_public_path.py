@@ -66,7 +66,7 @@ def test_torques_and_regressors_of_a_model_brought_are_mujocos(text: str, free: 
     model = _compiled(text)
     names = [model.joint(int(j)).name for j in model.actuator_trnid[:, 0]]
     assert sorted(robot.driven_names) == sorted(names)
-    q, v, a, tau = _simulated(model, free)
+    q, v, a, tau = _simulated(text, free)
     order = [model.joint(name).dofadr[0] for name in robot.joint_names]
     base = list(range(6 * free))
     q = np.hstack([q[:, : 7 * free], q[:, [int(k) + free for k in order]]])
