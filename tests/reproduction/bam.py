@@ -15,6 +15,7 @@ from excite.logs.files import load_log, save_log
 from excite.logs.log import Log
 from excite.logs.readers.registry import reader_for
 from excite.logs.recordings import import_recordings
+from tests.reproduction.pendulum import pendulum_urdf
 
 FOLDER = "bam_xl330_pendulum"
 JOINT = "servo"
@@ -26,18 +27,7 @@ TORQUE_PER_VOLT = 0.52 / 5.0
 PUBLISHED_LOAD_FRICTION = 0.122
 MOTIONS = ("sin_sin", "sin_time_square", "up_and_down")
 ROLES = {100: "identification", 800: "identification", 200: "validation"}
-URDF = f"""<robot name="xl330_pendulum">
-  <link name="bench"/>
-  <link name="pendulum">
-    <inertial><origin xyz="0 0 -{LENGTH}"/><mass value="{MASS}"/>
-      <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
-  <joint name="{JOINT}" type="revolute">
-    <parent link="bench"/><child link="pendulum"/><axis xyz="0 -1 0"/>
-    <limit lower="-3.2" upper="3.2" effort="1" velocity="20"/>
-  </joint>
-</robot>
-"""
+URDF = pendulum_urdf("xl330_pendulum", JOINT, MASS, LENGTH, effort=1.0, velocity=20.0)
 
 
 def bam_log(data_dir: Path, folder: Path) -> Log:

@@ -14,23 +14,13 @@ import numpy as np
 import excite
 from excite.arrays import Array
 from excite.logs.log import Log
+from tests.reproduction.pendulum import pendulum_urdf
 
 FOLDER = "feetech_sts3250_pendulum"
 JUDGED = "2024-10-26_12h27m27"
 MASS, LENGTH, GRAVITY = 1.13, 0.12, 9.80665
 _LARGEST_TORQUE = 4.9
-URDF = f"""<robot name="sts3250_pendulum">
-  <link name="bench"/>
-  <link name="pendulum">
-    <inertial><origin xyz="0 0 -{LENGTH}"/><mass value="{MASS}"/>
-      <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
-  <joint name="servo" type="revolute">
-    <parent link="bench"/><child link="pendulum"/><axis xyz="0 -1 0"/>
-    <limit lower="-3.2" upper="3.2" effort="{_LARGEST_TORQUE}" velocity="8"/>
-  </joint>
-</robot>
-"""
+URDF = pendulum_urdf("sts3250_pendulum", "servo", MASS, LENGTH, effort=_LARGEST_TORQUE, velocity=8.0)
 
 
 def sts3250_log(data_dir: Path, folder: Path) -> Log:

@@ -21,16 +21,7 @@ def assumed_structure(
     figure: Figure,
 ) -> list[Assumed]:
     """Joints held, inertia, geometry and ground (or soles' friction) as they were assumed."""
-    found = []
-    for why in sorted({one.why for one in held.values()}):
-        names = [name for name, one in held.items() if one.why == why]
-        found.append(
-            Assumed(
-                what=f"{len(names)} joints held still ({why})",
-                value=", ".join(names[:6]) + (", …" if len(names) > 6 else ""),
-                consequence="their links count as part of what carries them; hold them so at the robot",
-            )
-        )
+    found = _held_still(held)
     if faults:
         found.append(
             Assumed(
@@ -81,6 +72,21 @@ def assumed_structure(
                 what="friction of soles",
                 value=f"{FRICTION}",
                 consequence="feet may slip on a floor that is smoother",
+            )
+        )
+    return found
+
+
+def _held_still(held: dict[str, Held]) -> list[Assumed]:
+    """Joints that do not move, those of one reason together."""
+    found = []
+    for why in sorted({one.why for one in held.values()}):
+        names = [name for name, one in held.items() if one.why == why]
+        found.append(
+            Assumed(
+                what=f"{len(names)} joints held still ({why})",
+                value=", ".join(names[:6]) + (", …" if len(names) > 6 else ""),
+                consequence="their links count as part of what carries them; hold them so at the robot",
             )
         )
     return found
