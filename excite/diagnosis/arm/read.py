@@ -11,7 +11,7 @@ import numpy as np
 from excite.diagnosis.answer.budget import Budget, Named
 from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
 from excite.diagnosis.attribution.extended import extended
-from excite.diagnosis.attribution.hypotheses import Hypothesis, at_rows
+from excite.diagnosis.attribution.hypotheses import Hypothesis, Search, at_rows
 from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.attribution.structured import structured_joints
@@ -162,6 +162,9 @@ class Reading:
         """A term in the equations of what is modelled; None where it cannot be there."""
         named = self._terms.get(term.key) is term or baseline is self._begun
         made = hypothesis_of(term, self._at_model(baseline) if named else baseline)
+        if made.effect.along:
+            # Play before friction is told by rows near standstill, which count here and hardly in the model of the gap.
+            made = Search(Context(made.baseline), made.baseline.solver).refine(made)
         return self.scorer.scored(baseline.fit, made, nats) if made.physical else None
 
 

@@ -14,6 +14,8 @@ from excite.diagnosis.effects.effect import Effect, Theta
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
 _FIRST, _LAST, _MOST = 1.5, 1.01, 40
+# Nats by which a form with more parameters has to lead, odds of 20 to 1, and one more for each of them.
+RICHER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class Refiner:
                 if begun is None or not self._can_be(begun, beside.gain(begun)[1]):
                     continue
                 item, more = self._searched(beside, begun)
-                if beside.between(best, item) > 3.0 + (item.n_parameters - best.n_parameters):
+                if beside.between(best, item) > RICHER + (item.n_parameters - best.n_parameters):
                     best, gain = item, more
         whole = best.effect.closer if closer else None
         begun = None if whole is None else self._made(whole, best, best.theta)

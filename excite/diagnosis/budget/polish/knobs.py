@@ -77,8 +77,7 @@ def knobs_of(state: State, joint: int | None = None) -> list[Knob]:
     knobs = []
     rubbing: set[int] = set()
     for k, term in enumerate(state.terms):
-        # What a model begins with follows the sign changes of friction, unless it has another effect in it.
-        if (term.started and not term.effect.along) or term.effect.is_body or term.effect.nameless:
+        if term.started or term.effect.is_body or term.effect.nameless:
             continue
         if joint is not None and term.own != joint:
             continue
@@ -139,8 +138,8 @@ class Moved:
             rubs = term.own in turned and (term.effect.friction or term.effect.term is COULOMB)
             if thetas[k] == term.theta and not rubs:
                 continue
-            if term.started and not term.effect.along:
-                terms[k] = begun.get(term.key, term)
+            if term.started:
+                terms[k] = begun.get(term.key, term) if not term.effect.along else term
                 continue
             context = term.context
             if turned:
@@ -148,5 +147,5 @@ class Moved:
             made = made_like(TermMaker(context, full.strict), term, thetas[k])
             if made is None:
                 return None
-            terms[k] = replace(made, started=term.started)
+            terms[k] = made
         return Columns(full, rows, terms)

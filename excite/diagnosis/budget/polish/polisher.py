@@ -18,13 +18,11 @@ from excite.diagnosis.budget.library import Library
 from excite.diagnosis.budget.polish.knobs import LEAD, SIGN, Moved, knobs_of
 from excite.diagnosis.budget.polish.state import State
 from excite.diagnosis.budget.polish.steps import Steps
+from excite.diagnosis.budget.refine import RICHER
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.friction_sign import WIDTHS, SignChange
-
-# Nats that a parameter of a richer form is worth; as in the search of richer forms.
-_RICHER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +82,7 @@ class Polisher:
         found, spared = self._steps.searched(begun, term.own), term.n_parameters - made.n_parameters
         if not state.can_be(k):
             return found
-        return found if found.loss < state.loss + (_RICHER + spared if spared > 0 else 0.0) else state
+        return found if found.loss < state.loss + (RICHER + spared if spared > 0 else 0.0) else state
 
     def _plain_sign(self, state: State, j: int) -> State:
         """A joint's friction without the bristles that it may have been thought to have for want of a term."""
@@ -102,7 +100,7 @@ class Polisher:
         if new is None:
             return state
         found = self._steps.searched(state.changed(new.terms, new.full, new.rows), joint)
-        return found if found.loss < state.loss + _RICHER else state
+        return found if found.loss < state.loss + RICHER else state
 
 
 def _other_forms(effect: Effect) -> list[Effect]:

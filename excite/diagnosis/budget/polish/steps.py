@@ -13,11 +13,13 @@ from excite.diagnosis.budget.polish.state import State
 from excite.diagnosis.budget.prediction import predicted
 from excite.diagnosis.budget.refine import Beside
 
-# Steps at most, step of the derivatives and longest step, both relative, and tries of a step.
+# Turns at most, step of the derivatives and longest step, both relative, and tries of a step. A gear that turns gravity
+# with it takes eight turns; ripples are the reason for so small a step of the derivatives.
 _STEPS, _SMALL, _LONGEST, _TRIES = 10, 1e-3, 0.5, 4
-# Steps on the same predictions, and how often new ones may be no better before the search ends.
+# Steps on the same predictions, and how often new ones may be no better before the search ends: that gear's third turn
+# is worse than its second.
 _INNER, _PATIENCE = 3, 3
-# Nats by which the last step has to be better.
+# Nats by which a turn has to be better for another one.
 _DONE = 0.3
 
 
