@@ -82,7 +82,8 @@ def _stands(shared: tuple[Robot, float], task: Motion | Path) -> bool:
     # Soles that slip turn and stop; legs on points that slip lose the ground that the motion counts on.
     may_slip = np.inf if on_soles else MAX_SLIP
     for step in (_QUICK_STEP, *_STEPS) if on_soles else _STEPS:
-        stepped = replace(loaded, world=replace(loaded.world, timestep=step))
+        world = replace(loaded.world, timestep=step, feet_may_creep=on_soles)
+        stepped = replace(loaded, world=world)
         try:
             run = watched_run(stepped, motion, may_slip_m=may_slip).replay
         except DivergedError:

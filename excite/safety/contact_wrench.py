@@ -76,7 +76,7 @@ _SAME_M, _AREA_M = 1e-9, 1e-6
 
 
 @LazyKernel
-def _margins(corners, points, margin):
+def _margins(corners: Array, points: Array, margin: Array) -> None:
     """Write the margin of each sample that has one."""
     n_corners = corners.shape[1]
     for sample in range(len(points)):

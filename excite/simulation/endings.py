@@ -48,12 +48,13 @@ class FirstFault:
         self._bodies = np.array([foot.joint for foot in robot.feet])
         self._centres = np.array([foot.placement.translation for foot in robot.feet])[:, :, None]
         shape = (planned.n_samples, len(robot.feet))
-        self._starts, self._counts = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        self._starts: NDArray[np.bool_] = np.zeros(shape, dtype=bool)
+        self._counts: NDArray[np.bool_] = np.zeros(shape, dtype=bool)
         for number, phases in enumerate(standing_phases(robot, planned).values()):
             for start, end in phases:
                 self._starts[start, number], self._counts[start:end, number] = True, True
         self._stood = np.zeros((len(robot.feet), 2))
-        self._looked = self._starts.any(axis=1)
+        self._looked: NDArray[np.bool_] = np.asarray(self._starts.any(axis=1))
         self._looked[:: max(1, round(_LOOK_S * robot.description.sensors.rate_hz))] = True
         if math.isinf(slip_m):
             self._looked[:] = False

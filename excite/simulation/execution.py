@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from excite.divergence import diverged, without_log_file
 from excite.errors import MotionError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Robot
+from excite.simulation.clock import Clock, clock_of
 from excite.simulation.coordinates import motion_from_mujoco, position_from_mujoco, position_to_mujoco
 from excite.simulation.mjcf import build_spec
 from excite.simulation.plant import Plant
@@ -31,23 +32,6 @@ Stop = Callable[[int, Plant], bool]
 
 class DivergedError(MotionError):
     """A simulation that has become infinite."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Clock:
-    """Steps of the physics and of the sensors.
-
-    Attributes:
-        step: [s]
-        per_sample: steps between two sensor samples.
-        settle: steps before the motion starts, a multiple of ``per_sample``.
-        samples: number of sensor samples.
-    """
-
-    step: float
-    per_sample: int
-    settle: int
-    samples: int
 
 
 def execute(
@@ -88,7 +72,7 @@ def execute(
         raise MotionError(
             f"moves other joints than {robot.name}", source=motion.name, remedy="plan it for this robot"
         )
-    clock = _clock(virtual, motion, settle_s)
+    clock = clock_of(virtual, motion, settle_s)
     world = replace(virtual.world, timestep=clock.step)
     spec = build_spec(robot, virtual.truth.phi, virtual.drives, world)
     for change in virtual.changes:
@@ -121,21 +105,12 @@ def execute(
     return track.recording(virtual, motion.name, positions[:: clock.per_sample], clock)
 
 
-def _clock(virtual: VirtualRobot, motion: Motion, settle_s: float) -> _Clock:
-    period = 1.0 / virtual.robot.description.sensors.rate_hz
-    per_sample = max(1, int(np.ceil(period / virtual.world.timestep - 1e-9)))
-    step = period / per_sample
-    samples = int(np.floor(motion.duration / period + 1e-9)) + 1
-    settle = round(settle_s / period) * per_sample
-    return _Clock(step, per_sample, settle, samples)
-
-
 def _start(robot: Robot, motion: Motion) -> Array:
     """First configuration in MuJoCo's layout."""
     return position_to_mujoco(motion.q[0], floating=robot.floating)
 
 
-def _commands(robot: Robot, motion: Motion, clock: _Clock) -> tuple[Array, Array]:
+def _commands(robot: Robot, motion: Motion, clock: Clock) -> tuple[Array, Array]:
     """Joint positions and velocities at every step; drives interpolate the commands that they receive."""
     count = (clock.samples - 1) * clock.per_sample + 1
     time = motion.time[0] + np.minimum(np.arange(count) * clock.step, motion.duration)
@@ -146,7 +121,7 @@ def _commands(robot: Robot, motion: Motion, clock: _Clock) -> tuple[Array, Array
 class _Track:
     """Collects the samples of a run."""
 
-    def __init__(self, plant: Plant, clock: _Clock):
+    def __init__(self, plant: Plant, clock: Clock):
         import mujoco
 
         self.friction_type = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
@@ -217,7 +192,7 @@ class _Track:
         np.add.at(wrenches, (rows, foot), both)
         return wrenches
 
-    def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: _Clock) -> Recording:
+    def recording(self, virtual: VirtualRobot, name: str, q_cmd: Array, clock: Clock) -> Recording:
         """The recording in pinocchio's conventions."""
         robot, n = self.robot, self.count
         q = position_from_mujoco(self.qpos[:n], floating=robot.floating)

@@ -28,7 +28,9 @@ class World:
     """Numerical settings of a simulated world.
 
     Attributes:
-        timestep: integration step [s].
+        timestep: integration step, at most [s].
+        feet_may_creep: whether it is taken as it stands where soles creep in it for numerical reasons
+            (:mod:`excite.simulation.clock`).
         solref: time constant [s] and damping ratio of the contacts' reference dynamics.
         solimp: impedance of the contacts at zero and full depth, and the depth between them [m].
         sole_friction: factor on every sole's friction coefficient.
@@ -37,6 +39,7 @@ class World:
     """
 
     timestep: float = 5e-4
+    feet_may_creep: bool = False
     solref: tuple[float, float] = (0.01, 1.0)
     solimp: tuple[float, float, float] = (0.95, 0.99, 0.001)
     sole_friction: float = 1.0

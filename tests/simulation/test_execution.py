@@ -13,10 +13,11 @@ import pytest
 from excite.arrays import Array
 from excite.errors import MotionError
 from excite.robot.robot import Robot
+from excite.simulation.clock import clock_of, steady_step
 from excite.simulation.execution import execute
 from excite.simulation.plant import Plant
 from excite.simulation.recording import Recording
-from excite.simulation.virtual_robot import VirtualRobot
+from excite.simulation.virtual_robot import VirtualRobot, nominal_robot
 from tests.simulation.motions import squatting, standing, waving
 
 
@@ -149,3 +150,16 @@ def test_a_run_that_goes_wrong_is_refused_and_leaves_no_file_behind(
     with pytest.raises(MotionError, match="diverged"):
         execute(wild, waving(arm.robot, {arm.robot.joint_names[0]: 0.3}))
     assert not list(tmp_path.iterdir())
+
+
+def test_soles_stand_still_however_stiffly_their_joints_are_damped(g1: Robot) -> None:
+    """With steps so long that damping outweighs inertia by far, contacts let them creep."""
+    stiff = nominal_robot(g1)
+    stiff = replace(stiff, drives=replace(stiff.drives, kd=8.0 * stiff.drives.kd))
+    assert steady_step(stiff) < 0.5 * stiff.world.timestep
+    assert steady_step(nominal_robot(g1)) > nominal_robot(g1).world.timestep
+    creeping = replace(stiff, world=replace(stiff.world, feet_may_creep=True))
+    motion = squatting(g1, duration=1.0)
+    short, long = (clock_of(one, motion, 1.0) for one in (stiff, creeping))
+    assert short.step <= steady_step(stiff) < long.step == stiff.world.timestep
+    assert short.samples == long.samples and short.settle * short.step == pytest.approx(1.0)
