@@ -81,7 +81,7 @@ def test_paths_in_the_plan_are_relative_to_out(planned: Path) -> None:
 
 
 def test_check_rank_export_simulate_identify(planned: Path) -> None:
-    checked = excite("check", "ur10", "plan", "--json", cwd=planned)
+    checked = excite("check", "ur10", "plan", "--json", "--jobs", 1, cwd=planned)
     assert checked.returncode == 0 and json.loads(checked.stdout)["safe"] is True
     ranked = excite("rank", "ur10", "plan", "--json", cwd=planned)
     assert json.loads(ranked.stdout)["conditioning"]["n_base_parameters"] == 48

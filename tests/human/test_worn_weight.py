@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 from excite.cli.main import app
 from excite.errors import InputError
 from excite.human.identified import split_trials
-from excite.human.measure import measure_recordings
 from excite.human.weight.weight_candidate import AddedMass, Candidate
 from tests.human.exercise import perform, repeated
 from tests.human.recordings import write_c3d
@@ -31,8 +30,7 @@ def test_segments_that_look_alike_are_said_to():
     assert clear.tied == ("pelvis",) and "next: head" in clear.summary()
 
 
-def test_trials_with_and_without_a_weight_are_kept_apart(session):
-    person = measure_recordings(session.who.body.subject, [session.trial], [session.static])
+def test_trials_with_and_without_a_weight_are_kept_apart(person):
     without, wearing = split_trials(person.log, 1)
     assert [trial.role for trial in without.trials] == ["identification"]
     assert wearing.trials[0].name == person.log.trials[-1].name and wearing.trials[0].role == "identification"

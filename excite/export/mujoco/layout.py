@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,10 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.reading.child import in_child
 from excite.robot.mjcf.scan import scan_mjcf
-from excite.robot.robot import Robot
+
+if TYPE_CHECKING:
+    # What compiles a model for it does so in a process that needs no robot.
+    from excite.robot.robot import Robot
 
 # What an actuator's control is, per unit of the joint it drives.
 POSITION, VELOCITY, OTHER = "position", "velocity", "other"

@@ -42,7 +42,7 @@ def kept_hull(points: Array, max_vertices: int, slack: float) -> Hull:
     if folder is None:
         return convex_hull(points, max_vertices, slack)
     digest = blake2b(f"{_rounding()} {max_vertices} {slack!r} {points.shape}".encode(), digest_size=_CHECKSUM)
-    digest.update(np.ascontiguousarray(points))
+    digest.update(np.ascontiguousarray(points).data)
     file = folder / f"{digest.hexdigest()}.hull"
     hull = _read(file)
     if hull is None:
