@@ -111,14 +111,13 @@ def _promising(
 
 
 def _explains(samples: Samples, correction: Correction, left: Array, then: Array) -> bool:
-    """Whether channels that gain or lose are explained then, and one at least of what was changed is.
+    """Whether channels that gain, and those that were changed, are explained then.
 
-    Where nothing that was changed is a channel, and no channel gains, likelier bodies are all that speaks for the
-    change; of torques that nothing explains they say nothing.
+    Where no channel was changed and none gains, likelier bodies are all that speaks for the change; of torques that
+    nothing explains they say nothing.
     """
     before, after = left[:-1], then[:-1]
+    changed = [name in correction.places and name not in correction.along for name in samples.channels]
+    concerned = (before - after > _GAINS) | np.array(changed)
     explained = after < 0.5 * np.log(_EXPLAINED)
-    moved = np.abs(before - after) > _GAINS
-    concerned = moved | np.array([name in correction.places for name in samples.channels])
-    told = explained[concerned] if concerned.any() else explained
-    return bool(explained[moved].all() and told.any())
+    return bool(explained[concerned].all() and explained.any())

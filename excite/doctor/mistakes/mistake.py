@@ -67,6 +67,7 @@ class Correction:
             None where the fit decides.
         as_logged: whether the log is left as it is, in the unit that it has: which one it is a person knows;
             ``figures`` then holds the ``factor``.
+        along: places among them that tell nothing of it and go with the others.
         certain: whether the log is mended with exactly what was found; an estimate leaves a rest.
     """
 
@@ -78,6 +79,7 @@ class Correction:
     changes: int = 1
     surprise: float | None = None
     as_logged: bool = False
+    along: tuple[str, ...] = ()
     certain: bool = True
 
 

@@ -38,5 +38,10 @@ class TorqueSign(Mistake[TorqueSamples]):
                 else f"the sign of the torque of {listed(names)} looks turned"
             )
             yield Correction(
-                self.name, reading.with_torque(list(places), -1.0), text, names, {"joints": float(len(names))}
+                self.name,
+                reading.with_torque(list(places), -1.0),
+                text,
+                names,
+                {"joints": float(len(names))},
+                along=tuple(joints[j] for j in places if j not in telling),
             )
