@@ -33,10 +33,11 @@ _LOAD_SIZE_M = 0.1
 MAX_SLIP = 0.005
 # Steps of the physics [s], the next where it diverges.
 _STEPS = (5e-4, 2.5e-4)
-# On soles a first run with this step decides where the robot stays far from falling: tilts of 15 motions (G1, Romeo)
-# are within a tenth of those with 0.25 ms, but two of a hundred motions of the G1 at the edge fall with 1 ms alone
-# and stand with 0.5. Slip is another matter: point feet of 15 motions (HyQ, Go2) creep 0.4 mm further with
-# 0.5 ms than with 0.25, and 2 to 4 mm further with 1 ms.
+# On soles a first run with this step decides where the robot stays far from falling: tilts of motions that stand (of 15
+# of G1 and Romeo) are within a tenth of those with 0.25 ms, one of a motion that falls differs by 27 %. With 1 ms alone
+# a plan of the G1 keeps 132 motions and not 134, so that what is near the edge is run again with 0.5 ms. Slip is
+# another matter: point feet of 15 motions (HyQ, Go2) creep 0.4 mm further with 0.5 ms than with 0.25, and 1 to 4 mm
+# further with 1 ms.
 _QUICK_STEP = 1e-3
 _FAR = 0.5 * FALL_END_TILT_RAD
 

@@ -234,7 +234,8 @@ def test_a_log_of_validation_trials_alone_has_roll_outs(problem: Problem) -> Non
 
 def test_what_mujoco_refuses_is_no_reason_to_say_nothing(problem: Problem, tmp_path: Path) -> None:
     first, *rest = problem.record.robot.segments
-    robot = replace(problem.record.robot, segments=(replace(first, link="world"), *rest))
+    # A body's name that another one has.
+    robot = replace(problem.record.robot, segments=(replace(first, link=rest[0].link), *rest))
     refused = replace(problem, record=replace(problem.record, robot=robot))
     nominal = nominal_fit(problem)
     found = simulated(refused, nominal, nominal, np.random.default_rng(0), tmp_path)

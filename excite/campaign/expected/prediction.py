@@ -28,7 +28,7 @@ from excite.threads import one_blas_thread
 
 # The planned log is sampled so many times as densely as the filter of the kinematics passes. With four, deviations of
 # essential parameters are within 1.7 % of those with twenty (HyQ 0.7 %, UR5 0.05 %, Romeo 1.7 %, where they are below
-# 100 %); with eight they take twice as long.
+# 100 %; one of Romeo's is essential with twenty and not with four); with eight they take twice as long.
 _SAMPLES_A_CUTOFF = 4.0
 
 

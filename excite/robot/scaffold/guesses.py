@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 _SIDES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
 # A joint that turns less is a stop, a clutch or an exporter's zero: no motion fits in it [rad or m].
 _BLOCKED = 1e-3
-# Velocities that stand for no limit: of 1500 limits in 60 models those of robots end at 111 rad/s, and 1000, 50000 and
-# 1e9 are what exporters write.
+# Velocities that stand for no limit: in the models of robots that were looked at limits end at 111 rad/s, and 1000,
+# 50000 and 1e9 are what exporters write.
 _NO_VELOCITY = 1e3
 _LETTERS = re.compile(r"(?<![A-Za-z])([lL])(?![a-z])|(?<=[a-z0-9])(L)(?![a-z])")
 

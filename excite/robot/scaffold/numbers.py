@@ -23,8 +23,9 @@ _VELOCITY, _SLIDE_VELOCITY = 1.5, 0.25
 _ACCELERATION, _UNKNOWN_ACCELERATION = 30.0, 5.0
 # A drive is chosen for about twice the weight that it holds and moves.
 _RESERVE = 3.0
-# A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In some 110 URDFs those that
-# do (1000, 10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5 (Minitaur).
+# A stated torque that lifts so many of the whole robot, a metre away, stands for no limit. In the URDFs looked at
+# those that do (10000, 50000, 1e9 N·m) lift 10 of it and more, the strongest drives 6 (a gripper) and 3.5 (Minitaur).
+# Alexander's 1000 N·m lift 2.2 of it and are believed.
 _NO_TORQUE = 8.0
 # Natural frequency of the servo on the joint's own inertia, and on the robot's that a leg carries [Hz]; its damping.
 _FREQUENCY, _DAMPING = 8.0, 0.7
