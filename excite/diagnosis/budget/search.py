@@ -76,13 +76,18 @@ class Search:
             if not found:
                 return
             chosen = list(self.model.chosen)
-            taken: set[int | None] = set()
+            beside, taken = self.model, set[int | None]()
             for item in found:
                 term = self.design.terms[item.index]
-                # What acts on one joint alone does not compete with what acts on another.
+                # What acts on one joint alone does not compete with what acts on another, but through bodies that suit
+                # both: it has to pass in the company of those before it.
                 alone = term.own is not None and len(term.columns) == 1
                 if taken and (not alone or term.own in taken):
                     continue
+                passed = item if not taken else self.try_beside(beside, item.index)
+                if passed is None or not passed.merit.passes or not self._large(beside, passed):
+                    continue
+                beside = passed.model
                 chosen.append(item.index)
                 taken.add(term.own)
                 if not alone:
@@ -100,17 +105,17 @@ class Search:
         for batch in range(_BATCHES):
             part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
             tried = [self.try_beside(self.model, item.index) for item in part]
-            passing = [t for t in tried if t is not None and t.merit.passes and self._large(t)]
+            passing = [t for t in tried if t is not None and t.merit.passes and self._large(self.model, t)]
             if passing:
                 passing.sort(key=lambda item: -item.merit.score)
                 return self._simpler_first(passing)
         return []
 
-    def _large(self, item: Tried) -> bool:
-        """Whether a term takes away enough of what is left where it acts most."""
+    def _large(self, model: Model, item: Tried) -> bool:
+        """Whether a term takes away enough of what a model leaves where it acts most."""
         if self.least <= 0.0:
             return True
-        old, new = self.model.predicted.sum(axis=0), item.model.predicted.sum(axis=0)
+        old, new = model.predicted.sum(axis=0), item.model.predicted.sum(axis=0)
         noise = self.design.rows.floor**2 * self.design.fitted.count.sum()
         room = np.maximum(old - noise, 1e-300)
         return float(np.max(np.where(old > noise, (old - new) / room, 0.0))) >= self.least
