@@ -75,12 +75,10 @@ class Search:
             found = self._best_of_screening()
             if not found:
                 return
-            chosen = list(self.model.chosen)
-            beside, taken = self.model, set[int | None]()
+            chosen, beside, taken = list(self.model.chosen), self.model, set[int | None]()
             for item in found:
                 term = self.design.terms[item.index]
-                # What acts on one joint alone does not compete with what acts on another, but through bodies that suit
-                # both: it has to pass in the company of those before it.
+                # What acts on one joint alone competes with what acts on another through bodies that suit both alone.
                 alone = term.own is not None and len(term.columns) == 1
                 if taken and (not alone or term.own in taken):
                     continue
