@@ -85,7 +85,7 @@ def _of_motion(
 ) -> str:
     names = [_place(best), *(_place(item) for item in others)]
     alike = f"{', '.join(names[:-1])} and {names[-1]} look alike in this record"
-    hints = dict.fromkeys(EFFECTS[item.name].separating_motion for item in (best, *others))
+    hints = dict.fromkeys(item.hypothesis.effect.separating_motion for item in (best, *others))
     told = f"what tells them apart: {'; '.join(hint for hint in hints if hint)}"
     if proposal is None:
         return f"{alike}; {untold}; {told}" if untold else f"{alike}; {told}"
