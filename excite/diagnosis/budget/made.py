@@ -75,7 +75,7 @@ def _channel(
         elif term.own == j or abs(share) >= _LISTED:
             between = (share - half, share + half)
             lost, unsure = float(shares.lost[i, j]), float(shares.unsure[i, j])
-            sure = share > half or lost > unsure
+            sure = share > half or lost > unsure or bool(shares.sized[i])
             effects.append(EffectShare(term.name, term.location, share, between, lost, sure))
     effects.sort(key=lambda item: -item.share)
     generic = [

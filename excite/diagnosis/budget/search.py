@@ -144,9 +144,9 @@ class Search:
             keep = here.passes and not orphan and self._can_be(k, self.model.parameters(k))
             if best is not None and best.merit.passes:
                 simple = self.design.terms[best.index].n_parameters < term.n_parameters
-                gain = ahead[best.index]
-                better = gain > max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
-                alike = simple and gain > -THRESHOLDS.alike * here.score and self._same_place(best.index, k)
+                gain, width = ahead[best.index], self._width(without, best)
+                better = gain > width
+                alike = simple and gain > -width and self._same_place(best.index, k)
                 if not keep or better or alike:
                     self.model = best.model
                     self.merits[best.index] = best.merit

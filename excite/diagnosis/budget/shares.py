@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from excite.arrays import Array
@@ -82,6 +83,7 @@ class Shares:
         half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
         lost: ``(n_terms, n_joints)`` by how much more is left without each alone, as a share of what is left with all.
         unsure: ``(n_terms, n_joints)`` half widths of the 90 % intervals of that.
+        sized: ``(n_terms,)`` whether the 90 % interval of the effect's own size leaves zero out.
     """
 
     level: Array
@@ -92,6 +94,7 @@ class Shares:
     half: Array
     lost: Array
     unsure: Array
+    sized: NDArray[np.bool_]
 
 
 def shares_of(model: Model, floor: Array) -> Shares:
@@ -124,7 +127,9 @@ def shares_of(model: Model, floor: Array) -> Shares:
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
     if not taken:
         empty = np.zeros((0, len(floor)))
-        return Shares(level, room, nothing.mean, everything.mean, empty, empty, empty, empty)
+        return Shares(
+            level, room, nothing.mean, everything.mean, empty, empty, empty, empty, np.zeros(0, dtype=np.bool_)
+        )
     values = [
         _normalised(
             np.array([getattr(t, name) for t in taken]),
@@ -143,7 +148,23 @@ def shares_of(model: Model, floor: Array) -> Shares:
     left = np.maximum(everything.mean, 1e-300)
     more = np.array([item.mean for item in lost]) / left
     unsure = wide * np.array([np.hypot(deviation(item.blocks), deviation(item.fits)) for item in lost]) / left
-    return Shares(level, room, nothing.mean, everything.mean, value, half, more, unsure)
+    with_size = np.array([_has_size(model, k) for k in chosen])
+    return Shares(level, room, nothing.mean, everything.mean, value, half, more, unsure, with_size)
+
+
+def _has_size(model: Model, k: int) -> bool:
+    """Whether an effect has a size without any block that differs from zero beside how much blocks disagree on it.
+
+    Of several parameters what counts is how far they reach along those of all blocks, as their columns weigh them.
+    """
+    term, n = model.design.terms[k], len(model.left_out)
+    if term.known or n < 2:
+        return False
+    first = model.layout.begin[model.chosen.index(k)]
+    here = slice(first, first + term.size)
+    along = model.normal[here, here] @ model.x[here]
+    reach = model.left_out[:, here] @ along / max(float(model.x[here] @ along), 1e-300)
+    return bool(stdtrit(n - 1, 0.95) * deviation(reach) < 1.0)
 
 
 def _parts(power: Power) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ from excite.diagnosis.budget.fit.stacked import Extended, Stacked
 from excite.diagnosis.budget.fit.terms import Term
 
 _LAGS = 200
-_ITERATIONS = 3
+_ITERATIONS = 30
 _RIDGE = 1e-9
 # Weight of what is known beside what is measured.
 _KNOWN = 1e6
