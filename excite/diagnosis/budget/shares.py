@@ -128,7 +128,15 @@ def shares_of(model: Model, floor: Array) -> Shares:
     if not taken:
         empty = np.zeros((0, len(floor)))
         return Shares(
-            level, room, nothing.mean, everything.mean, empty, empty, empty, empty, np.zeros(0, dtype=np.bool_)
+            level,
+            room,
+            nothing.mean,
+            everything.mean,
+            empty,
+            empty,
+            empty,
+            empty,
+            np.zeros(0, dtype=np.bool_),
         )
     values = [
         _normalised(
