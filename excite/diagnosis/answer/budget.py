@@ -212,6 +212,7 @@ class Budget:
             self.channels.items(), key=lambda item: item[1].gap / max(item[1].noise_floor, 1e-300)
         )
         return (
-            "Nothing in the gap follows an effect or what a joint does; it stands furthest above the noise at "
+            "No effect and nothing that a joint does takes a part of the gap of the trials that judge; it stands furthest "
+            f"above the noise at "
             f"{name}: {most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}."
         )

@@ -34,6 +34,8 @@ _INSTEAD = 2
 _RESONANT, _STANDS = 3, 1.5
 # How often a resonance is searched again on what is fitted with it, and the nats that have to be in it.
 _AGAIN, _PROMISES = 3, 10.0
+# Passes after which the last terms stand: two whose places differ by rounding could go on.
+_PASSES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +118,13 @@ def _settled(
     if any(term.effect.is_body for term in last.model.terms):
         last = bodies_again(last, TermMaker(last.context, state.full.strict))
         last.forward()
-    last.backward()
+    last.settles = True
+    # A term that took another's place has its own rivals.
+    for _ in range(_PASSES):
+        before = last.model.chosen
+        last.backward()
+        if last.model.chosen == before:
+            break
     return last, state.full
 
 
