@@ -212,7 +212,6 @@ class Budget:
             self.channels.items(), key=lambda item: item[1].gap / max(item[1].noise_floor, 1e-300)
         )
         return (
-            "No effect and nothing that a joint does takes a part of the gap of the trials that judge; it stands furthest "
-            f"above the noise at "
-            f"{name}: {most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}."
+            "No effect and nothing that a joint does takes a part of the gap of the trials that judge; it stands "
+            f"furthest above the noise at {name}: {most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}."
         )
