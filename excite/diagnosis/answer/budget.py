@@ -23,7 +23,8 @@ class EffectShare:
         share: of the power above the noise floor on the trials that judge, 0…1 (below 0 where it does harm there).
         interval90: of the share, by blocks left out of what is fitted and of what judges.
         lost: by how much more is left where it alone is taken out, as a share of what is left with all.
-        sure: whether the 90 % interval of the one or of the other lies above zero, or that of its size leaves zero out.
+        sure: whether the 90 % interval of the one or of the other lies above zero, or that of a firm effect's size
+            leaves zero out.
     """
 
     effect: str

@@ -17,6 +17,7 @@ from excite.diagnosis.budget.detectable import detectable_sizes
 from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.shares import Shares, deviation, shares_of
+from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.budget.unnamed import unnamed_of
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
@@ -75,7 +76,8 @@ def _channel(
         elif term.own == j or abs(share) >= _LISTED:
             between = (share - half, share + half)
             lost, unsure = float(shares.lost[i, j]), float(shares.unsure[i, j])
-            sure = share > half or lost > unsure or bool(shares.sized[i])
+            firm = bool(shares.sized[i]) and found.search.merits[model.chosen[i]].score >= THRESHOLDS.rival
+            sure = share > half or lost > unsure or firm
             effects.append(EffectShare(term.name, term.location, share, between, lost, sure))
     effects.sort(key=lambda item: -item.share)
     generic = [

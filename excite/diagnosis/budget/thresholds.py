@@ -17,7 +17,9 @@ class Thresholds:
             0.4, below what a mean has to be that TIAGo's frictions reach, 0.9 to 2.6).
         alike: share of the nats within which a simpler effect at the same place is preferred, and another one is a
             rival. On EMPS a spring leads the offset that is there by 9.8 nats to 9.0.
-        rival: the same in nats where that is more; odds of 20 to 1 lie within it.
+        rival: the same in nats where that is more; odds of 20 to 1 lie within it. With as many, an effect whose size
+            differs from zero is there, though shares are too wide to tell: a gain of 0.9 at a pan axis that carries
+            no weight has 63 where its share is 1 ± 1.9; what damped bristles leave looks like static friction with 4.
         load: share of a joint's torque below which its load is too small for a gain, or friction that grows with it: on
             a wrist that hardly carries anything, friction explains itself as a gain of 0.83.
         probable: probability from which an effect is accepted, by the contract of the document.
