@@ -35,7 +35,7 @@ class Search:
         tried: effects and places that were tried before this search.
         least: share of what is left at its place that a term has to take away to be added.
         stops: whether it ends as soon as a body is found; ``stopped``, whether it has.
-        settles: whether what is ahead at all takes a term's place; before the last pass it has to be clearly ahead.
+        settles: whether what is likelier takes a term's place though it is a rival; before the last pass it may not.
         dry_given: whether the log says that Coulomb friction is modelled.
         rivals: by index of an accepted term, what else scores alike in the company of all others.
     """
@@ -147,7 +147,7 @@ class Search:
             if best is not None and best.merit.passes:
                 simple = self.design.terms[best.index].n_parameters < term.n_parameters
                 gain, width = ahead[best.index], self._width(without, best)
-                better = gain > (0.0 if self.settles else width)
+                better = gain > (THRESHOLDS.rival if self.settles else width)
                 alike = simple and gain > -width and self._same_place(best.index, k)
                 if not keep or better or alike:
                     self.model = best.model
