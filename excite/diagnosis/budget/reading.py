@@ -11,18 +11,20 @@ from excite.diagnosis.budget.thresholds import THRESHOLDS
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     """Whether effects are what the gap is.
 
-    They are if they take most of it together; or most of what has structure, where that is no trifle and no less than
-    what stays open, the largest share that follows anything is one of theirs, and at its place no less than what has no
-    name there; or if one surely takes most of what its own place has.
+    They are if they take most of it together; or most of what has structure, where that is no trifle, the largest share
+    that follows anything is one of theirs, and at its place no less than what has no name there; or if one surely takes
+    most of what its own place has.
     """
     taken = sum(item.share for item in effects)
     if taken >= THRESHOLDS.most:
         return True
     first = max(effects, key=lambda item: item.share, default=None)
-    structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle, _open(budget))
+    structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
     structured = structured and first is not None and first.share >= max([*budget.follows.values(), 0.0])
     if structured and first is not None and _leads(budget, first):
-        return True
+        # Of much that stays open a name that is not sure says nothing.
+        if first.probability >= THRESHOLDS.probable or taken >= _open(budget):
+            return True
     there = [item.share for item in effects if _surely(budget, item) >= THRESHOLDS.most]
     return sum(there) >= THRESHOLDS.trifle
 
