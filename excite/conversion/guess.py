@@ -171,7 +171,7 @@ def _without_clock(
     else:
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
         but = f" ({named[0]} does not go forward evenly)" if named else ""
-        found.ask(f"{stream.name} has no column of times{but}", "log: {rate_hz: 100}   # rows a second")
+        found.ask_of_all(stream.name, f"no column of times{but}", "log: {rate_hz: 100}   # rows a second")
 
 
 def _add(found: Guesses, chosen: dict[str, Family]) -> None:

@@ -75,6 +75,17 @@ class Guesses:
         if question not in self.questions:
             self.questions.append(question)
 
+    def ask_of_all(self, name: str, lacks: str, line: str) -> None:
+        """Add a question that one line settles for all recordings or tables that it is asked of."""
+        same = [question for question in self.questions if question.line == line]
+        if not same:
+            self.ask(f"{name} has {lacks}", line)
+            return
+        first, _, _ = same[0].what.partition(" has ")
+        names, _, count = first.partition(" and ")
+        more = int(count.partition(" ")[0] or 0) + 1 if not count or count.endswith(" more") else 1
+        self.questions[self.questions.index(same[0])] = Question(f"{names} and {more} more has {lacks}", line)
+
     def rows(self) -> list[tuple[str, str, str]]:
         """Channel, source and reason of everything that was guessed; columns of one pattern in one row."""
         grouped: dict[tuple[str, str, float], list[Mapped]] = {}
