@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -81,10 +82,12 @@ class Guesses:
         if not same:
             self.ask(f"{name} has {lacks}", line)
             return
-        first, _, _ = same[0].what.partition(" has ")
+        first = re.split(" (?:has|have) ", same[0].what, maxsplit=1)[0]
         names, _, count = first.partition(" and ")
         more = int(count.partition(" ")[0] or 0) + 1 if not count or count.endswith(" more") else 1
-        self.questions[self.questions.index(same[0])] = Question(f"{names} and {more} more has {lacks}", line)
+        self.questions[self.questions.index(same[0])] = Question(
+            f"{names} and {more} more have {lacks}", line
+        )
 
     def rows(self) -> list[tuple[str, str, str]]:
         """Channel, source and reason of everything that was guessed; columns of one pattern in one row."""

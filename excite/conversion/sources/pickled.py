@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -59,7 +60,8 @@ class PickleSource(Source):
             arrays: dict[str, Any] = {}
             _flatten("", trial, arrays, 0)
             try:
-                found += recordings_of(path.with_name(f"{path.stem}{label}"), arrays)
+                named = recordings_of(path.with_name(f"{path.stem}{label}"), arrays)
+                found += [replace(recording, source=str(path)) for recording in named]
             except LogError:
                 continue
         if not found:
