@@ -86,10 +86,10 @@ class Distances:
         times, travel = self._times, self._travel
         k = min(max(bisect_right(times, time) - 1, 0), len(times) - 2)
         if times[k] == time:
-            found = travel[k]
+            found = np.asarray(travel[k])
         else:
             share = (time - times[k]) / (times[k + 1] - times[k])
-            found = (1.0 - share) * travel[k] + share * travel[k + 1]
+            found = np.asarray((1.0 - share) * travel[k] + share * travel[k + 1])
         self._travelled[time] = found
         return found
 
