@@ -31,14 +31,19 @@ def usable_torque(robot: Robot, share: Array, speed: Array) -> Array:
     return np.asarray(np.maximum(share * limit - coulomb - viscous * speed, _LEFT_BY_FRICTION * limit))
 
 
-def holding_torques(robot: Robot, joints: Array) -> Array:
+def holding_torques(robot: Robot, joints: Array, data: pin.Data | None = None) -> Array:
     """Torques that hold a robot still in postures ``(n, n_joints)``, its base at rest, ``(n, n_joints)`` [N·m or N].
 
     Zero for joints between a floating base and a foot: theirs depend on how the contacts share the load.
+
+    Args:
+        robot: the robot.
+        joints: the postures.
+        data: pinocchio's room for its model, where that is at hand: of a G1, making it takes as long as 80 postures.
     """
     q = np.tile(robot.rest, (len(joints), 1))
     q[:, robot.n_base_q :] = joints
-    data = robot.model.createData()
+    data = robot.model.createData() if data is None else data
     tau = np.array([pin.computeGeneralizedGravity(robot.model, data, row).copy() for row in q])
     tau = robot.on_motors(q, tau.reshape(len(q), robot.model.nv))
     if robot.floating:

@@ -10,9 +10,10 @@ import pytest
 from excite.robot.robot import Robot
 from excite.safety.checks.balance import CentreOfMassCheck, ContactWrenchCheck, ZeroMomentPointCheck
 from excite.safety.checks.base import CheckResult, first_violations
+from excite.safety.checks.control_points import ControlPoints
 from excite.safety.checks.foot import FootCheck
 from excite.safety.checks.limits import JointAccelerationCheck, JointPositionCheck, JointVelocityCheck
-from excite.safety.checks.sweep import ControlPoints, Sweep
+from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import JointTorqueCheck
 from excite.safety.force_distribution import ContactForces
 from excite.safety.verdict import Violation
@@ -89,7 +90,7 @@ def limited(robot: Robot, **points: np.ndarray) -> SimpleNamespace:
     return SimpleNamespace(
         robot=robot,
         fine=SimpleNamespace(time=np.array([0.0, 0.1, 0.2])),
-        control_points=ControlPoints(**values),
+        bounds=ControlPoints(**values).bounds(),
     )
 
 

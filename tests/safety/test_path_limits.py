@@ -110,7 +110,7 @@ def instants(limits: PathLimits) -> list[tuple[int, float, float]]:
 
 
 def values(limits: PathLimits, k: int, rate: float, slope: float, kind: str) -> np.ndarray:
-    rows = limits.rows(limits.path.s)
+    rows = limits.rows(limits.path.knots)
     columns = [i for i, label in enumerate(rows.labels) if label[0] == kind]
     total = rows.static + rows.curved * rate**2 + rows.driven * slope
     return total[k, columns]
@@ -197,7 +197,7 @@ def test_acceleration_rows(limits: PathLimits) -> None:
 
 def test_labels_name_each_joint_in_both_directions(limits: PathLimits) -> None:
     robot = limits.path.robot
-    rows = limits.rows(limits.path.s)
+    rows = limits.rows(limits.path.knots)
     assert (
         rows.static.shape == rows.curved.shape == rows.driven.shape == (len(limits.path.s), len(rows.labels))
     )
@@ -208,11 +208,11 @@ def test_labels_name_each_joint_in_both_directions(limits: PathLimits) -> None:
 
 def test_between_knots_rows_are_interpolated(limits: PathLimits) -> None:
     knots = limits.path.s
-    at_knots, again = limits.rows(knots), limits.rows(knots.copy())
+    at_knots, again = limits.rows(limits.path.knots), limits.rows(limits.path.sample(knots.copy()))
     dynamic = [i for i, label in enumerate(at_knots.labels) if label[0] == "joint_torque"]
     for name in ("static", "curved", "driven"):
         assert np.allclose(getattr(at_knots, name), getattr(again, name), atol=1e-9)
-    between = limits.rows(knots[40:43] + 0.25 * np.diff(knots)[40:43])
+    between = limits.rows(limits.path.sample(knots[40:43] + 0.25 * np.diff(knots)[40:43]))
     expected = 0.75 * at_knots.static[40:43] + 0.25 * at_knots.static[41:44]
     assert np.allclose(between.static[:, dynamic], expected[:, dynamic])
 

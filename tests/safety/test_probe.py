@@ -377,6 +377,9 @@ class Profiles:
     def approach(self, start: float, end: float, pairs: np.ndarray) -> np.ndarray:
         return np.full(len(pairs), self.steepness * (end - start))
 
+    def ways(self, times: np.ndarray) -> np.ndarray:
+        return np.repeat(self.steepness * np.diff(times)[:, None], self.n_pairs, axis=1)
+
     midpoint = Distances.midpoint
 
 

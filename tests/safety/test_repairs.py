@@ -81,8 +81,7 @@ def test_rows_are_inverse_dynamics(drafts: list[Draft], g1: Robot) -> None:
     path, limits = drafts[-1].path, drafts[-1].limits
     assert path is not None and limits is not None
     k = len(path.s) // 2
-    s = path.s
-    rows = limits.rows(s)
+    rows = limits.rows(path.knots)
     rate, slope = 2.3, -1.7
     value = rows.static[k] + rows.curved[k] * rate**2 + rows.driven[k] * slope
     sample = path.knots
@@ -293,5 +292,5 @@ def test_limits_say_where_the_path_is_static(g1: Robot, drafts: list[Draft]) -> 
     path = drafts[-1].path
     assert path is not None
     limits = PathLimits(drafts[-1].candidate, path, Shares())
-    assert (limits.rows(path.s).static <= 0.0).all()
+    assert (limits.rows(path.knots).static <= 0.0).all()
     assert (limits.speed_bound() > 0.0).all()

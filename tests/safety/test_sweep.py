@@ -11,6 +11,7 @@ import pytest
 from excite.motion.motion import Motion, interpolate
 from excite.robot.per_joint import PerJoint
 from excite.robot.robot import Robot
+from excite.safety.checks.control_points import control_points
 from excite.safety.checks.sweep import Sweep
 from excite.safety.checks.torque import drive_torques
 from excite.safety.contact_wrench import polygon_margin, wrench_at_world_origin, zero_moment_point
@@ -47,7 +48,12 @@ def test_torques_are_evaluated_about_200_times_a_second(rate: float, stride: int
 def test_control_points_are_those_of_the_interpolation(humanoid: Robot, squatting: Motion) -> None:
     """Bernstein polynomials of the control points are the motion between the grid's samples."""
     sweep = Sweep(humanoid, squatting)
-    points, grid = sweep.control_points, sweep.fine.time
+    points, grid = control_points(sweep.fine, 0, sweep.fine.n_samples - 1), sweep.fine.time
+    bounds = points.bounds()
+    for name in ("lowest", "highest", "speed", "acceleration"):
+        assert np.array_equal(getattr(sweep.bounds, name), getattr(bounds, name)), (
+            "block by block as all at once"
+        )
     for k in (200, 411, 600):
         for u in (0.0, 0.3, 0.8):
             there = interpolate(sweep.fine, humanoid, np.array([grid[k] + u * (grid[k + 1] - grid[k])]))

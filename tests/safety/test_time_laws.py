@@ -131,7 +131,7 @@ def usage(limits: PathLimits, law: TimeLaw, rate_hz: float) -> dict[str, np.ndar
     v = sample.twist * speed[:, None]
     a = sample.curvature * speed[:, None] ** 2 + sample.twist * acceleration[:, None]
     jerk = np.diff(a, axis=0) / np.diff(time)[:, None]
-    rows = limits.rows(s)
+    rows = limits.rows(sample)
     value = rows.static + rows.curved * speed[:, None] ** 2 + rows.driven * acceleration[:, None]
     return {
         "joint_velocity": np.abs(v / (shares.velocity * robot.limits.velocity)).max(axis=1),
@@ -174,10 +174,10 @@ def test_where_standing_still_breaks_a_limit_no_speed_helps(
     path: MotionPath, candidate: Candidate, law: TimeLaw
 ) -> None:
     class Impossible(PathLimits):
-        def rows(self, s):
-            rows = super().rows(s)
+        def rows(self, sample):
+            rows = super().rows(sample)
             static = rows.static.copy()
-            static[len(s) // 2, 3] = 0.1
+            static[np.abs(sample.s - 0.5 * self.path.s[-1]) < 1e-2, 3] = 0.1
             return replace(rows, static=static)
 
     found = largest_factor(Impossible(candidate, path, Shares()), law, 400.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
-from itertools import count, pairwise
+from itertools import count
 from typing import ClassVar
 
 import numpy as np
@@ -146,18 +146,21 @@ def _first_look(distances: Distances, times: Array, required: float) -> _FirstLo
 
     What is left out could neither be the smallest distance, nor too small, nor be looked at again.
     """
-    everyone = np.arange(distances.n_pairs)
-    values = distances.at_least(times)
-    ways = np.array([distances.approach(float(a), float(b), everyone) for a, b in pairwise(times)])
-    between = 0.5 * (values[:-1] + values[1:] - ways)
-    # What an interval may hold, as its ends have to be asked for it.
-    lowest = values.copy()
-    lowest[:-1] = np.minimum(lowest[:-1], between)
-    lowest[1:] = np.minimum(lowest[1:], between)
+    values, ways = distances.at_least(times), distances.ways(times)
     asked = np.zeros(values.shape, dtype=bool)
     upper, found = np.inf, dict[int, tuple[float, float]]()
     for k, time in enumerate(times):
-        asked[k] = (lowest[k] < upper) | (values[k] < required)
+        # What an instant may hold, and an interval, as its ends have to be asked for it.
+        lowest = values[k].copy()
+        if k > 0:
+            np.maximum(lowest, values[k - 1] - ways[k - 1], out=lowest)
+            values[k] = lowest
+            lowest = np.minimum(lowest, 0.5 * (values[k - 1] + lowest - ways[k - 1]))
+        if k < len(ways):
+            # The next instant's distance is no less than what this one's leaves of it.
+            after = np.maximum(values[k + 1], values[k] - ways[k])
+            lowest = np.minimum(lowest, 0.5 * (values[k] + after - ways[k]))
+        asked[k] = (lowest < upper) | (values[k] < required)
         pairs = np.flatnonzero(asked[k])
         if len(pairs):
             row = distances.at(float(time), pairs)

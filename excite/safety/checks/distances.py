@@ -59,7 +59,7 @@ class Distances:
     def _travel(self) -> Array:
         """Way of each coordinate group since the start, at the fine grid's samples, ``(n, n_columns)``."""
         sweep = self.sweep
-        speed = np.abs(sweep.control_points.velocity).max(axis=1)
+        speed = sweep.bounds.speed
         if sweep.robot.floating:
             h = np.diff(sweep.fine.time)[:, None]
             v, a = sweep.fine.v[:, :6].reshape(-1, 2, 3), sweep.fine.a[:, :6].reshape(-1, 2, 3)
@@ -76,6 +76,14 @@ class Distances:
         first = self._travel_at(start) if first is None else first
         last = self._travel_at(end) if last is None else last
         return self._reach[pairs] @ (last - first)
+
+    def ways(self, times: Array) -> Array:
+        """Bounds on how much all pairs' distances can change between one time and the next, ``(n - 1, n_pairs)`` [m].
+
+        They are a little wider than those of :meth:`approach`, by what distances may be off.
+        """
+        travel = np.array([self._travel_at(float(time)) for time in times])
+        return np.asarray(np.diff(travel, axis=0) @ self._reach.T + _TOLERANCE)
 
     @cached_property
     def _travelled(self) -> dict[float, Array]:

@@ -1,7 +1,7 @@
 """Position, velocity and acceleration limits of the joints, at every instant.
 
 All three bound the Bézier control points of the interpolant on the finer grid (see
-:class:`~excite.safety.checks.sweep.ControlPoints`), so nothing passes its limit between samples.
+:class:`~excite.safety.checks.control_points.ControlPoints`), so nothing passes its limit between samples.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ class JointPositionCheck(Check):
     margin_field: ClassVar[str | None] = "joint_position_rad"
 
     def judge(self, sweep: Sweep) -> CheckResult:
-        limits, points = sweep.robot.limits, sweep.control_points.position
-        low, high = points.min(axis=1), points.max(axis=1)
+        limits, low, high = sweep.robot.limits, sweep.bounds.lowest, sweep.bounds.highest
         below, above = limits.position_lower - low, high - limits.position_upper
         excess = np.maximum(below, above)
         bad = excess > _ROUNDING * (limits.position_upper - limits.position_lower)
@@ -46,12 +45,7 @@ class JointVelocityCheck(Check):
     margin_field: ClassVar[str | None] = "joint_velocity_rad_s"
 
     def judge(self, sweep: Sweep) -> CheckResult:
-        return magnitude_result(
-            "joint_velocity",
-            sweep,
-            np.abs(sweep.control_points.velocity).max(axis=1),
-            sweep.robot.limits.velocity,
-        )
+        return magnitude_result("joint_velocity", sweep, sweep.bounds.speed, sweep.robot.limits.velocity)
 
 
 class JointAccelerationCheck(Check):
@@ -61,8 +55,8 @@ class JointAccelerationCheck(Check):
     margin_field: ClassVar[str | None] = "joint_acceleration_rad_s2"
 
     def judge(self, sweep: Sweep) -> CheckResult:
-        values = np.abs(sweep.control_points.acceleration).max(axis=1)
-        return magnitude_result("joint_acceleration", sweep, values, sweep.robot.limits.acceleration)
+        values, limits = sweep.bounds.acceleration, sweep.robot.limits.acceleration
+        return magnitude_result("joint_acceleration", sweep, values, limits)
 
 
 def magnitude_result(kind: str, sweep: Sweep, values: Array, limits: Array) -> CheckResult:

@@ -14,6 +14,7 @@ from excite.arrays import Array
 from excite.errors import InputError
 from excite.motion.motion import Motion, interpolate
 from excite.robot.robot import Robot
+from excite.safety.checks.control_points import JointBounds, joint_bounds
 from excite.safety.contact_wrench import wrench_at_world_origin, zero_moment_point
 from excite.safety.force_distribution import ContactForces, distribute_wrench
 
@@ -25,24 +26,6 @@ MIN_RATE_HZ = 200.0
 _EVEN, _APART = 1e-6, 0.3
 # Contact forces and joint torques, smoother and dearer, are evaluated at about this rate.
 TORQUE_RATE_HZ = 200.0
-
-
-@dataclass(frozen=True, eq=False)
-class ControlPoints:
-    """Bézier control points of the joints' motion on each interval of the finer grid.
-
-    Between samples a motion follows quintic polynomials; a polynomial never leaves the range of its control
-    points (Farin 2002, section 4.3), so bounds on these hold at every instant, not only at samples.
-
-    Attributes:
-        position: ``(n-1, 6, n_joints)`` [rad or m].
-        velocity: ``(n-1, 5, n_joints)`` [rad/s or m/s].
-        acceleration: ``(n-1, 4, n_joints)`` [rad/s² or m/s²].
-    """
-
-    position: Array
-    velocity: Array
-    acceleration: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,26 +86,9 @@ class Sweep:
         return interpolate(self.motion, self.robot, np.sort(np.append(time, grid[nearest * rate > _APART])))
 
     @cached_property
-    def control_points(self) -> ControlPoints:
-        """Bézier control points of the quintic interpolant on each interval of the finer grid."""
-        fine = self.fine
-        h = np.diff(fine.time)[:, None]
-        q, v, a = fine.joint_positions(), fine.joint_velocities(), fine.joint_accelerations()
-        step = np.diff(q, axis=0)
-        offsets = np.stack(
-            [
-                np.zeros_like(step),
-                h * v[:-1] / 5.0,
-                2.0 * h * v[:-1] / 5.0 + h**2 * a[:-1] / 20.0,
-                step - 2.0 * h * v[1:] / 5.0 + h**2 * a[1:] / 20.0,
-                step - h * v[1:] / 5.0,
-                step,
-            ],
-            axis=1,
-        )
-        velocity = 5.0 * np.diff(offsets, axis=1) / h[:, None]
-        acceleration = 4.0 * np.diff(velocity, axis=1) / h[:, None]
-        return ControlPoints(q[:-1, None] + offsets, velocity, acceleration)
+    def bounds(self) -> JointBounds:
+        """What the joints do not pass on each interval of the finer grid."""
+        return joint_bounds(self.fine)
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -130,20 +96,32 @@ class Sweep:
         model, fine = self.robot.model, self.fine
         data = model.createData()
         joints = [1 if self.robot.floating else 0] + [foot.joint for foot in self.robot.feet]
+        # Views of what pinocchio fills in at each sample.
+        placed = [(data.oMi[joint].rotation, data.oMi[joint].translation) for joint in joints]
+        centre, level = data.com[0], pin.POSITION
         n = fine.n_samples
-        rows = {int(k): row for row, k in enumerate(self.torque_samples)}
-        tau, jacobian, com = np.empty((n, model.nv)), np.empty((len(rows), 6, model.nv)), np.empty((n, 3))
-        poses = np.empty((n, len(joints), 4, 4))
-        for k in range(n):
+        asked = np.zeros(n, dtype=bool)
+        asked[self.torque_samples] = True
+        tau, jacobian, com = (
+            np.empty((n, model.nv)),
+            np.empty((int(asked.sum()), 6, model.nv)),
+            np.empty((n, 3)),
+        )
+        rotation, position = np.empty((n, len(joints), 3, 3)), np.empty((n, len(joints), 3))
+        row = 0
+        for k, with_jacobian in enumerate(asked.tolist()):
             tau[k] = pin.rnea(model, data, fine.q[k], fine.v[k], fine.a[k])
-            if k in rows:
+            # Where each joint is in its parent is known from there.
+            pin.updateGlobalPlacements(model, data)
+            if with_jacobian:
                 # Of one velocity, pinocchio returns no matrix.
-                jacobian[rows[k]] = pin.computeJointJacobians(model, data, fine.q[k]).reshape(6, model.nv)
-            # Also computes where the joints are.
-            com[k] = pin.centerOfMass(model, data, fine.q[k], False)
-            for i, joint in enumerate(joints):
-                poses[k, i] = data.oMi[joint].homogeneous
-        return Dynamics(tau, jacobian, com, poses[:, :, :3, :3], poses[:, :, :3, 3])
+                jacobian[row] = pin.computeJointJacobians(model, data).reshape(6, model.nv)
+                row += 1
+            pin.centerOfMass(model, data, level, False)
+            com[k] = centre
+            for i, (turned, moved) in enumerate(placed):
+                rotation[k, i], position[k, i] = turned, moved
+        return Dynamics(tau, jacobian, com, rotation, position)
 
     @cached_property
     def contacts(self) -> NDArray[np.bool_]:

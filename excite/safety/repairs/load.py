@@ -48,16 +48,25 @@ def _by_nearness(
     share = load_shares(point, np.array([centres[foot.name] for foot in robot.feet]), carried)
     middle = share @ np.array([centres[foot.name] for foot in robot.feet])
     about_middle = wrench[..., 3:] - np.cross(middle[:, None], wrench[..., :3])
+    bears = share > 0.0
+    rotation = np.empty((len(knots.q), len(robot.feet), 3, 3))
+    position = np.zeros((len(knots.q), len(robot.feet), 3))
+    jacobians = {}
+    placed = [(data.oMi[foot.joint].rotation, data.oMi[foot.joint].translation) for foot in robot.feet]
+    for i, q in enumerate(knots.q):
+        pin.forwardKinematics(robot.model, data, q)
+        for k in np.flatnonzero(bears[i]).tolist():
+            rotation[i, k], position[i, k] = placed[k]
+            jacobians[i, k] = pin.computeJointJacobian(robot.model, data, q, robot.feet[k].joint)
     for k, foot in enumerate(robot.feet):
         force = share[:, k, None, None] * wrench[..., :3]
         moment = share[:, k, None, None] * about_middle
-        for i in np.flatnonzero(share[:, k] > 0.0):
-            pin.forwardKinematics(robot.model, data, knots.q[i])
-            jacobian = pin.computeJointJacobian(robot.model, data, knots.q[i], foot.joint)
-            pose = data.oMi[foot.joint]
-            shifted = moment[i] + np.cross(centres[foot.name] - pose.translation, force[i])
-            local = np.hstack([force[i] @ pose.rotation, shifted @ pose.rotation])
-            tau[i] -= local @ jacobian
+        rows = np.flatnonzero(bears[:, k])
+        lever = centres[foot.name] - position[rows, k]
+        shifted = moment[rows] + np.cross(lever[:, None], force[rows])
+        local = np.concatenate([force[rows] @ rotation[rows, k], shifted @ rotation[rows, k]], axis=2)
+        for row, i in enumerate(rows.tolist()):
+            tau[i] -= local[row] @ jacobians[i, k]
 
 
 def load_shares(point: Array, centres: Array, carried: NDArray[np.bool_]) -> Array:

@@ -31,6 +31,10 @@ class PathSample:
     twist: Array
     curvature: Array
 
+    def part(self, which: slice) -> PathSample:
+        """Some of the samples."""
+        return PathSample(self.s[which], self.q[which], self.twist[which], self.curvature[which])
+
 
 @dataclass(frozen=True, eq=False)
 class MotionPath:

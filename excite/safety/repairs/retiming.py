@@ -43,9 +43,10 @@ class Retiming(Repair):
             s = np.linspace(0.0, candidate.length, 5)
             law = TimeLaw(s / candidate.speed, s, (candidate.speed, candidate.speed))
             return replace(draft, limits=limits, law=law)
-        rate = fastest_rate(draft.path.s, limits.rows(draft.path.s), limits.speed_bound())
+        rows = limits.rows(draft.path.knots)
+        rate = fastest_rate(draft.path.s, rows, limits.speed_bound())
         if rate is None:
-            return _standing_still(draft, draft.path, limits.rows(draft.path.s))
+            return _standing_still(draft, draft.path, rows)
         return replace(draft, limits=limits, law=smoothed_law(draft.path.s, rate))
 
 

@@ -16,7 +16,7 @@ from excite.robot.holding import usable_torque
 from excite.robot.joint_values import per_joint
 from excite.robot.robot import Robot
 from excite.safety.repairs.load import take_off_contacts
-from excite.safety.repairs.path import MotionPath
+from excite.safety.repairs.path import MotionPath, PathSample
 from excite.safety.repairs.shares import Shares
 from excite.safety.repairs.support import Support, friction_rows, support_of, zmp_rows
 
@@ -66,6 +66,17 @@ class PathLimits:
     @cached_property
     def _legs(self) -> dict[str, list[int]]:
         return {foot.name: list(leg_joints(self._robot, foot)) for foot in self._robot.feet}
+
+    @cached_property
+    def _usable_torque(self) -> Array:
+        """Torque that each joint may use beside friction, ``(n_joints,)`` [N·m or N].
+
+        Friction is bounded by that at the velocity limit, so that the rows stay linear.
+        """
+        share = np.full(self._robot.n_joints, self.shares.torque)
+        for leg in self._legs.values():
+            share[leg] = self.shares.leg_torque
+        return usable_torque(self._robot, share, self.shares.velocity * self._robot.limits.velocity)
 
     @cached_property
     def _soles(self) -> dict[str, Array]:
@@ -120,10 +131,9 @@ class PathLimits:
             bound[inside] = np.minimum(bound[inside], phase.rate)
         return bound
 
-    def rows(self, s: Array) -> Rows:
-        """The rows at path parameters ``(n,)``."""
-        robot = self._robot
-        sample = self.path.knots if s is self.path.s else self.path.sample(s)
+    def rows(self, sample: PathSample) -> Rows:
+        """The rows at samples of the path."""
+        robot, s = self._robot, sample.s
         tau, wrench = (_interpolate(self.path.s, values, s) for values in self._dynamics)
         n_base = robot.n_base_v
         limit = self.shares.acceleration * robot.limits.acceleration
@@ -140,12 +150,7 @@ class PathLimits:
                 / limit
             )
         ]
-        share = np.full(robot.n_joints, self.shares.torque)
-        for leg in self._legs.values():
-            share[leg] = self.shares.leg_torque
-        # Friction is bounded by that at the velocity limit, so that the rows stay linear.
-        torque = usable_torque(robot, share, self.shares.velocity * robot.limits.velocity)
-        blocks.append(_two_sided(tau / torque))
+        blocks.append(_two_sided(tau / self._usable_torque))
         labels = [(kind, j) for kind in ("joint_acceleration", "joint_torque") for j in robot.joint_names * 2]
         if robot.feet:
             contact, names = self._contact_rows(s, wrench)
@@ -163,14 +168,12 @@ class PathLimits:
         weight = self._robot.mass * float(np.linalg.norm(self._robot.model.gravity.linear))
         patterns, member = np.unique(carried, axis=0, return_inverse=True)
         supports = [self._support(row) for row in patterns]
-        # Weight shifts end over one foot: the wider polygon before may not ask for more than that foot can give.
-        narrowest = min(support.inradius for support in map(self._support, self._all_patterns()))
         n_edges = max(len(support.normals) for support in supports)
         rows = np.zeros((len(s), 3, n_edges + 9))
         for k, support in enumerate(supports):
             at = member.ravel() == k
             w = wrench[at] / weight
-            margin = self._zmp_margins(s[at], patterns[k], support, narrowest)
+            margin = self._zmp_margins(s[at], patterns[k], support)
             rows[at, :, : len(support.normals)] = zmp_rows(w, support, margin[:, None])
             friction = self.shares.friction_one_foot if patterns[k].sum() == 1 else self.shares.friction
             rows[at, :, n_edges:-1] = friction_rows(w, support, friction)
@@ -179,12 +182,12 @@ class PathLimits:
         labels = [("zmp", "feet")] * n_edges + [("friction", "feet")] * 8 + [("weight_share", "feet")]
         return rows, labels
 
-    def _zmp_margins(self, s: Array, carried: Array, support: Support, narrowest: float) -> Array:
+    def _zmp_margins(self, s: Array, carried: Array, support: Support) -> Array:
         """Distance of the ZMP from the edges of a support polygon, ``(n, n_edges)`` [m]."""
         shares, lifts_a_foot = self.shares, any(not pattern.all() for pattern in self._all_patterns())
         one = carried.sum() == 1
         share = shares.zmp_one_foot if one else shares.zmp_shift if lifts_a_foot else shares.zmp_both_feet
-        margin = np.full((len(s), len(support.normals)), min(shares.zmp, share * narrowest))
+        margin = np.full((len(s), len(support.normals)), min(shares.zmp, share * self._narrowest))
         free = [foot.name for foot, on in zip(self._robot.feet, carried, strict=True) if not on]
         if one and free:
             aside = np.vstack([self._soles[name] for name in free])[:, :2].mean(axis=0) - support.centre
@@ -201,9 +204,24 @@ class PathLimits:
             for phase in self.candidate.phases
         ]
 
+    @cached_property
+    def _narrowest(self) -> float:
+        """Least inradius [m]: weight shifts end over one foot, and the wider polygon before may not ask for more than
+        that foot can give."""
+        return min(self._support(pattern).inradius for pattern in self._all_patterns())
+
+    @cached_property
+    def _supports(self) -> dict[tuple[bool, ...], Support]:
+        """Those that were asked for, by the feet that carry."""
+        return {}
+
     def _support(self, carried: Array) -> Support:
-        feet = [foot for foot, carries in zip(self._robot.feet, carried, strict=True) if carries]
-        return support_of([self._soles[foot.name] for foot in feet], min(foot.friction for foot in feet))
+        key = tuple(carried.tolist())
+        if key not in self._supports:
+            feet = [foot for foot, carries in zip(self._robot.feet, carried, strict=True) if carries]
+            friction = min(foot.friction for foot in feet)
+            self._supports[key] = support_of([self._soles[foot.name] for foot in feet], friction)
+        return self._supports[key]
 
 
 def _two_sided(values: Array) -> Array:

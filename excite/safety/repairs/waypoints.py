@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+import pinocchio as pin
 
 from excite.arrays import Array
 from excite.errors import MotionError
@@ -111,7 +112,12 @@ class Waypoints(Repair):
 
     def _strain(self, q: Array) -> Array:
         """Torque that holds each joint in configurations ``(n, nq)``, of what it may use, ``(n, n_joints)``."""
-        return np.asarray(np.abs(holding_torques(self.robot, q[:, self.robot.n_base_q :])) / self._usable)
+        torques = holding_torques(self.robot, q[:, self.robot.n_base_q :], self._data)
+        return np.asarray(np.abs(torques) / self._usable)
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        return self.robot.model.createData()
 
     @cached_property
     def _usable(self) -> Array:
