@@ -147,9 +147,8 @@ class Search:
             if best is not None and best.merit.passes:
                 simple = self.design.terms[best.index].n_parameters < term.n_parameters
                 gain, width = ahead[best.index], self._width(without, best)
-                better = gain > (THRESHOLDS.rival if self.settles else width)
                 alike = simple and gain > -width and self._same_place(best.index, k)
-                if not keep or better or alike:
+                if not keep or alike or gain > (THRESHOLDS.rival if self.settles else width):
                     self.model = best.model
                     self.merits[best.index] = best.merit
                     continue
@@ -235,8 +234,7 @@ class Search:
         term = self.design.terms[k]
         if term.known:
             return True
-        beta = term.beta(x)
-        effect = term.effect
+        beta, effect = term.beta(x), term.effect
         if not effect.possible(self.context, term.location, beta):
             return False
         if term.started:
@@ -245,8 +243,7 @@ class Search:
 
     def weight_of(self, k: int) -> float:
         """About how much a term takes away: the weakest are judged first."""
-        size = 0.0
-        x = self.model.parameters(k)
+        size, x = 0.0, self.model.parameters(k)
         for j, block in self.design.terms[k].columns.items():
             size += float(self.model.weight[j] * ((block @ x) ** 2).sum())
         return size
