@@ -51,25 +51,31 @@ class Site:
 
     @property
     def name(self) -> str:
+        """Name of the joint."""
         return self.virtual.robot.joint_names[self.joint]
 
     @property
     def link(self) -> str:
+        """Link that the joint moves."""
         return self.virtual.robot.segments[self.joint].link
 
     @property
     def torque(self) -> float:
+        """Typical torque of the joint over the motions [N·m]."""
         return float(self.arm.torque[self.joint])
 
     @property
     def dry(self) -> float:
+        """Coulomb friction of the joint [N·m]."""
         return float(self.virtual.drives.coulomb[self.joint])
 
     def found(self, value: float, place: str | None = None, **details: float) -> HiddenEffect:
+        """What is hidden here, at the joint unless another place is given."""
         numbers = {name: float(x) for name, x in details.items()}
         return HiddenEffect(self.effect, place or self.name, float(value), self.form, numbers)
 
     def under(self, law: Law, value: float, **details: float) -> Hidden:
+        """The robot with a law added to it, and what that hides."""
         return self.virtual.with_law(law), self.found(value, None, **details)
 
 

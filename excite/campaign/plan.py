@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -128,9 +129,15 @@ def plan(
     )
 
 
-def _chosen(
-    judged: Judged, rule: Rule, folder: TemporaryFolder, seconds: dict[str, float]
-) -> tuple[FilterReport, BaseParameters, Choice]:
+class _Chosen(NamedTuple):
+    """What became of the candidates, the base parameters they are ranked by, and the choice."""
+
+    report: FilterReport
+    base: BaseParameters
+    choice: Choice
+
+
+def _chosen(judged: Judged, rule: Rule, folder: TemporaryFolder, seconds: dict[str, float]) -> _Chosen:
     """Candidates judged, and motions chosen of the safe ones: of more while there are too few, as far as that goes.
 
     ``seconds`` of the stages ``rank`` and ``choose`` are added up in passing.
@@ -165,7 +172,7 @@ def _chosen(
         finally:
             seconds["choose"] += time.perf_counter() - ranked
         if len(choice.pool.entries) >= ENOUGH or judged.exhausted or choice.interrupted:
-            return report, base, choice
+            return _Chosen(report, base, choice)
 
 
 def _check_settings(

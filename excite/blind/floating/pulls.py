@@ -22,10 +22,14 @@ class Pull(Protocol):
     """
 
     @property
-    def joint(self) -> int: ...
+    def joint(self) -> int:
+        """Index of the model joint that carries the link."""
+        ...
 
     @property
-    def point(self) -> Vector: ...
+    def point(self) -> Vector:
+        """The point in that joint's frame [m]."""
+        ...
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
         """World force ``(n, 3)`` [N] at ``time (n,)`` on a point at ``place (n, 3)`` with ``speed (n, 3)``."""
@@ -49,6 +53,7 @@ class Tether:
     hooked: Vector
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
+        """World force ``(n, 3)`` [N]: the steady one less the spring's, by the distance from where it was hooked on."""
         return np.asarray(np.array(self.steady) - self.stiffness * (place - np.array(self.hooked)))
 
 
@@ -71,6 +76,7 @@ class Table:
     friction: tuple[float, float]
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
+        """World force ``(n, 3)`` [N]: up by how deep the point is, and friction along its share of that."""
         s = np.clip((self.height - place[:, 2]) / self.depth, 0.0, 1.0)
         press = self.load * s**2 * (3.0 - 2.0 * s)
         return np.asarray(press[:, None] * np.array([*self.friction, 1.0]))
@@ -91,6 +97,7 @@ class Jostle:
     seed: int
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
+        """World force ``(n, 3)`` [N]: eight waves of 0.1 to 1.5 Hz along each axis, drawn by seed and trial."""
         rng = np.random.default_rng([self.seed, trial])
         hertz, phase = rng.uniform(0.1, 1.5, (8, 3)), rng.uniform(0.0, 2.0 * np.pi, (8, 3))
         waves = np.sin(2.0 * np.pi * hertz * time[:, None, None] + phase)
@@ -110,6 +117,7 @@ class Drag:
     damping: float
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
+        """World force ``(n, 3)`` [N] against the velocity."""
         return -self.damping * speed
 
 
@@ -130,6 +138,7 @@ class Slosh:
     ratio: float
 
     def force(self, time: Array, place: Array, speed: Array, trial: int) -> Array:
+        """World force ``(n, 3)`` [N], horizontal: that of an oscillator driven by the point's acceleration."""
         from scipy.signal import cont2discrete, lfilter
 
         omega = 2.0 * np.pi * self.hertz

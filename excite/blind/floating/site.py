@@ -31,9 +31,11 @@ class Site:
     rng: np.random.Generator
 
     def sign(self) -> float:
+        """One or minus one, either as likely."""
         return float(self.rng.choice([-1.0, 1.0]))
 
     def draw(self, low: float, high: float) -> float:
+        """A magnitude between two bounds, times the effect's size."""
         return self.size * float(self.rng.uniform(low, high))
 
     def vector(self, low: float, high: float) -> Vector:
@@ -43,14 +45,17 @@ class Site:
         return x, y, z
 
     def one(self, names: tuple[str, ...]) -> str:
+        """One of some names, each as likely."""
         return str(self.rng.choice(names))
 
     def found(self, place: str, value: float, **details: float) -> HiddenEffect:
+        """What is hidden, with the numbers that describe it."""
         numbers = {name: float(x) for name, x in details.items()}
         return HiddenEffect(self.effect, place, float(value), self.form, numbers)
 
     @property
     def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors of forces."""
         return tuple(sensor.name for sensor in self.truth.stand.robot.sensors)
 
     @property
@@ -99,6 +104,7 @@ class Site:
         )
 
     def link(self, segment: int) -> str:
+        """Name of a segment's link."""
         return self.truth.stand.robot.segments[segment].link
 
     def centre(self, segment: int) -> Vector:

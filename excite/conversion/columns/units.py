@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,10 +43,22 @@ _NEAR = 1.15
 _LARGEST = 1e30
 
 
-def position_unit(
-    values: Array, lower: Array, upper: Array, slides: Array, stated: str
-) -> tuple[str, str, bool]:
-    """Unit of positions (empty where names and ranges contradict each other), why, and whether it is sure.
+class PositionUnit(NamedTuple):
+    """Unit of positions.
+
+    Attributes:
+        unit: empty where names and ranges contradict each other.
+        why: in words.
+        sure: whether nothing else is possible.
+    """
+
+    unit: str
+    why: str
+    sure: bool
+
+
+def position_unit(values: Array, lower: Array, upper: Array, slides: Array, stated: str) -> PositionUnit:
+    """Unit of positions, and how it is known.
 
     Args:
         values: ``(n, k)`` as they stand in the file, columns of joints that turn or slide.
@@ -64,38 +77,41 @@ def position_unit(
         said_outside = outside if stated == small else outside_large
         other = outside_large if stated == small else outside
         if said_outside > 20.0 * max(other, BEYOND):
-            return (
+            return PositionUnit(
                 "",
                 f"as {stated}, which their names say, joints leave their ranges by {said_outside:.3g}",
                 True,
             )
-        return stated, f"{stated} by its name", True
+        return PositionUnit(stated, f"{stated} by its name", True)
     if stated in TO_SI:
-        return stated, f"{stated} by its name", True
+        return PositionUnit(stated, f"{stated} by its name", True)
     if outside > BEYOND and outside_large <= BEYOND and span * factor >= _NO_MOTION:
         if small == "rad" and bool(((high - low) <= (upper - lower)[turning]).all()):
             # Zeros of joints are often elsewhere than the model's: then radians fit, too, and move them far more.
-            return (
+            return PositionUnit(
                 "",
                 f"as deg joints move by {span:.2g} degrees at most, as rad they leave their ranges by {outside:.3g}, "
                 "as joints do whose zeros are not the model's",
                 True,
             )
-        return large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
+        return PositionUnit(
+            large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
+        )
     counted = _counts(values[:, turning], lower[turning], upper[turning]) if small == "rad" else ""
     if counted and min(outside, outside_large) > BEYOND:
-        return counted, f"{counted} of a turn: whole numbers, with which the joints keep their ranges", True
+        why = f"{counted} of a turn: whole numbers, with which the joints keep their ranges"
+        return PositionUnit(counted, why, True)
     if min(outside, outside_large) > 4.0 * math.pi and np.isfinite(lower[turning]).any():
-        return (
+        return PositionUnit(
             "",
             f"joints leave their ranges by {outside:.3g} in {small} and by {outside_large:.3g} in {large}",
             True,
         )
     if outside <= BEYOND and (outside_large > BEYOND or span * factor < _NO_MOTION):
-        return small, f"{small}: within the joints' ranges", True
+        return PositionUnit(small, f"{small}: within the joints' ranges", True)
     if span > (_WIDE if small == "rad" else 10.0):
-        return large, f"{large}: the columns span {span:.3g}", False
-    return small, f"{small}: the columns span {span:.3g}", False
+        return PositionUnit(large, f"{large}: the columns span {span:.3g}", False)
+    return PositionUnit(small, f"{small}: the columns span {span:.3g}", False)
 
 
 def _outside(low: Array, high: Array, lower: Array, upper: Array) -> float:
@@ -114,16 +130,27 @@ def _counts(values: Array, lower: Array, upper: Array) -> str:
     return ""
 
 
-def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> tuple[str | None, float, float]:
+class RatioUnit(NamedTuple):
+    """Unit of a column by the derivative of another one.
+
+    Attributes:
+        unit: None for none.
+        ratio: of derivative to column, median over joints.
+        correlation: the least of both.
+    """
+
+    unit: str | None
+    ratio: float
+    correlation: float
+
+
+def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> RatioUnit:
     """The unit in which a column is the derivative of a position.
 
     Args:
         q: ``(n, k)`` positions [rad or m]; ``v`` the columns as they stand in the file.
         dt: between rows [s].
         units: candidates, factor to SI by name.
-
-    Returns:
-        The unit (None for none), the ratio of derivative to column (median over joints), the least correlation.
     """
     ratios, agreements = [], []
     for k in range(q.shape[1]):
@@ -132,11 +159,11 @@ def ratio_unit(q: Array, v: Array, dt: float, units: dict[str, float]) -> tuple[
             ratios.append(slope)
             agreements.append(agreement)
     if not ratios:
-        return None, float("nan"), 0.0
+        return RatioUnit(None, float("nan"), 0.0)
     ratio = float(np.median(np.abs(ratios)))
     near = min(units, key=lambda unit: abs(math.log(ratio / units[unit])))
     found = near if abs(math.log(ratio / units[near])) < math.log(_NEAR) else None
-    return found, ratio, float(np.min(agreements))
+    return RatioUnit(found, ratio, float(np.min(agreements)))
 
 
 def derivative_of(q: Array, v: Array, dt: float) -> tuple[float, float]:

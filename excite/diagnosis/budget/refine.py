@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,20 @@ from excite.diagnosis.effects.effect import Effect, Theta
 _FIRST, _LAST, _MOST = 1.5, 1.01, 40
 # Nats by which a form with more parameters has to lead, odds of 20 to 1, and one more for each of them.
 RICHER = 3.0
+
+
+class _Products(NamedTuple):
+    """Products of a term's columns.
+
+    Attributes:
+        left: ``(size, size)`` with themselves, beside the model's columns.
+        slope: ``(size,)`` with what the model leaves.
+        cross: ``(n_parameters, size)`` with the model's columns.
+    """
+
+    left: Array
+    slope: Array
+    cross: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +98,8 @@ class Beside:
         left, slope, _ = self._products(term)
         return left, slope
 
-    def _products(self, term: Term) -> tuple[Array, Array, Array]:
-        """The same, and the products of the model's columns and the term's, ``(n_parameters, size)``."""
+    def _products(self, term: Term) -> _Products:
+        """A term's products with its own columns, the rest and the model's columns."""
         m = self.model
         use = m.design.rows.block >= 0
         size = term.size
@@ -94,7 +109,8 @@ class Beside:
             cross[m.layout.numbers[j]] += w * (self.columns(j) @ inside)
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
-        return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope, cross
+        left = inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner))
+        return _Products(left, slope, cross)
 
     def columns(self, j: int) -> Array:
         """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""

@@ -202,6 +202,7 @@ class Search:
         return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
 
     def try_beside(self, without: Model, k: int) -> Tried | None:
+        """A model with term ``k`` beside its own, and what that is worth; None where its numbers cannot be."""
         model = fit(self.design, (*without.chosen, k), without.weight, beside=without)
         if not self._can_be(k, model.parameters(k)):
             return None

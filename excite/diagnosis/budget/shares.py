@@ -37,6 +37,12 @@ class Power:
             self.mean + sign * other.mean, self.blocks + sign * other.blocks, self.fits + sign * other.fits
         )
 
+    def halfway(self, other: Power) -> Power:
+        """Halfway between two."""
+        return Power(
+            0.5 * (self.mean + other.mean), 0.5 * (self.blocks + other.blocks), 0.5 * (self.fits + other.fits)
+        )
+
 
 def power_of(model: Model) -> Power:
     """Mean squares that a fitted model leaves."""
@@ -121,7 +127,7 @@ def shares_of(model: Model, floor: Array) -> Shares:
         without = judged_power(design, tuple(others), model.weight, others)
         only = judged_power(design, (k,), model.weight, {k: sizes[k]})
         sized.append(0.5 * (without.mean - everything.mean + nothing.mean - only.mean))
-        taken.append(Power(*(0.5 * (a + b) for a, b in zip(_parts(last), _parts(alone), strict=True))))
+        taken.append(last.halfway(alone))
     # What all effects leave is no less than the noise.
     level = np.minimum(floor**2, everything.mean)
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
@@ -173,10 +179,6 @@ def _has_size(model: Model, k: int) -> bool:
     along = model.normal[here, here] @ model.x[here]
     reach = model.left_out[:, here] @ along / max(float(model.x[here] @ along), 1e-300)
     return bool(stdtrit(n - 1, 0.95) * deviation(reach) < 1.0)
-
-
-def _parts(power: Power) -> tuple[Array, Array, Array]:
-    return power.mean, power.blocks, power.fits
 
 
 def _normalised(taken: Array, before: Array, after: Array, level: Array) -> Array:

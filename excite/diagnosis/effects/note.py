@@ -61,6 +61,7 @@ class Note(ABC):
 
     @property
     def rubs(self) -> bool:
+        """Whether it changes the joint's dry or viscous friction."""
         return False
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,20 @@ from excite.rows.kinematics import (
 )
 
 _ORDER = 4
+
+
+class _Layout(NamedTuple):
+    """Where trials are in signals below each other.
+
+    Attributes:
+        ends: of each trial.
+        rows: in their trials, of all trials.
+        row_ends: where each trial's rows end in these.
+    """
+
+    ends: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    row_ends: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,18 +114,18 @@ class ArmSamples:
         return smooth.reshape(len(smooth), *values.shape[1:])
 
     @cached_property
-    def _layout(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Where each trial ends in stacked signals, the rows in their trials, and where each trial ends in these."""
+    def _layout(self) -> _Layout:
+        """Where trials are in signals below each other."""
         ends, row_ends = np.cumsum(
             [[len(t.time) for t in self.trials], [len(t.rows) for t in self.trials]], 1
         )
-        return ends, np.concatenate([trial.rows for trial in self.trials]), row_ends
+        return _Layout(ends, np.concatenate([trial.rows for trial in self.trials]), row_ends)
 
     @cached_property
     def starts(self) -> NDArray[np.bool_]:
         """Which full-rate samples are the first of a trial, ``(n_samples,)``."""
-        marked = np.zeros(self._layout[0][-1], dtype=np.bool_)
-        marked[np.concatenate([[0], self._layout[0][:-1]])] = True
+        marked = np.zeros(self._layout.ends[-1], dtype=np.bool_)
+        marked[np.concatenate([[0], self._layout.ends[:-1]])] = True
         return marked
 
     @cached_property
@@ -138,7 +153,7 @@ class ArmSamples:
 
     def split(self, values: Array) -> list[Array]:
         """Full-rate values of all trials, back into trials."""
-        return np.split(values, self._layout[0][:-1])
+        return np.split(values, self._layout.ends[:-1])
 
 
 def arm_samples(robot: Robot, log: Log, trials: Sequence[Trial], bands: Bands | None = None) -> ArmSamples:

@@ -79,9 +79,11 @@ class LoggedTorque:
     tau: Array
 
     def offers(self, times: Array) -> Array:
+        """The logged torques at those times."""
         return _interpolated(self.time, self.tau, times)
 
     def answer(self, offer: Array, q: Array, v: Array) -> Array:
+        """What is offered: nothing is fed back."""
         return offer
 
 
@@ -108,10 +110,12 @@ class PositionServo:
     undamped: bool = False
 
     def offers(self, times: Array) -> Array:
+        """What the servo asks for with the joints at zero and at rest."""
         asked = self.kp * self.q_cmd + self.kd * self.v_cmd + self.feedforward
         return _interpolated(self.time, asked, times)
 
     def answer(self, offer: Array, q: Array, v: Array) -> Array:
+        """What is offered less what the joints have already done of it."""
         asked = offer - self.kp * q
         return asked if self.undamped else asked - self.kd * v
 

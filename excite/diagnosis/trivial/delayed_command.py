@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,22 +49,29 @@ def fit_delayed_command(trials: Sequence[EvenTrial]) -> DelayedCommand:
     found = []
     for j in range(trials[0].command.shape[1]):
         coarse = np.arange(0.0, min(_LATEST_S, 0.25 * shortest) + 0.5 * step, step)
-        best = min((_fitted(trials, j, float(delay), thin) for delay in coarse), key=lambda x: x[0])
-        fine = best[1] + step / _FINER * np.arange(1 - _FINER, _FINER)
+        best = min((_fitted(trials, j, float(delay), thin) for delay in coarse), key=lambda x: x.error)
+        fine = best.delay + step / _FINER * np.arange(1 - _FINER, _FINER)
         tried = (_fitted(trials, j, float(delay), thin) for delay in fine if delay >= 0.0)
-        found.append(min(tried, key=lambda x: x[0])[1:])
-    delay, scale, offset = np.array(found).T
+        found.append(min(tried, key=lambda x: x.error))
+    _, delay, scale, offset = np.array(found).T
     return DelayedCommand(delay, scale, offset)
 
 
-def _fitted(
-    trials: Sequence[EvenTrial], joint: int, delay: float, thin: int
-) -> tuple[float, float, float, float]:
-    """Mean squared error, delay, scale and offset of a joint at a delay."""
+class _Fitted(NamedTuple):
+    """Mean squared error, delay, scale and offset of a joint."""
+
+    error: float
+    delay: float
+    scale: float
+    offset: float
+
+
+def _fitted(trials: Sequence[EvenTrial], joint: int, delay: float, thin: int) -> _Fitted:
+    """The fit of a joint at a delay."""
     late = np.concatenate([np.interp(t.time[::thin] - delay, t.time, t.command[:, joint]) for t in trials])
     here = np.concatenate([t.position[::thin, joint] for t in trials])
     x, y = late - late.mean(), here - here.mean()
     power = float(x @ x)
     scale = float(x @ y) / power if power > 0.0 else 0.0
     left = float(((y - scale * x) ** 2).mean())
-    return left, float(delay), scale, float(here.mean() - scale * late.mean())
+    return _Fitted(left, float(delay), scale, float(here.mean() - scale * late.mean()))

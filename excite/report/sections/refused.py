@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,13 +54,22 @@ class Refused(Section):
         return section(self.identifier, self.title, lead, *_pictures(findings.robot, refused), listing)
 
 
-def _said(findings: Findings) -> tuple[list[dict[str, Any]], Document | None, int]:
-    """What refuses, the change, and the number of candidates, of a plan or of one that has no motion."""
+class _Said(NamedTuple):
+    """What refuses, the change that helps, and the number of candidates."""
+
+    refused: list[dict[str, Any]]
+    remedy: Document | None
+    generated: int
+
+
+def _said(findings: Findings) -> _Said:
+    """Those of a plan, or of one that has no motion."""
     if findings.refusals is not None:
-        return findings.refusals["refused"], findings.refusals["remedy"], findings.refusals["generated"]
+        return _Said(*(findings.refusals[key] for key in ("refused", "remedy", "generated")))
     if findings.plan is not None:
-        return findings.plan["refused"], findings.plan["remedy"], findings.plan["candidates"]["generated"]
-    return [], None, 0
+        plan = findings.plan
+        return _Said(plan["refused"], plan["remedy"], plan["candidates"]["generated"])
+    return _Said([], None, 0)
 
 
 def _pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:

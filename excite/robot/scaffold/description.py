@@ -85,7 +85,7 @@ def draft(
 def _content(model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator) -> dict[str, Any]:
     """The blocks in their order, of a model that rests so; ``folder`` is where they will be read."""
     robot, path, stands = model.robot, model.path, rest.base == "floating"
-    made = Values(path, robot, model.free, rest, model.figure, rng)
+    made = Values.of(robot, model.free, rest, float(model.figure.beyond[0]), rng)
     slides = {name for name, joint in model.joints.items() if joint.get("type") == "prismatic"}
     limits, more = made.limits(slides)
     sensors, noise = numbers.sensors(made.torque, _base_link(model.root, model.joints) if stands else None)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -14,47 +13,56 @@ from excite.robot.description import Assumed
 from excite.robot.robot import Robot
 from excite.robot.scaffold import numbers
 from excite.robot.scaffold.guesses import JointGuess, joint_inertias
-from excite.robot.scaffold.limbs import Figure
 from excite.robot.scaffold.rest import Rest
 from excite.robot.scaffold.structure import FRICTION
 
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """What the numbers of a description follow from."""
+    """What the numbers of a description follow from.
 
-    path: Path
+    Attributes:
+        robot: without limits and feet.
+        free: what the model says of each joint that can be believed.
+        rest: the posture, with what stands on the ground in it.
+        mass: of the whole [kg].
+        inertia: ``(n_joints,)`` the largest at each joint [kg·m² or kg].
+        loads: ``(n_joints,)`` torques that hold the weight [N·m or N].
+        assumed: torque limits that the model does not state [N·m or N].
+        said: what was assumed for them.
+    """
+
     robot: Robot
     free: tuple[JointGuess, ...]
     rest: Rest
-    figure: Figure
-    rng: np.random.Generator
+    mass: float
+    inertia: Array
+    loads: Array
+    assumed: dict[str, float]
+    said: list[Assumed]
 
-    def __post_init__(self) -> None:
-        inertia = joint_inertias(self.robot, self.rng)
-        mass = float(self.figure.beyond[0])
-        legs = self._legs()
-        object.__setattr__(self, "free", numbers.believable(self.free, 9.81 * mass))
-        loads = numbers.weight_loads(self.robot, self.rng, legs, 9.81 * mass if legs else 0.0)
-        torques, said = numbers.torque_limits(self.robot, self.free, loads, inertia)
-        object.__setattr__(self, "inertia", inertia)
-        object.__setattr__(self, "loads", loads)
-        object.__setattr__(self, "mass", mass)
-        object.__setattr__(self, "missing", (torques, said))
-        object.__setattr__(self, "torque", {g.name: torques.get(g.name, g.torque or 1.0) for g in self.free})
+    @classmethod
+    def of(
+        cls, robot: Robot, free: tuple[JointGuess, ...], rest: Rest, mass: float, rng: np.random.Generator
+    ) -> Self:
+        """The values of a robot of that mass [kg]; ``rng`` draws the postures in which joints are looked at."""
+        inertia, legs, weight = joint_inertias(robot, rng), _legs(robot, rest), 9.81 * mass
+        free = numbers.believable(free, weight)
+        loads = numbers.weight_loads(robot, rng, legs, weight if legs else 0.0)
+        assumed, said = numbers.torque_limits(robot, free, loads, inertia)
+        return cls(robot, free, rest, mass, inertia, loads, assumed, said)
 
-    inertia: Array = None  # type: ignore[assignment]
-    loads: Array = None  # type: ignore[assignment]
-    mass: float = 0.0
-    missing: tuple[dict[str, float], list[Assumed]] = ({}, [])
-    torque: dict[str, float] = None  # type: ignore[assignment]
+    @property
+    def torque(self) -> dict[str, float]:
+        """Torque limit of each joint, assumed where the model states none [N·m or N]."""
+        return {g.name: self.assumed.get(g.name, g.torque or 1.0) for g in self.free}
 
     def limits(self, slides: set[str]) -> tuple[dict[str, Any], list[Assumed]]:
-        torques, said = self.missing
+        """The block ``limits`` of a description, and what was assumed for it; ``slides`` are joints along an axis."""
         velocities, more = numbers.velocity_limits(self.free, slides)
         accelerations = numbers.accelerations(self.free, self.inertia)
         block: dict[str, Any] = {}
-        for name, values in (("velocity", velocities), ("torque", torques)):
+        for name, values in (("velocity", velocities), ("torque", self.assumed)):
             if values:
                 block[name] = {
                     "joints": values,
@@ -74,9 +82,10 @@ class Values:
             value=f"{low:g} … {high:g} rad/s² or m/s², 30 % of the torque limit on the largest inertia",
             consequence="motions may be slower than the robot allows, or faster than its maker does",
         )
-        return block, [*said, *more, rule]
+        return block, [*self.said, *more, rule]
 
     def feet(self) -> list[dict[str, Any]]:
+        """The block ``feet``: sole, radius and friction of each."""
         feet = []
         for foot in self.rest.feet:
             sole = [[round(float(x), 5) + 0.0 for x in corner] for corner in foot.sole]
@@ -93,17 +102,18 @@ class Values:
             )
         return feet
 
-    def _legs(self) -> dict[int, Array]:
-        """Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle."""
-        places = {}
-        for joint, foot in zip(self.rest.legs, self.rest.feet, strict=True):
-            model = self.robot.model
-            link = model.frames[model.getFrameId(foot.link, pin.BODY)].placement
-            narrow = len(foot.sole) < 3
-            places[joint] = np.asarray(link.act(np.mean(foot.sole, axis=0))) if narrow else np.zeros(3)
-        return places
-
     def controller(self) -> dict[str, Any]:
-        found = numbers.gains(self.robot, self.inertia, self.loads, self._legs(), self.mass)
+        """The block ``controller``: gains of a servo at each joint."""
+        found = numbers.gains(self.robot, self.inertia, self.loads, _legs(self.robot, self.rest), self.mass)
         said = "a servo that its load's weight bends by 0.7 degrees, of 8 Hz at least, damping 0.7"
         return {name: {"joints": values, "source": said} for name, values in found.items()}
+
+
+def _legs(robot: Robot, rest: Rest) -> dict[int, Array]:
+    """Where weight meets each leg, in the frame of the joint at its end: a point foot's point, a sole's ankle."""
+    places = {}
+    for joint, foot in zip(rest.legs, rest.feet, strict=True):
+        link = robot.model.frames[robot.model.getFrameId(foot.link, pin.BODY)].placement
+        narrow = len(foot.sole) < 3
+        places[joint] = np.asarray(link.act(np.mean(foot.sole, axis=0))) if narrow else np.zeros(3)
+    return places

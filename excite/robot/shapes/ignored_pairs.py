@@ -112,6 +112,7 @@ class PairSearch:
         self.data, self.geometry_data = robot.model.createData(), geometry_data(self.geometry)
 
     def posture(self, joints: Array) -> Array:
+        """A configuration ``(nq,)`` with the joints' positions given and the base at rest."""
         q = self.robot.rest.copy()
         q[self.robot.n_base_q :] = joints
         return q

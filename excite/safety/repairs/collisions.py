@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pinocchio as pin
 
@@ -13,6 +15,20 @@ from excite.robot.shapes.collision import collision_model, geometry_data, pair_d
 EXTRA = 0.004
 # Pairs that rest close together get this share of their spare distance as extra instead.
 _SHARE = 0.25
+
+
+class TooClose(NamedTuple):
+    """Two bodies.
+
+    Attributes:
+        pair: ``LINK - LINK``.
+        distance: between them [m].
+        required: what it has to be [m].
+    """
+
+    pair: str
+    distance: float
+    required: float
 
 
 class CollisionProbe:
@@ -47,9 +63,8 @@ class CollisionProbe:
                 return i
         return None
 
-    def closest(self, q: Array) -> tuple[str, float, float]:
-        """The two bodies of a configuration that lack most of their distance: ``LINK - LINK``, what it is, and what
-        it has to be [m]."""
+    def closest(self, q: Array) -> TooClose:
+        """The two bodies of a configuration ``(nq,)`` that lack most of their distance."""
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._state, q)
         n_pairs = len(self._geometry.collisionPairs)
         distance = np.array([pair_distance(self._geometry, self._state, k) for k in range(n_pairs)])
@@ -58,4 +73,4 @@ class CollisionProbe:
         pair = self._geometry.collisionPairs[worst]
         names = (self._geometry.geometryObjects[i].name for i in (pair.first, pair.second))
         where = " - ".join(name.rsplit("_", 1)[0] for name in names)
-        return where, float(distance[worst]), float(required[worst])
+        return TooClose(where, float(distance[worst]), float(required[worst]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -42,6 +42,14 @@ class Scaling:
     time: float
 
 
+class _Excess(NamedTuple):
+    """What is exceeded: value, limit, and their unit where that is not the limit's own."""
+
+    value: float
+    limit: float
+    unit: str | None
+
+
 class TimeScaling(Repair):
     """Runs the whole motion slower (or faster) by one factor, so that ZMP, friction and all limits hold.
 
@@ -70,18 +78,18 @@ class TimeScaling(Repair):
         samples = int(np.ceil(draft.law.duration / min(scaling.factor, fastest) * rate))
         return replace(draft, law=draft.law.faster(draft.law.duration * rate / samples))
 
-    def _excess(self, scaling: Scaling) -> tuple[float, float, str | None]:
-        """Value and limit at the slowest speed that is worth it, and their unit where that is not the limit's own.
+    def _excess(self, scaling: Scaling) -> _Excess:
+        """What is exceeded at the slowest speed that is worth it.
 
         Limits that hold of rates alone are compared with those; for all others the value is the speed at which they
         hold, as a share of the speed asked for.
         """
         kind = scaling.reason.removeprefix("joint_")
         if kind not in _POWERS or scaling.factor <= 0.0:
-            return scaling.factor, _SLOWEST, SPEED_SHARE
+            return _Excess(scaling.factor, _SLOWEST, SPEED_SHARE)
         joint = self.robot.joint_names.index(scaling.where)
         limit = float(getattr(self.shares, kind) * getattr(self.robot.limits, kind)[joint])
-        return limit * (_SLOWEST / scaling.factor) ** _POWERS[kind], limit, None
+        return _Excess(limit * (_SLOWEST / scaling.factor) ** _POWERS[kind], limit, None)
 
 
 def largest_factor(limits: PathLimits, law: TimeLaw, rate_hz: float) -> Scaling:

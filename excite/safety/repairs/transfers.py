@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,9 +68,15 @@ def transfer(robot: Robot, start: Array, end: Array, rate_hz: float) -> Transfer
     )
 
 
-def _ramp(
-    velocity: float, acceleration: float, jerk: float
-) -> tuple[Callable[[float], tuple[float, float, float]], float]:
+class _State(NamedTuple):
+    """Share of a way, and its first two derivatives [1/s, 1/s²]."""
+
+    position: float
+    velocity: float
+    acceleration: float
+
+
+def _ramp(velocity: float, acceleration: float, jerk: float) -> tuple[Callable[[float], _State], float]:
     """From 0 to 1 at rest, as fast as the limits allow: position, velocity and acceleration at a time; duration."""
     import ruckig
 
@@ -91,7 +97,7 @@ def _ramp(
     raise NoSolutionError("ruckig finds no transfer", remedy="check the limits")
 
 
-def _state(trajectory: Any, unit: float, time: float) -> tuple[float, float, float]:
-    """Position, velocity and acceleration of a trajectory whose time counts in ``unit`` [s]."""
+def _state(trajectory: Any, unit: float, time: float) -> _State:
+    """The state of a trajectory whose time counts in ``unit`` [s]."""
     position, speed, rate = trajectory.at_time(float(time) / unit)
-    return position[0], speed[0] / unit, rate[0] / unit**2
+    return _State(position[0], speed[0] / unit, rate[0] / unit**2)

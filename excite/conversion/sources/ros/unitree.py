@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,6 +72,7 @@ def motors(channels: Mapping[str, str], attribute: str, others: Callable[[Any], 
         )
 
     def decoder(message: Any, topic: str) -> Row:
+        """Columns and numbers of a message."""
         found = getattr(message, attribute)
         more, numbers = others(message)
         values = [float(getattr(m, word)) for word in channels for m in found]
@@ -101,17 +102,27 @@ def is_unitree(kind: str) -> bool:
     return kind.startswith(("unitree_hg/", "unitree_go/"))
 
 
+class Finished(NamedTuple):
+    """Streams of this family under their joints' names.
+
+    Attributes:
+        streams: of the motors that the machine has.
+        said: ``gains`` by label, ``doubts``, and whether ``linkages`` stand as their ``motors`` or as ``joints``.
+        notes: what was done, in words.
+    """
+
+    streams: list[Stream]
+    said: dict[str, Any]
+    notes: list[str]
+
+
 def finished(
     streams: Sequence[tuple[str, Stream]],
-) -> tuple[list[Stream], dict[str, Any], list[str]]:
+) -> Finished:
     """Streams with the motors that the machine has, under their joints' names, at the robot's own times.
 
     Args:
         streams: message type and stream of each topic of this family.
-
-    Returns:
-        The streams; what else they say (``gains`` by label, ``doubts``, and whether ``linkages`` stand as their
-        ``motors`` or as ``joints``); notes.
     """
     states = [stream for kind, stream in streams if kind.endswith("LowState")]
     alive = _alive(states or [stream for _, stream in streams])
@@ -129,7 +140,7 @@ def finished(
         said |= {"doubts": [doubt]} if doubt else {}
         said |= {} if legged else {"linkages": "motors" if doubt or "doubts" in said else "joints"}
         done.append(_named(timed, alive, names))
-    return done, said, notes
+    return Finished(done, said, notes)
 
 
 def _number(column: Column) -> int | None:

@@ -62,6 +62,7 @@ class Slow(Note):
 
     @cached_property
     def static(self) -> Static:
+        """See :class:`Note`."""
         return Static(self.excess, self.velocity, 2.0 if self.exponent is None else self.exponent)
 
     def bristle(self) -> Bristle | None:

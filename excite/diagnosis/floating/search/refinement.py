@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -121,19 +122,29 @@ def refine(
     return Fitted(placed, parts, _split(std, counts), delta, cost, 0.5 * (null - cost) - price, price)
 
 
-def linearised(problem: Problem, fitted: Fitted) -> tuple[Problem, State, Array]:
-    """What a further effect is to be fitted to, when those of a fit are free to give way.
+class Linearised(NamedTuple):
+    """What a further effect is fitted to.
 
-    Returns:
-        The problem with the fit's effects integrated out as well; the state with them in it; whitened rows.
+    Attributes:
+        problem: with a fit's effects integrated out as well.
+        state: with these effects in it.
+        rows: whitened ones of what is left.
     """
+
+    problem: Problem
+    state: State
+    rows: Array
+
+
+def linearised(problem: Problem, fitted: Fitted) -> Linearised:
+    """What a further effect is to be fitted to, when those of a fit are free to give way."""
     state = explained_state(problem, fitted)
     rows = problem.rows(state) + problem.baseline_rows(fitted.delta)
     if not fitted.placed:
-        return problem, state, rows
+        return Linearised(problem, state, rows)
     columns, theta = columns_of(problem, fitted), np.concatenate(fitted.theta)
     scales = np.concatenate([p.effect.scales(problem.nominal, p.location) for p in fitted.placed])
-    return problem.beside(columns), state, rows + columns @ (theta / scales)
+    return Linearised(problem.beside(columns), state, rows + columns @ (theta / scales))
 
 
 def judged_by(problem: Problem, fitted: Fitted) -> Fitted:
