@@ -16,9 +16,18 @@ from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap, Where
 from excite.diagnosis.answer.result import Diagnosis
 from excite.errors import ExciteError
+from excite.logs.log import Trial
 from excite.shown import Shown, Tabled
 from tests.export.identified import identification_of
 from tests.export.simulators.identified_folder import known
+
+
+def recording(path: Path, trial: Trial) -> Path:
+    """A trial as somebody's table."""
+    columns = {"t": trial.time[:, None], "q": trial.q, "tau": trial.tau}
+    names = [f"{name}{k}" if name != "t" else name for name, x in columns.items() for k in range(x.shape[1])]
+    np.savetxt(path, np.hstack(list(columns.values())), delimiter=",", header=",".join(names), comments="")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +39,9 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Tabled]:
     found = identification_of(robot, robot.nominal_parameters, {"viscous.elbow_joint": 2.0})
     candidate = Candidate("backlash", "elbow_joint", {"gap": Estimate(0.01, 0.001, "rad")}, 50.0, 0.1, 0.9)
     known("ur10", folder)
+    source = recording(folder / "recording.csv", excite.simulate(robot, motions[:1], seed=3).log.trials[0])
+    conversion = excite.convert([source], "ur10", folder / "log")
+    assert conversion.chart is not None
     return {
         "plan": plan,
         "check": excite.check(robot, motions),
@@ -49,11 +61,13 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Tabled]:
             Gap(0.3, 0.04, 0.03, 0.97, {"elbow_joint": ChannelGap(3.0, 0.25, 0.2, "N·m")}),
             (Where("elbow_joint", 1.0, "velocity", (0.1, 1.5), {"velocity": 0.8}),),
         ),
+        "conversion": conversion,
+        "chart": conversion.chart,
         "model": excite.write_simulator_model(folder, "sdf", folder / "out"),
     }
 
 
-NAMES = ("plan", "check", "rank", "identification", "campaign", "diagnosis", "model")
+NAMES = ("plan", "check", "rank", "identification", "campaign", "diagnosis", "conversion", "chart", "model")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -23,6 +22,7 @@ from excite.conversion.parts import joined_by_joint
 from excite.conversion.recording import Recording, stated_rate
 from excite.conversion.recordings import read_recordings
 from excite.conversion.repairs.clean_rows import whole_rows
+from excite.conversion.result import Conversion
 from excite.conversion.scales import scale_notes, torque_scales
 from excite.conversion.shapes.clock_runs import in_runs
 from excite.conversion.trials import Cut, cut_trials
@@ -35,47 +35,7 @@ from excite.logs.log import Log, LogHeader
 from excite.logs.robot import nominal_robot
 from excite.temporary_folder import TemporaryFolder
 
-SCHEMA = "excite.convert/1"
 _UNSEEN = "the doctor could not look at it"
-
-
-@dataclass(frozen=True, eq=False)
-class Conversion:
-    """What came of a recording.
-
-    Attributes:
-        folder: the log folder.
-        log: its content as read again.
-        columns: by channel, the column that it comes from and its factor to SI.
-        guesses: what was guessed: channel, source, reason.
-        trials: name, role and reason of each trial.
-        notes: what was done to the rows, a sentence each.
-        chart: what the doctor finds in it; None where it could not be examined.
-        unused: columns that nothing was made of.
-    """
-
-    folder: Path
-    log: Log
-    columns: dict[str, tuple[str, float]]
-    guesses: tuple[tuple[str, str, str], ...]
-    trials: tuple[tuple[str, str, str], ...]
-    notes: tuple[str, ...]
-    chart: Chart | None
-    unused: tuple[str, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """The document ``excite.convert/1``."""
-        return {
-            "schema": SCHEMA,
-            "log": str(self.folder),
-            "joints": list(self.log.header.joints),
-            "columns": {target: {"column": c, "factor": f} for target, (c, f) in self.columns.items()},
-            "guessed": [{"what": w, "source": s, "because": b} for w, s, b in self.guesses],
-            "trials": [{"trial": n, "role": r, "because": b} for n, r, b in self.trials],
-            "notes": list(self.notes),
-            "unused": list(self.unused),
-            "findings": [] if self.chart is None else [f.to_json() for f in self.chart.findings],
-        }
 
 
 def convert(

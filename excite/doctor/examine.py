@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,14 @@ from excite.finding import Finding, merged, worst_first
 from excite.logs.log import Log
 from excite.robot.robot import Robot
 from excite.rows.settings import ProblemSettings
-from excite.shown import Shown
+from excite.shown import Row, Tabled
 from excite.threads import one_blas_thread
 
 SCHEMA = "excite.doctor/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Chart(Shown):
+class Chart(Tabled):
     """What the doctor found and made of a log.
 
     Attributes:
@@ -34,6 +35,23 @@ class Chart(Shown):
     log: Log
     findings: tuple[Finding, ...]
     doubts: frozenset[Doubt] = frozenset()
+
+    tables = ("findings",)
+
+    def rows(self, table: str) -> Sequence[Row]:
+        """See :class:`~excite.shown.Tabled`: one finding a row, worst first."""
+        return [
+            {
+                "kind": f.kind,
+                "severity": f.severity,
+                "where": f.where,
+                "found": f.text,
+                "remedy": f.remedy,
+                "repaired": f.repaired,
+                "sure": f.sure,
+            }
+            for f in self.findings
+        ]
 
     @property
     def healthy(self) -> bool:

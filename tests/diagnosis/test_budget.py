@@ -143,6 +143,7 @@ def test_many_effects_at_once_are_named(gap_dir: Path) -> None:
     assert together.verdict == "effect"
     found = {(item.effect, item.location) for item in together.effects}
     assert {("load_dependent_friction", "arm_6_joint"), ("torque_bias", "arm_7_joint")} <= found
+    assert all(item["probability"] >= 0.5 for item in together.to_json()["effects"])
     assert together.gap.after < together.gap.before
     assert together.budget is not None
     shares = {(item.effect, item.location): item.share for item in together.budget.named}

@@ -13,7 +13,7 @@ from excite.cli.session.options import JobsOption, JsonOption, SeedOption
 from excite.cli.session.output import command_line, emit
 
 if TYPE_CHECKING:
-    from excite.conversion.convert import Conversion
+    from excite.conversion.result import Conversion
 
 NAME = "convert"
 
@@ -54,7 +54,7 @@ def command(
     then = command_line("identify", robot, found.folder, "--out", "result")
     if header.base == "fixed" and header.torque == "none":
         then = command_line("diagnose", found.folder, "--out", "diagnosis")
-    emit(_summary(found), found.to_json(), as_json=as_json, then=then)
+    emit(found.summary(), found.to_json(), as_json=as_json, then=then)
 
 
 def _show_guesses(found: Conversion) -> None:
@@ -68,16 +68,3 @@ def _show_guesses(found: Conversion) -> None:
     for name, role, because in found.trials:
         table.add_row(f"trial {name}", role, because)
     Console(file=sys.stdout, width=None if sys.stdout.isatty() else 160, markup=False).print(table)
-
-
-def _summary(found: Conversion) -> str:
-    lines = [f"note: {note}" for note in found.notes]
-    if found.unused:
-        shown = ", ".join(found.unused[:8]) + (" …" if len(found.unused) > 8 else "")
-        lines.append(f"note: nothing was made of {shown}")
-    if found.chart is not None:
-        lines += ["", found.chart.summary(), ""]
-    lines.append(
-        f"wrote {found.folder}; map.yaml in it repeats this without guessing: correct it and use --map"
-    )
-    return "\n".join(lines)

@@ -137,17 +137,17 @@ class Diagnosis(Tabled):
     changes: tuple[RobotChanges, ...] = field(default=(), compare=False, repr=False)
     curves: Curves | None = field(default=None, compare=False, repr=False)
 
-    tables = ("candidates", "gap", "where", "budget", "findings")
+    tables = ("candidates", "effects", "gap", "where", "budget", "findings")
 
     def rows(self, table: str) -> Sequence[Row]:
         """See :class:`~excite.shown.Tabled`.
 
-        Candidates, likeliest first; the gap of each channel before and after; where it lies; what takes which share of
-        it; or what the doctor found in the record.
+        Candidates, likeliest first; accepted effects with their sizes beside each other; the gap of each channel
+        before and after; where it lies; what takes which share of it; or what the doctor found in the record.
         """
-        if table == "candidates":
+        if table in {"candidates", "effects"}:
             accepted = {(item.effect, item.location) for item in self.effects}
-            return [candidate_row(item, accepted) for item in self.candidates]
+            return [candidate_row(item, accepted) for item in getattr(self, table)]
         if table == "gap":
             return [{"channel": name, **asdict(item)} for name, item in self.gap.per_channel.items()]
         if table == "where":

@@ -52,18 +52,21 @@ def beside_others(item: Candidate, found: Found) -> Candidate:
 
 
 def by_blocks(item: Candidate, budget: Budget) -> Candidate:
-    """An accepted effect with deviations no smaller than those between blocks left out of the model of all effects.
+    """An accepted effect as the model of all effects has it: its probability, and no smaller deviations.
+
+    Those are the deviations between blocks left out.
 
     Formulas know the noise and not what the model lacks: of a ball screw's offset one says ±0.05 N that is 0.24 N off.
     """
-    values = dict(item.parameters)
+    values, chance = dict(item.parameters), item.probability
     for other in budget.named:
         if (other.effect, other.location) != (item.effect, item.location):
             continue
+        chance = other.probability
         for name, (_, std) in other.values.items():
             if name in values and std is not None and std > (values[name].std or np.inf):
                 values[name] = replace(values[name], std=std)
-    return replace(item, parameters=values)
+    return replace(item, parameters=values, probability=chance)
 
 
 def with_others_in_it(item: Candidate, scored: Scored) -> tuple[Candidate, ...]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap
 from excite.diagnosis.answer.result import Diagnosis, NextExperiment
@@ -112,17 +114,30 @@ def _candidates(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candida
     """The leading hypotheses for the first effect, those that cannot be told apart first."""
     if not found.steps:
         return ()
-    step, chosen, seen = found.steps[0], list(found.rivals), {r.last.effect.name for r in found.rivals}
-    for item in step:
-        if item.last.effect.name not in seen:
-            seen.add(item.last.effect.name)
-            chosen.append(item)
-    weights = np.exp(np.array([max(-700.0, item.evidence - step[0].evidence) for item in chosen]))
-    weights /= weights.sum()
+    step = found.steps[0]
+    chosen = _one_each(found.rivals, step)
+    weights = _probabilities(chosen)
     return tuple(
         _candidate(problem, found, item, step, gap, float(weight))
         for item, weight in list(zip(chosen, weights, strict=True))[:_N_CANDIDATES]
     )
+
+
+def _one_each(first: Sequence[Ranked], step: Sequence[Ranked]) -> list[Ranked]:
+    """The hypotheses ``first``, then those of a step whose effects are not among them, each at its likeliest place."""
+    chosen, seen = list(first), {item.last.effect.name for item in first}
+    for item in step:
+        if item.last.effect.name not in seen:
+            seen.add(item.last.effect.name)
+            chosen.append(item)
+    return chosen
+
+
+def _probabilities(chosen: Sequence[Ranked]) -> Array:
+    """Of hypotheses of which one is true, ``(n,)``."""
+    evidence = np.array([item.evidence for item in chosen])
+    weights = np.exp(np.maximum(evidence - evidence.max(), -700.0))
+    return np.asarray(weights / weights.sum())
 
 
 def _candidate(
@@ -174,6 +189,7 @@ def _effects(problem: Problem, found: Attribution, gap: Gap) -> tuple[Candidate,
                 gap_after=after,
                 share_closed=share,
                 tied_locations=found.tied[k],
+                probability=float(_probabilities(_one_each((), step))[0]),
             )
         )
     return tuple(out)
