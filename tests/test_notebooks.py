@@ -16,7 +16,9 @@ _SECONDS = 180  # for a busy machine; on an idle one each takes less than a minu
 
 
 def test_there_are_notebooks():
-    assert {"arm_to_simulator", "excitation_quality", "gap_of_a_real_arm"} <= {path.stem for path in NOTEBOOKS}
+    assert {"arm_to_simulator", "excitation_quality", "gap_of_a_real_arm"} <= {
+        path.stem for path in NOTEBOOKS
+    }
 
 
 @pytest.mark.slow

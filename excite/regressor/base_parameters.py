@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
@@ -18,6 +19,10 @@ from excite.robot.robot import Robot
 
 # Coefficients this close to 0, 1 or -1 are these; what rounding leaves is far smaller.
 _CLEAN = 1e-9
+# Elements of a rotation this close to zero come of a right angle that was typed, at worst as 1.57 or 3.14. Left as they
+# are, gravity and other joints' motion reach parameters by a 1e-5th: of SO-101 50 combinations would count instead of
+# 48, of Stretch 52 instead of 50, of a Minitaur 96 instead of 80; of 70 other robots none is another.
+_TYPED = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +128,19 @@ def structural_base_parameters(
 
     Returns:
         The base parameters; they depend on the robot's geometry alone, not on limits, nor on contacts that sensors
-        measure; else what all feet down, and one in the air, show together.
+        measure; else what all feet down, and one in the air, show together. Where fewer count with joints exactly at
+        right angles, which a model has rounded, those are meant.
     """
+    exact = _structural(robot, drives, seed)
+    if robot.mechanism is not None:
+        # Its loops close with the numbers that they have.
+        return exact
+    meant = _structural(_at_right_angles(robot), drives, seed)
+    return meant if meant.rank < exact.rank else exact
+
+
+def _structural(robot: Robot, drives: Sequence[str], seed: int) -> BaseParameters:
+    """The base parameters of a model with the numbers that it has."""
     columns = measured_columns(robot, drives)
     random = np.random.default_rng(seed)
     rows_a_sample = robot.n_equations
@@ -147,6 +163,17 @@ def structural_base_parameters(
         a = robot.mechanism.accelerations(q, v, a)
     rows = regressor_rows(robot, columns, q, v, a, stances(robot, n))
     return base_parameters(rows.reshape(-1, len(columns.names)), columns.names)
+
+
+def _at_right_angles(robot: Robot) -> Robot:
+    """The robot with joints exactly parallel or at right angles where its model says so in few digits."""
+    model = pin.Model(robot.model)
+    for joint in range(1, model.njoints):
+        placement = model.jointPlacements[joint]
+        typed = np.where(np.abs(placement.rotation) < _TYPED, 0.0, placement.rotation)
+        left, _, right = np.linalg.svd(typed)
+        model.jointPlacements[joint] = pin.SE3(left @ right, placement.translation)
+    return replace(robot, model=model)
 
 
 def combination(weights: Array, names: Sequence[str], digits: int = 3) -> str:

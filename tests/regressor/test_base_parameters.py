@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from excite.errors import InputError, UnknownNameError
@@ -20,6 +21,7 @@ def on_plates(robot: Robot) -> Robot:
     return replace(robot, sensors=tuple(replace(sensor, excludes=()) for sensor in robot.sensors))
 
 
+# SO-101, a 6R arm with its jaw, has right angles typed as 1.5708.
 # 43 for a 7R arm and 36 for a 6R arm with vertical first axis: Khalil & Dombre (2002), section 9.4 counts;
 # 10·n_segments - 3·n_joints for a free base with revolute joints: Ayusawa et al. (2014).
 @pytest.mark.parametrize(
@@ -28,6 +30,7 @@ def on_plates(robot: Robot) -> Robot:
         ("panda", True, 43),
         ("iiwa14", True, 43),
         ("ur10", True, 36),
+        ("so101", True, 36),
         ("g1", True, 300 - 3 * 29),
         ("g1", False, 280 - 3 * 27),
         ("talos", True, None),
@@ -41,6 +44,23 @@ def test_structural_rank(name: str, feet: bool, rank: int | None) -> None:
     assert base.smallest_kept > 1e-2
     assert base.largest_dropped < 1e-10
     assert f"{base.rank} base parameters" in base.summary()
+
+
+def test_right_angles_that_were_typed_are_right_angles() -> None:
+    robot = load_robot("ur10")
+    model = pin.Model(robot.model)
+    for joint, off in enumerate((8e-4, 1.6e-3, -8e-4, 0.0, 8e-4, 1.6e-3), 1):
+        model.jointPlacements[joint] *= pin.SE3(pin.exp3(np.array([off, 0.0, 0.0])), np.zeros(3))
+    typed = replace(robot, model=model)
+    base, columns = structural_base_parameters(typed, ()), measured_columns(typed, ())
+    s = sample(model, 200, seed=11)
+    rows = regressor_rows(typed, columns, s.q, s.v, s.a).reshape(-1, len(columns.names))
+    assert base_parameters(rows, columns.names).rank > base.rank
+    assert base.rank == structural_base_parameters(robot, ()).rank
+    # What is left out is no more than what the angles are off by.
+    phi = typed.nominal_parameters[columns.inertial]
+    left = rows @ phi - rows[:, base.independent] @ base.values(phi)
+    assert np.linalg.norm(left) < 2e-3 * np.linalg.norm(rows @ phi)
 
 
 @pytest.mark.parametrize(("name", "drives"), [("panda", DRIVE_TERMS), ("ur10", ()), ("g1", ())])
