@@ -17,6 +17,8 @@ from pydantic_core import PydanticCustomError, core_schema
 MAX_LENGTH = 1e3
 # Gantries and cable robots travel less than 100 m; 350 is a lift of 0.35 m written in millimetres.
 MAX_TRAVEL = 100.0
+# Farther than that not even in millimetres: models of mobile robots write 999999 for a slide without limits.
+MAX_TRAVEL_STAND_IN = 1e3 * MAX_TRAVEL
 # More turns than any encoder of a robot's joint counts.
 MAX_ANGLE = 1e3
 # Orientations are written within a turn or two; 90, 120, 180 are degrees.

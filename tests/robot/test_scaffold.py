@@ -201,10 +201,18 @@ def test_a_joint_too_weak_for_any_posture_is_held(tmp_path: Path) -> None:
     assert "its drive cannot hold" in " ".join(str(one) for one in robot.description.assumed)
 
 
-def test_an_arm_without_masses_is_told_so(tmp_path: Path) -> None:
-    text = re.sub(r"<inertial>.*?</inertial>", "", hand_on_an_arm())
-    with pytest.raises(RobotError, match=r"states no masses; add <inertial>"):
-        written(text, tmp_path)
+@pytest.mark.parametrize("end", ["999999", "1e16"])
+def test_slides_that_are_wheels_in_disguise_are_held(end: str, tmp_path: Path) -> None:
+    slide = hinge("forth", "floor", "base", "0 0 0", "1 0 0", kind="prismatic").replace("1.5", end)
+    robot = written(hand_on_an_arm().replace("</robot>", f"{link('floor', 0.0)}{slide}</robot>"), tmp_path)
+    assert "forth" not in robot.joint_names
+    assert "a slide without limits" in " ".join(str(one) for one in robot.description.assumed)
+
+
+def test_a_slide_in_millimetres_is_told_from_one_without_limits(tmp_path: Path) -> None:
+    slide = hinge("forth", "floor", "base", "0 0 0", "1 0 0", kind="prismatic").replace("1.5", "350")
+    with pytest.raises(RobotError, match="looks like millimetres"):
+        written(hand_on_an_arm().replace("</robot>", f"{link('floor', 0.0)}{slide}</robot>"), tmp_path)
 
 
 def test_an_arm_without_limits_or_geometry_is_complete(tmp_path: Path) -> None:

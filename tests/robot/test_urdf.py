@@ -316,6 +316,16 @@ def test_packages_that_are_installed_are_found_from_anywhere(
     assert find_mesh(wheel, urdf) == example_robot_data() / "ur_description/meshes/ur5/collision/base.stl"
 
 
+def test_a_package_copied_under_another_name_is_found(tmp_path: Path) -> None:
+    mesh = tmp_path / "my_robot_copy" / "meshes" / "visual" / "a.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_bytes(b"")
+    (tmp_path / "my_robot_copy" / "urdf").mkdir()
+    urdf = write(tmp_path / "my_robot_copy" / "urdf", ARM)
+    assert find_mesh("package://my_robot/meshes/visual/a.stl", urdf) == mesh
+    assert find_mesh("package://my_robot/a.stl", urdf) is None
+
+
 def outcome(path: Path) -> None:
     """Read a URDF; what passes must also pass pinocchio."""
     try:

@@ -122,8 +122,8 @@ def _nothing_moves(held: dict[str, Held], path: Path) -> RobotError:
     """What to say of a model none of whose joints is left to move."""
     if held and all(one.why == MASSLESS for one in held.values()):
         what, remedy = (
-            "states no masses",
-            "add <inertial> to its links: the maker's figures, or a CAD program's",
+            "states no masses, and has no geometry at hand to guess them from",
+            "add <inertial> to its links, or give --package-path FOLDER, where its meshes are",
         )
         return RobotError(what, source=path, remedy=remedy)
     named = ", ".join(list(held)[:3])

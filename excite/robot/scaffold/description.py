@@ -79,7 +79,9 @@ def draft(
     more_weak = weak_joints(model.figure, rest)
     if more_weak and len(more_weak) < len(model.free):
         return draft(path, folder, rng, said, {**weak, **more_weak})
-    return _content(model, rest, Path(folder or path.parent), rng)
+    content = _content(model, rest, Path(folder or path.parent), rng)
+    content["assumed"] = [*(one.model_dump() for one in said.assumed), *content["assumed"]]
+    return content
 
 
 def _content(model: BareModel, rest: Rest, folder: Path, rng: np.random.Generator) -> dict[str, Any]:

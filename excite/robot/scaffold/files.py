@@ -5,16 +5,19 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import yaml
 
 from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
+from excite.reading.xml_document import read_xml
 from excite.robot.description import Assumed
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
 from excite.robot.scaffold.description import scaffold_description
 from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
+from excite.robot.scaffold.weighed import states_mass, weighed
 from excite.robot.srdf import read_srdf
 from excite.robot.xacro_file import expanded, is_xacro
 from excite.temporary_folder import TemporaryFolder
@@ -76,7 +79,8 @@ def write_scaffold(
             conversion.write(urdf)
             write_text(target, text)
         return ScaffoldFiles(target, urdf, _assumed(text), conversion.notes)
-    if not is_xacro(file) and not source.package_path:
+    found = _expanded(file, source)
+    if found is None:
         text = scaffold_description(
             file, None if absolute else folder, seed=seed, said=Said(ignored=ignored), absolute=absolute
         )
@@ -85,14 +89,34 @@ def write_scaffold(
     if urdf.resolve() == file.resolve():
         urdf = urdf.with_name(f"{urdf.stem}_expanded.urdf")
     _absent(urdf, overwrite)
-    whole = expanded(file, source.arguments, source.package_path)
     place = TemporaryFolder()
-    copy = write_text(place.path / urdf.name, whole)
-    text = _renamed_errors(copy, place.path, file, seed, Said(ignored=ignored))
+    copy = write_text(place.path / urdf.name, found.text)
+    text = _renamed_errors(copy, place.path, file, seed, Said(ignored=ignored, assumed=found.assumed))
     with all_or_nothing():
-        write_text(urdf, whole)
+        write_text(urdf, found.text)
         write_text(target, text)
     return ScaffoldFiles(target, urdf, _assumed(text), ())
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A URDF's text, and what was assumed to make it."""
+
+    text: str
+    assumed: tuple[Assumed, ...] = ()
+
+
+def _expanded(file: Path, source: Source) -> _Made | None:
+    """The URDF that is made of a xacro file, or of one with masses left out; None where the file is the URDF."""
+    plain = not is_xacro(file) and not source.package_path
+    root = read_xml(file, error=RobotError) if plain else None
+    if root is not None and states_mass(root):
+        return None
+    text = expanded(file, source.arguments, source.package_path)
+    found = weighed(ElementTree.fromstring(text), file)
+    if found is not None:
+        return _Made(found.text, (found.assumed,))
+    return None if plain else _Made(text)
 
 
 def _described(

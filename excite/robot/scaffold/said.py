@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from excite.robot.description import Assumed
+
 
 @dataclass(frozen=True)
 class Said:
@@ -17,6 +19,7 @@ class Said:
         ignored: pairs of links that may touch.
         loops: blocks ``loops`` of a ``robot.yaml``.
         couplings: blocks ``couplings`` of one.
+        assumed: what was assumed to make the URDF.
     """
 
     floating: bool | None = None
@@ -24,3 +27,4 @@ class Said:
     ignored: tuple[tuple[str, str], ...] = ()
     loops: tuple[Mapping[str, Any], ...] = ()
     couplings: tuple[Mapping[str, Any], ...] = ()
+    assumed: tuple[Assumed, ...] = ()

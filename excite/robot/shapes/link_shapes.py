@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,11 +23,11 @@ _CORNERS, _SLACK = 96, 0.01
 
 
 def link_shapes(
-    robot: Robot, link: ElementTree.Element, kind: str, points: Mapping[Path, Array]
+    robot: Robot, link: ElementTree.Element, kind: str, meshes: Mapping[Path, Array]
 ) -> list[Shape]:
     """Shapes of a link from its elements of a kind (``collision`` or ``visual``); raises RobotError.
 
-    ``points`` are the corners of the meshes, by file.
+    ``meshes`` are the corners of mesh files.
     """
     name = link.get("name", "")
     shapes = []
@@ -41,41 +41,35 @@ def link_shapes(
             raise RobotError(
                 "has no geometry", source=robot.source, field=where, remedy="remove or fill the element"
             )
-        body = _Place(f"{name}_{number}", name, joint, pose, robot, where)
-        shapes.append(_solid(body, solid, points))
+        points = meshes[Path(solid.get("filename", ""))] if solid.tag == "mesh" else None
+        corners = robot.description.collision.hull_corners
+        shape = solid_shape(solid, points, robot.source, where, corners)
+        shapes.append(replace(shape, name=f"{name}_{number}", link=name, joint=joint, placement=pose))
     return shapes
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """Where a shape sits, and what to call it in errors.
+def solid_shape(
+    solid: ElementTree.Element, points: Array | None, source: Path, where: str, corners: int = _CORNERS
+) -> Shape:
+    """The solid of a ``geometry`` element in its own frame, of no link yet.
 
-    Attributes:
-        name: of the shape.
-        link: that it belongs to.
-        joint: that carries it.
-        pose: in that joint's frame.
-        robot: the robot.
-        where: the URDF's element, in words.
+    Args:
+        solid: the element in ``geometry``.
+        points: corners of its mesh ``(n, 3)`` in the file's own unit; None of anything else.
+        source: the URDF, for the error.
+        where: place in it, in words.
+        corners: most corners of a mesh's hull.
+
+    Raises:
+        RobotError: it is no solid.
     """
-
-    name: str
-    link: str
-    joint: int
-    pose: pin.SE3
-    robot: Robot
-    where: str
-
-
-def _solid(at: _Place, solid: ElementTree.Element, meshes: Mapping[Path, Array]) -> Shape:
-    robot, where, placed = at.robot, at.where, (at.name, at.link, at.joint, at.pose)
-    if solid.tag == "mesh":
-        corners = robot.description.collision.hull_corners
-        points = meshes[Path(solid.get("filename", ""))] * numbers_of(solid.get("scale", "1 1 1"))
+    nowhere = ("", "", 0, pin.SE3.Identity())
+    if solid.tag == "mesh" and points is not None:
+        points = points * numbers_of(solid.get("scale", "1 1 1"))
         if np.abs(points).max() > MAX_TRAVEL:
             raise RobotError(
                 f"its mesh reaches {np.abs(points).max():.3g} m from its origin",
-                source=robot.source,
+                source=source,
                 field=where,
                 remedy='looks like millimetres: write scale="0.001 0.001 0.001"',
             )
@@ -83,19 +77,19 @@ def _solid(at: _Place, solid: ElementTree.Element, meshes: Mapping[Path, Array])
             hull = kept_hull(points, corners, _SLACK * (_CORNERS / corners) ** 2)
         except ValueError as error:
             raise RobotError(
-                str(error), source=robot.source, field=where, remedy="author a shape instead"
+                str(error), source=source, field=where, remedy="author a shape instead"
             ) from error
-        return Shape(*placed, "convex", (), hull.vertices, hull.faces)
+        return Shape(*nowhere, "convex", (), hull.vertices, hull.faces)
     if solid.tag == "box":
-        return Shape(*placed, "box", tuple(numbers_of(solid.get("size", "")).tolist()))
+        return Shape(*nowhere, "box", tuple(numbers_of(solid.get("size", "")).tolist()))
     if solid.tag == "sphere":
-        return Shape(*placed, "sphere", (float(solid.get("radius", "nan")),))
+        return Shape(*nowhere, "sphere", (float(solid.get("radius", "nan")),))
     if solid.tag in {"cylinder", "capsule"}:
         size = (float(solid.get("radius", "nan")), float(solid.get("length", "nan")))
-        return Shape(*placed, "capsule" if solid.tag == "capsule" else "cylinder", size)
+        return Shape(*nowhere, "capsule" if solid.tag == "capsule" else "cylinder", size)
     raise RobotError(
         f"unknown geometry {solid.tag!r}",
-        source=robot.source,
+        source=source,
         field=where,
         remedy="use a mesh, box or sphere",
     )

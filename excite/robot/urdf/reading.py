@@ -194,7 +194,8 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     """File that a mesh's ``filename`` means, or None if there is none.
 
     ``package://NAME/…`` is looked for in the folders above the URDF, in ``$ROS_PACKAGE_PATH``, among the packages of
-    ``$AMENT_PREFIX_PATH`` and among those that wheels brought along; other names are relative to the URDF.
+    ``$AMENT_PREFIX_PATH`` and among those that wheels brought along, at last below the folders above the URDF whatever
+    these are called; other names are relative to the URDF.
     """
     folder = urdf.resolve().parent
     if "\0" in name:
@@ -211,6 +212,11 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         # $ROS_PACKAGE_PATH may name the package's own folder.
         below = root.joinpath(*relative.parts[1:])
         if relative.parts and root.name == relative.parts[0] and os.path.isfile(below):
+            return below.resolve()
+    # A package that was copied under another name; one file's name alone may be anything's.
+    for root in (folder, *folder.parents) if len(relative.parts) > 2 else ():
+        below = root.joinpath(*relative.parts[1:])
+        if os.path.isfile(below):
             return below.resolve()
     return None
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.errors import RobotError
 from excite.robot.joint_values import check_range
-from excite.robot.quantities import MAX_ANGLE
+from excite.robot.quantities import MAX_ANGLE, MAX_TRAVEL_STAND_IN
 from excite.robot.urdf.geometry import check_geometry, check_origin
 from excite.robot.urdf.numbers import numbers, shorten
 
@@ -199,6 +199,10 @@ def _check_limit(joint: ElementTree.Element, limit: ElementTree.Element, where: 
     if joint.get("type") == "revolute" and max(-lower, upper) > MAX_ANGLE:
         # How exporters say that it turns without end.
         joint.set("type", "continuous")
+    elif joint.get("type") == "prismatic" and max(-lower, upper) > MAX_TRAVEL_STAND_IN:
+        # How they say it of a slide, such as the wheels of a mobile base make.
+        for side in ("lower", "upper"):
+            limit.attrib.pop(side, None)
     else:
         check_range(joint.get("name", ""), (lower, upper), joint.get("type") == "prismatic", where, path)
 

@@ -1,0 +1,113 @@
+"""Masses in place of those that a model does not state: its links' geometry at the density of robots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from excite.errors import RobotError
+from excite.robot.description import Assumed
+from excite.robot.shapes.link_shapes import origin_of, solid_shape
+from excite.robot.shapes.mesh_files import read_meshes
+from excite.robot.shapes.shape import coal_geometry
+from excite.robot.urdf.reading import find_mesh
+
+# Mass per volume of convex hulls about links [kg/m³]. Of 75 published robots with both the median is 815, nine tenths
+# lie between 370 and 2000; of arms (UR10, Panda, FR3, Jaco, xArm, KR 16 …) between 680 and 1800, UR10 and Panda at 970.
+_DENSITY = 1000.0
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A URDF with masses that its file did not state, and what was assumed for them."""
+
+    text: str
+    assumed: Assumed
+
+
+def weighed(root: ElementTree.Element, path: Path) -> Weighed | None:
+    """A URDF's text with masses from its geometry; None where it states some, or has no geometry that can be read.
+
+    Args:
+        root: its ``robot`` element, which is given the inertials.
+        path: the file, from which its meshes are found.
+    """
+    if states_mass(root):
+        return None
+    whole = 0.0
+    for link in root.findall("link"):
+        inertia = _of_geometry(link, path)
+        if inertia is None:
+            continue
+        for old in link.findall("inertial"):
+            link.remove(old)
+        link.append(_inertial(inertia))
+        whole += inertia.mass
+    if whole <= 0.0:
+        return None
+    assumed = Assumed(
+        what="masses",
+        value=f"{whole:.3g} kg in all, {_DENSITY:.0f} kg/m³ of the links' convex hulls",
+        consequence="right within a factor of two, as predicted torques are: state <inertial>, or begin slowly",
+    )
+    return Weighed(ElementTree.tostring(root, encoding="unicode"), assumed)
+
+
+def states_mass(root: ElementTree.Element) -> bool:
+    """Whether any link of a URDF has a mass."""
+    return any(_stated(link) for link in root.findall("link"))
+
+
+def _stated(link: ElementTree.Element) -> bool:
+    mass = link.find("inertial/mass")
+    try:
+        return mass is not None and float(mass.get("value", "0")) != 0.0
+    except ValueError:
+        # Refused, with its place, where inertials are checked.
+        return True
+
+
+def _of_geometry(link: ElementTree.Element, path: Path) -> pin.Inertia | None:
+    """Inertia of a link full of robot, in its own frame: of what it collides with, else of what is seen of it."""
+    for kind in ("collision", "visual"):
+        parts = [part for element in link.findall(kind) if (part := _of_element(element, path)) is not None]
+        if parts:
+            return sum(parts[1:], start=parts[0])
+    return None
+
+
+def _of_element(element: ElementTree.Element, path: Path) -> pin.Inertia | None:
+    geometry = element.find("geometry")
+    solid = geometry[0] if geometry is not None and len(geometry) else None
+    if solid is None:
+        return None
+    try:
+        points = None
+        if solid.tag == "mesh":
+            file = find_mesh(solid.get("filename", ""), path)
+            if file is None:
+                return None
+            points = read_meshes([file])[file]
+        body = coal_geometry(solid_shape(solid, points, path, "geometry"))
+    except (RobotError, ValueError):
+        # A description says what is wrong with geometry, where it is needed.
+        return None
+    mass = _DENSITY * body.computeVolume()
+    about = _DENSITY * np.asarray(body.computeMomentofInertiaRelatedToCOM())
+    if not mass > 0.0:
+        return None
+    return origin_of(element.find("origin")).act(pin.Inertia(mass, np.asarray(body.computeCOM()), about))
+
+
+def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
+    made = ElementTree.Element("inertial")
+    ElementTree.SubElement(made, "origin", xyz=" ".join(f"{x:.6g}" for x in inertia.lever))
+    ElementTree.SubElement(made, "mass", value=f"{inertia.mass:.6g}")
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = inertia.inertia[np.triu_indices(3)]
+    ElementTree.SubElement(made, "inertia", {n: f"{x:.9g}" for n, x in zip(names, values, strict=True)})
+    return made

@@ -1,0 +1,68 @@
+"""Models without masses: what their geometry would weigh, said, and against robots whose masses are known."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from excite.errors import RobotError
+from excite.robot.bringing import load_robot
+from excite.robot.scaffold.files import write_scaffold
+from tests.reproduction.recordings import example_robot_data
+from tests.robot.small import ARM
+from tests.robot.test_scaffold import hand_on_an_arm
+
+DENSITY = 1000.0
+
+
+def without_masses(text: str) -> str:
+    return re.sub(r"<inertial>.*?</inertial>", "", text, flags=re.DOTALL)
+
+
+def test_boxes_weigh_what_boxes_weigh(tmp_path: Path) -> None:
+    box = '<collision><origin xyz="0.1 0 0" rpy="0 0 0.5"/><geometry><box size="0.2 0.05 0.04"/></geometry></collision>'
+    (tmp_path / "arm.urdf").write_text(
+        f"""<robot name="arm"><link name="base">{box}</link><link name="rod">{box}{box}</link>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="1" velocity="2" effort="20"/></joint></robot>"""
+    )
+    robot = load_robot(tmp_path / "arm.urdf")
+    mass, sides = 2.0 * DENSITY * 0.2 * 0.05 * 0.04, np.array([0.2, 0.05, 0.04])
+    inertia = robot.model.inertias[1]
+    assert inertia.mass == pytest.approx(mass, rel=1e-5)
+    np.testing.assert_allclose(inertia.lever, [0.1, 0.0, 0.0], atol=1e-6)
+    moments = mass / 12.0 * (np.sum(sides**2) - sides**2)
+    np.testing.assert_allclose(np.linalg.eigvalsh(inertia.inertia), np.sort(moments), rtol=1e-5)
+    (said,) = (one for one in robot.description.assumed if one.what == "masses")
+    assert "1.2 kg in all" in said.value and "factor of two" in said.consequence
+
+
+@pytest.mark.parametrize(
+    ("model", "kilograms"),
+    [("panda_description/urdf/panda.urdf", 17.45), ("ur_description/urdf/ur5_robot.urdf", 20.99)],
+)
+def test_known_arms_weigh_half_to_twice_what_they_do(model: str, kilograms: float, tmp_path: Path) -> None:
+    source = example_robot_data() / model
+    text = without_masses(source.read_text())
+    # The package is found among those of the wheel, wherever the model is.
+    (tmp_path / "arm.urdf").write_text(text)
+    made = write_scaffold(tmp_path / "arm.urdf", tmp_path / "out")
+    (said,) = (one for one in made.assumed if one.what == "masses")
+    assert 0.5 < float(said.value.split()[0]) / kilograms < 2.0
+    assert load_robot(made.description).n_joints >= 6
+
+
+def test_a_model_that_states_masses_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    made = write_scaffold(tmp_path / "arm.urdf", tmp_path / "out")
+    assert made.urdf == tmp_path / "arm.urdf" and "masses" not in {one.what for one in made.assumed}
+
+
+def test_without_masses_and_geometry_nothing_can_be_told(tmp_path: Path) -> None:
+    text = re.sub(r"<(collision|visual)>.*?</\1>", "", without_masses(hand_on_an_arm()), flags=re.DOTALL)
+    (tmp_path / "arm.urdf").write_text(text)
+    with pytest.raises(RobotError, match=r"states no masses.*add <inertial>.*--package-path"):
+        load_robot(tmp_path / "arm.urdf")
