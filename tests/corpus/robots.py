@@ -84,7 +84,7 @@ def _places(family: str, name: str, read: Callable[[Path], list[str]]) -> Iterat
         family,
         "NUL in name",
         lambda folder: read(folder / f"a\0{name}"),
-        r"name that no file can have|null byte",
+        r"name that no file can have|null (byte|character)",
     )
 
 
