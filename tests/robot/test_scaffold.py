@@ -209,6 +209,38 @@ def test_slides_that_are_wheels_in_disguise_are_held(end: str, tmp_path: Path) -
     assert "a slide without limits" in " ".join(str(one) for one in robot.description.assumed)
 
 
+def on_wheels(solid: str = "", yaw: str = "0 0 1") -> str:
+    """The arm on a base that slides along x and y, up and down and about ``yaw``, links between of a solid or none."""
+    chain = [("x", "1 0 0", "prismatic"), ("y", "0 1 0", "prismatic"), ("yaw", yaw, "continuous")]
+    links = ["floor", "along", "across", "carriage", "base"]
+    parts = [link(name, 1.0, solid) for name in links[:-1]]
+    for (name, axis, kind), parent, child in zip(
+        [*chain, ("lift", "0 0 1", "prismatic")], links[:-1], links[1:], strict=True
+    ):
+        parts.append(
+            hinge(name, parent, child, "0 0 0.1", axis, kind=kind).replace('effort="60"', 'effort="600"')
+        )
+    arm = hand_on_an_arm().replace(link("base", 10.0), link("base", 10.0, '<box size="0.3 0.3 0.1"/>'))
+    return arm.replace("</robot>", f"{''.join(parts)}</robot>")
+
+
+def test_what_wheels_do_is_held(tmp_path: Path) -> None:
+    robot = written(on_wheels(), tmp_path)
+    assert not {"x", "y", "yaw"} & set(robot.joint_names) and "lift" in robot.joint_names
+    assert "what its wheels do" in " ".join(str(one) for one in robot.description.assumed)
+
+
+@pytest.mark.parametrize("made", [on_wheels('<box size="0.1 0.1 0.1"/>'), on_wheels(yaw="1 0 0")])
+def test_a_gantry_moves(made: str, tmp_path: Path) -> None:
+    robot = written(made, tmp_path)
+    assert {"x", "y", "lift"} <= set(robot.joint_names)
+
+
+def test_a_held_joint_needs_no_effort(tmp_path: Path) -> None:
+    text = re.sub(r'(<joint name="bend_\d.*?) effort="60"', r"\1", hand_on_an_arm())
+    assert text.count("effort") == 4 and written(text, tmp_path).n_joints == 4
+
+
 def test_a_slide_in_millimetres_is_told_from_one_without_limits(tmp_path: Path) -> None:
     slide = hinge("forth", "floor", "base", "0 0 0", "1 0 0", kind="prismatic").replace("1.5", "350")
     with pytest.raises(RobotError, match="looks like millimetres"):

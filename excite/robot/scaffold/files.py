@@ -11,7 +11,6 @@ import yaml
 
 from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
-from excite.reading.xml_document import read_xml
 from excite.robot.description import Assumed
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
 from excite.robot.scaffold.description import scaffold_description
@@ -19,6 +18,7 @@ from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.scaffold.weighed import states_mass, weighed
 from excite.robot.srdf import read_srdf
+from excite.robot.urdf.reading import parse_urdf
 from excite.robot.xacro_file import expanded, is_xacro
 from excite.temporary_folder import TemporaryFolder
 
@@ -109,7 +109,7 @@ class _Made:
 def _expanded(file: Path, source: Source) -> _Made | None:
     """The URDF that is made of a xacro file, or of one with masses left out; None where the file is the URDF."""
     plain = not is_xacro(file) and not source.package_path
-    root = read_xml(file, error=RobotError) if plain else None
+    root = parse_urdf(file) if plain else None
     if root is not None and states_mass(root):
         return None
     text = expanded(file, source.arguments, source.package_path)

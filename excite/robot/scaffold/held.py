@@ -6,6 +6,10 @@ import re
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
+import numpy as np
+import pinocchio as pin
+
+from excite.arrays import Array
 from excite.robot.scaffold.guesses import JointGuess
 from excite.robot.urdf.tree import MOVING
 
@@ -13,6 +17,8 @@ _WHEEL = re.compile(r"wheel|caster|castor|roller|rotor|propell", re.IGNORECASE)
 _FINGER = re.compile(r"finger|thumb|gripper|knuckle|jaw|pinky", re.IGNORECASE)
 
 MASSLESS = "nothing with mass moves with it"
+# Directions at right angles have a smaller cosine, however few digits their angles were typed with.
+_ACROSS = 0.01
 # Hands have three fingers or more, and a twentieth of the mass that the heaviest joint of a robot moves.
 _FINGERS, _HAND = 3, 0.05
 
@@ -38,7 +44,7 @@ def held_joints(
     in ``tied`` close loops or are coupled and need no mass beyond them; those of loops, ``closing``, no limits either.
     """
     masses = _masses_beyond(root, joints)
-    of_hands = _of_hands(joints, masses)
+    of_hands, rolling = _of_hands(joints, masses), _planar_base(root, joints)
     hard: dict[str, Held] = {}
     soft: dict[str, Held] = {}
     for guess in guesses:
@@ -59,12 +65,54 @@ def held_joints(
             hard[guess.name] = Held(guess.blocked, "its limits leave it no range")
         elif slides and guess.position is None and guess.name not in closing:
             hard[guess.name] = Held(0.0, "a slide without limits")
+        elif guess.name in rolling:
+            soft[guess.name] = Held(nearest(guess), "what its wheels do, which have no such drives")
         elif _WHEEL.search(called):
             soft[guess.name] = Held(nearest(guess), "a wheel")
         elif _FINGER.search(called) or guess.name in of_hands:
             soft[guess.name] = Held(nearest(guess), "of a hand or gripper")
     moving = [g for g in guesses if g.follows is None and g.name not in hard]
     return hard if all(g.name in soft for g in moving) else {**hard, **soft}
+
+
+def _planar_base(root: ElementTree.Element, joints: dict[str, ElementTree.Element]) -> set[str]:
+    """Joints between the root and the first link with geometry that stand for a base's wheels.
+
+    They are a hinge and one or two slides across its axis, with links in between of which nothing is seen or touched.
+    """
+    solid = {
+        str(link.get("name"))
+        for link in root.findall("link")
+        if link.find("visual/geometry") is not None or link.find("collision/geometry") is not None
+    }
+    ends = {name: tuple(_link(joint, end) for end in ("parent", "child")) for name, joint in joints.items()}
+    children = {child for _, child in ends.values()}
+    here = next((parent for parent, _ in ends.values() if parent not in children), "")
+    turn, slides, hinges, found = np.eye(3), dict[str, Array](), dict[str, Array](), set[str]()
+    while solid and len(below := [name for name, (parent, _) in ends.items() if parent == here]) == 1:
+        (name,) = below
+        joint, here = joints[name], ends[name][1]
+        turn = turn @ pin.rpy.rpyToMatrix(*_three(joint.find("origin"), "rpy", "0 0 0"))
+        along = turn @ _three(joint.find("axis"), "xyz", "1 0 0")
+        if joint.get("type") in MOVING:
+            (slides if joint.get("type") == "prismatic" else hinges)[name] = along
+        axes = [*slides.values(), *hinges.values()]
+        across = all(abs(float(a @ b)) < _ACROSS for k, a in enumerate(axes) for b in axes[:k])
+        if len(hinges) == 1 and len(slides) in {1, 2} and across:
+            found = {*slides, *hinges}
+        if here in solid:
+            break
+    return found
+
+
+def _link(joint: ElementTree.Element, end: str) -> str:
+    found = joint.find(end)
+    return "" if found is None else str(found.get("link"))
+
+
+def _three(element: ElementTree.Element | None, name: str, default: str) -> Array:
+    text = default if element is None else element.get(name, default)
+    return np.array([float(part) for part in text.split()])
 
 
 def _of_hands(joints: dict[str, ElementTree.Element], masses: dict[str, float]) -> set[str]:

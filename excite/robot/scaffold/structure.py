@@ -84,7 +84,7 @@ def _held_still(held: dict[str, Held]) -> list[Assumed]:
         names = [name for name, one in held.items() if one.why == why]
         found.append(
             Assumed(
-                what=f"{len(names)} joints held still ({why})",
+                what=f"{len(names)} joint{'s' * (len(names) > 1)} held still ({why})",
                 value=", ".join(names[:6]) + (", …" if len(names) > 6 else ""),
                 consequence="their links count as part of what carries them; hold them so at the robot",
             )

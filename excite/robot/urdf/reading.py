@@ -156,6 +156,9 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     """Make a continuous joint revolute and give every moving joint a complete ``limit`` element."""
     name, kind = joint.get("name", ""), joint.get("type")
     if kind not in MOVING:
+        # Which need none: the parser refuses a whole model for an incomplete one.
+        for limit in joint.findall("limit"):
+            joint.remove(limit)
         return
     limit = joint.find("limit")
     has_limits = limit is not None and "lower" in limit.attrib and "upper" in limit.attrib
