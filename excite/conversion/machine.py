@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from excite.arrays import Array
+from excite.errors import RobotError
 from excite.reading.file import read_text
 from excite.reading.xml_document import MAX_XML_BYTES
 from excite.robot.bringing import load_robot
@@ -15,6 +17,9 @@ from excite.robot.loading import portable_description
 from excite.robot.robot import Robot
 from excite.robot.urdf.model import urdf_model
 from excite.robot.urdf.reading import parse_urdf
+
+# Joints of the simplest leg: hip and knee.
+_LEG = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,12 +130,23 @@ def _of_urdf(path: Path) -> Machine:
         upper=limits(model.upperPositionLimit, np.inf) if wide else np.full(len(names), np.inf),
         torque=np.where(effort > 0.0, effort, np.inf),
         slides=np.array([_slides(model, place) for place in order]),
-        floating=False,
+        floating=_stands(path, model),
         base_link=next((link for link in links if link not in children), ""),
         gravity=(0.0, 0.0, -9.81),
         text=read_text(path, limit=MAX_XML_BYTES),
         robot=None,
     )
+
+
+def _stands(path: Path, model: pin.Model) -> bool:
+    """Whether a bare URDF's base is free, as the first description has it of a model that has limbs."""
+    limbs = ((len(model.subtrees[child]) >= _LEG for child in children) for children in model.children)
+    if all(sum(several) < 2 for several in limbs):
+        return False
+    try:
+        return load_robot(path).floating
+    except RobotError:
+        return False
 
 
 def _slides(model: object, place: int) -> bool:

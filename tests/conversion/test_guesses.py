@@ -16,6 +16,7 @@ from excite.conversion.mapping import Map, read_map
 from excite.errors import LogError
 from tests.conversion import written
 from tests.conversion.written import JOINTS
+from tests.reproduction.recordings import example_robot_data
 
 
 @pytest.fixture
@@ -228,6 +229,20 @@ def test_a_free_base_stands_before_its_joints(order, tmp_path):
     np.testing.assert_allclose(trial.v, data["qvel"][:, 6:], atol=1e-9)
     np.testing.assert_allclose(trial.base[:, 2], data["qpos"][:, 2], atol=1e-9)
     np.testing.assert_allclose(trial.base[:, 6], data["qpos"][:, 3 + order.index("w")], atol=1e-6)
+
+
+def test_how_the_base_of_a_bare_legged_model_was_carried_is_asked(tmp_path):
+    model = example_robot_data() / "solo_description/robots/solo12.urdf"
+    joints = [f"{leg}_{name}" for leg in ("FL", "FR", "HL", "HR") for name in ("HAA", "HFE", "KFE")]
+    time = 0.005 * np.arange(800)
+    data = {"t": time} | {f"q_{name}": 0.3 * np.sin((1.0 + 0.1 * k) * time) for k, name in enumerate(joints)}
+    data |= {f"tau_{name}": np.cos(time + k) for k, name in enumerate(joints)}
+    file = table(tmp_path / "a.csv", data)
+    with pytest.raises(UnclearError, match="the base of solo is free") as caught:
+        excite.convert([file], model, tmp_path / "log")
+    assert "base: held" in str(caught.value)
+    found = excite.convert([file], model, tmp_path / "log", Map(log={"base": "held"}))
+    assert found.log.header.base == "held"
 
 
 def test_columns_of_another_machine_are_asked_for(arm, tmp_path):

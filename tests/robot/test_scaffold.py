@@ -396,3 +396,16 @@ def test_a_base_called_world_stands_in_simulation(tmp_path: Path) -> None:
     robot = written(biped().replace('"pelvis"', '"world"'), tmp_path)
     run = replay(robot, standing(robot, 0.2))
     assert run.on_its_feet and run.max_tilt_rad < 0.05
+
+
+@pytest.mark.parametrize("bare", [True, False])
+def test_a_floating_joint_at_the_root_says_that_the_base_is_free(bare: bool, tmp_path: Path) -> None:
+    world = '<link name="world"/>' if bare else link("world", 3.0)
+    above = '<joint name="reference" type="floating"><parent link="world"/><child link="trunk"/></joint>'
+    text = quadruped().replace("</robot>", f"{world}{above}</robot>")
+    if bare:
+        robot = written(text, tmp_path)
+        assert robot.floating and robot.n_joints == 12 and robot.base_link == "trunk"
+        return
+    with pytest.raises(RobotError, match="only joints with one coordinate"):
+        written(text, tmp_path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,6 +11,7 @@ import yaml
 
 from excite.atomic import all_or_nothing, write_text
 from excite.errors import InputError, RobotError
+from excite.reading.xml_document import read_xml
 from excite.robot.description import Assumed
 from excite.robot.mjcf.conversion import MjcfConversion, convert_mjcf, is_mjcf
 from excite.robot.scaffold.description import scaffold_description
@@ -18,7 +19,8 @@ from excite.robot.scaffold.said import Said
 from excite.robot.scaffold.source import Source
 from excite.robot.scaffold.weighed import states_mass, weighed
 from excite.robot.srdf import read_srdf
-from excite.robot.urdf.reading import parse_urdf
+from excite.robot.urdf.free_root import free_root
+from excite.robot.urdf.reading import MAX_NESTING
 from excite.robot.xacro_file import expanded, is_xacro
 from excite.temporary_folder import TemporaryFolder
 
@@ -79,10 +81,11 @@ def write_scaffold(
             conversion.write(urdf)
             write_text(target, text)
         return ScaffoldFiles(target, urdf, _assumed(text), conversion.notes)
-    found = _expanded(file, source)
-    if found is None:
+    found, said = _expanded(file, source), Said(ignored=ignored)
+    if found.text is None:
+        said = replace(said, floating=found.floating)
         text = scaffold_description(
-            file, None if absolute else folder, seed=seed, said=Said(ignored=ignored), absolute=absolute
+            file, None if absolute else folder, seed=seed, said=said, absolute=absolute
         )
         return ScaffoldFiles(write_text(target, text), file, _assumed(text), ())
     urdf = folder / f"{file.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
@@ -91,7 +94,8 @@ def write_scaffold(
     _absent(urdf, overwrite)
     place = TemporaryFolder()
     copy = write_text(place.path / urdf.name, found.text)
-    text = _renamed_errors(copy, place.path, file, seed, Said(ignored=ignored, assumed=found.assumed))
+    said = replace(said, floating=found.floating, assumed=found.assumed)
+    text = _renamed_errors(copy, place.path, file, seed, said)
     with all_or_nothing():
         write_text(urdf, found.text)
         write_text(target, text)
@@ -100,23 +104,35 @@ def write_scaffold(
 
 @dataclass(frozen=True)
 class _Made:
-    """A URDF's text, and what was assumed to make it."""
+    """A URDF that is made of a file.
 
-    text: str
+    Attributes:
+        text: None where the file is the URDF.
+        floating: True where it says that its base is free; None where it does not say.
+        assumed: what was assumed to make it.
+    """
+
+    text: str | None
+    floating: bool | None
     assumed: tuple[Assumed, ...] = ()
 
 
-def _expanded(file: Path, source: Source) -> _Made | None:
-    """The URDF that is made of a xacro file, or of one with masses left out; None where the file is the URDF."""
+def _expanded(file: Path, source: Source) -> _Made:
+    """The URDF that is made of a xacro file, or of one that leaves masses out."""
     plain = not is_xacro(file) and not source.package_path
-    root = parse_urdf(file) if plain else None
-    if root is not None and states_mass(root):
-        return None
+    root = read_xml(file, error=RobotError, max_depth=MAX_NESTING) if plain else None
+    if root is not None and (states_mass(root) or root.tag != "robot"):
+        return _Made(None, _floating(root))
     text = expanded(file, source.arguments, source.package_path)
-    found = weighed(ElementTree.fromstring(text), file)
+    root = ElementTree.fromstring(text)
+    found = weighed(root, file)
     if found is not None:
-        return _Made(found.text, (found.assumed,))
-    return None if plain else _Made(text)
+        return _Made(found.text, _floating(root), (found.assumed,))
+    return _Made(None if plain else text, _floating(root))
+
+
+def _floating(root: ElementTree.Element) -> bool | None:
+    return None if free_root(root) is None else True
 
 
 def _described(

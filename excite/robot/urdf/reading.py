@@ -19,6 +19,7 @@ import pinocchio as pin
 from excite.errors import RobotError
 from excite.reading.xml_document import read_xml
 from excite.robot.joint_values import check_range
+from excite.robot.urdf.free_root import drop_free_root
 from excite.robot.urdf.geometry import drop_points
 from excite.robot.urdf.inertia import check_inertials
 from excite.robot.urdf.numbers import numbers
@@ -75,7 +76,7 @@ def read_urdf(path: Path, stated: Stated | None = None) -> str:
 
 
 def parse_urdf(path: Path) -> ElementTree.Element:
-    """The ``robot`` element of a URDF file, without solids that are no more than points.
+    """The ``robot`` element of a URDF file, without solids that are points and without a free root.
 
     Raises:
         RobotError: the file is missing, is no XML, hides entities, or is another format.
@@ -91,6 +92,7 @@ def parse_urdf(path: Path) -> ElementTree.Element:
             remedy="export it as URDF; excite init-robot does so for MuJoCo",
         )
     drop_points(root)
+    drop_free_root(root)
     return root
 
 
@@ -157,8 +159,8 @@ def _one_coordinate(joint: ElementTree.Element, stated: Stated, path: Path) -> N
     name, kind = joint.get("name", ""), joint.get("type")
     if kind not in MOVING:
         # Which need none: the parser refuses a whole model for an incomplete one.
-        for limit in joint.findall("limit"):
-            joint.remove(limit)
+        for needless in joint.findall("limit"):
+            joint.remove(needless)
         return
     limit = joint.find("limit")
     has_limits = limit is not None and "lower" in limit.attrib and "upper" in limit.attrib

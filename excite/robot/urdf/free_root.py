@@ -1,0 +1,38 @@
+"""A joint of type ``floating`` at a URDF's root: how some makers say that the base is free."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+
+def free_root(root: ElementTree.Element) -> tuple[ElementTree.Element, ElementTree.Element] | None:
+    """The floating joint that carries the whole robot, and the bare link that it hangs on; None where there is none.
+
+    Args:
+        root: the ``robot`` element.
+    """
+    joints = root.findall("joint")
+    for joint in joints:
+        if joint.get("type") != "floating":
+            continue
+        above = _end(joint, "parent")
+        ends = [(_end(other, "parent"), _end(other, "child")) for other in joints if other is not joint]
+        links = [link for link in root.findall("link") if link.get("name") == above]
+        if any(above in pair for pair in ends) or len(links) != 1:
+            continue
+        if all(links[0].find(kind) is None for kind in ("inertial", "visual", "collision")):
+            return joint, links[0]
+    return None
+
+
+def drop_free_root(root: ElementTree.Element) -> None:
+    """Take such a joint and its bare link out: whether the base is free is for a ``robot.yaml`` to say."""
+    found = free_root(root)
+    if found is not None:
+        for element in found:
+            root.remove(element)
+
+
+def _end(joint: ElementTree.Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else str(element.get("link"))
