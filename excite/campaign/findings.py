@@ -15,6 +15,7 @@ from excite.documents.document import read_document
 from excite.documents.truth import Truth
 from excite.errors import LogError
 from excite.excitation.conditioning import Conditioning
+from excite.identification.adaptation import with_terms_of
 from excite.identification.problem import build_problem
 from excite.identification.result import Identification
 from excite.logs.log import Log
@@ -77,7 +78,7 @@ def force_comparison(
     trials = log.role("validation")
     if not trials:
         return None
-    settings = settings or ProblemSettings()
+    settings = with_terms_of(identification.identified, log, settings)
     coarse = build_problem(robot, log, settings, role="validation")
     spread = [float(np.std(coarse.y[coarse.trial == i])) for i in range(len(coarse.trial_names))]
     shown = int(np.argmax(spread))

@@ -89,6 +89,19 @@ def extended(
     return replace(settings, drive_terms=(*stated, *added)), added
 
 
+def with_terms_of(
+    identified: IdentifiedParameters, log: Log, settings: ProblemSettings | None
+) -> ProblemSettings:
+    """Settings of a problem whose columns are those of what was identified, added terms among them."""
+    settings = settings or ProblemSettings()
+    there = {_term(name) for name in identified.drive_names}
+    added = [name for name in EXTENSIONS if name in there]
+    if log.header.free_base or not added:
+        return settings
+    stated = drive_terms(log.header, settings)
+    return replace(settings, drive_terms=(*stated, *(name for name in added if name not in stated)))
+
+
 def adaptation_finding(found: Adaptation, identified: IdentifiedParameters) -> tuple[Finding, ...]:
     """What was added to rigid bodies, in a sentence; empty where nothing was."""
     if not found.terms:

@@ -41,3 +41,19 @@ def test_a_joint_that_stands_in_the_trial_shown_is_left_out() -> None:
     forces = force_comparison(robot, identify(robot, log, "wls"), log)
     assert forces is not None and forces.channels == robot.joint_names[:5]
     assert forces.measured.shape == (len(forces.time), 5) and len(forces.units) == 5
+
+
+def test_terms_that_an_identification_added_are_in_its_curves() -> None:
+    robot = load_robot("ur10")
+    motions = load_motions("ur10")[:4]
+    inject = ["load_dependent_friction:shoulder_lift_joint:0.3", "load_dependent_friction:elbow_joint:0.3"]
+    roles = {motions[3].name: "validation"}
+    log = simulate(robot, motions, inject=inject, roles=roles, nominal=True, seed=2).log
+    found = identify(robot, log)
+    assert any(name.startswith("load_friction.") for name in found.identified.drive_names)
+    forces = force_comparison(robot, found, log)
+    assert forces is not None
+    for channel, measured, identified in zip(
+        forces.channels, forces.measured.T, forces.identified.T, strict=True
+    ):
+        assert np.sqrt(np.mean((measured - identified) ** 2)) < 3.0 * found.validation[channel].rmse

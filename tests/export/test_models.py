@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import excite
 from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models import urdf as urdf_module
 from excite.export.models.bodies import InconsistentModelError, Member, parameters_of, split_segment
@@ -85,6 +86,17 @@ def test_friction_goes_into_dynamics_where_it_is_asked_for(ur10: Robot, tmp_path
     write_mjcf(ur10, found, tmp_path / "a.xml", drives=True)
     joint = mujoco.MjModel.from_xml_path(str(tmp_path / "a.xml")).joint("elbow_joint")
     assert (joint.damping[0], joint.frictionloss[0]) == (7.5, 3.25)
+
+
+def test_limits_that_lack_an_effort_are_completed(ur10: Robot, tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(re.sub(r' effort="[^"]*"', "", model_file(ur10).read_text()))
+    robot = excite.load_robot(file)
+    written = write_urdf(robot, identification_of(robot, scattered(robot)), tmp_path / "a.urdf")
+    assert "lacked an effort" in written.notes[0] and "elbow_joint" in written.notes[0]
+    np.testing.assert_allclose(
+        pin.buildModelFromUrdf(str(tmp_path / "a.urdf")).effortLimit, robot.limits.torque, rtol=1e-6
+    )
 
 
 def test_parameters_of_no_body_are_refused_by_name_unless_forced(ur10: Robot, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from excite.errors import InputError, NoSolutionError, RobotError
 from excite.export.models.bodies import Member, centred, changed_segments, parameters_of, split_segment
 from excite.export.models.mujoco_places import robot_names
 from excite.export.models.parameters import Found
-from excite.export.models.urdf_dynamics import set_dynamics
+from excite.export.models.urdf_dynamics import complete_limits, set_dynamics
 from excite.export.models.verification import held_joints, mujoco_error, pinocchio_error, urdf_in_mujoco
 from excite.export.models.written import WrittenModel
 from excite.export.models.xml_text import Element, XmlText, number_text
@@ -104,7 +104,7 @@ def edited_urdf(robot: Robot, identification: Found, *, drives: bool, force: boo
     links = {str(link.attributes.get("name")): link for link in text.root.named("link")}
     members = _members(robot, links, file)
     _unchanged_since_loading(robot, members, file)
-    notes: list[str] = []
+    notes = complete_limits(text, robot)
     written: list[str] = []
     ten = identification.parameters.reshape(-1, 10)
     for segment in changed:
