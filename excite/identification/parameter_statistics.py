@@ -81,7 +81,7 @@ def parameter_statistics(
     essential = essential_parameters(statistics)
     return ParameterStatistics(
         base=_base_parameters(problem, statistics, values, statistics.std, range(len(values))),
-        structural_rank=_structural_rank(problem),
+        structural_rank=_structural_rank(problem, statistics.base.rank),
         essential=_base_parameters(problem, statistics, essential.values, essential.std, essential.kept),
         uncertainty=parameter_uncertainty(problem, statistics, spreads),
     )
@@ -117,8 +117,11 @@ def _base_parameters(
     return tuple(found)
 
 
-def _structural_rank(problem: IdentificationProblem) -> int | None:
-    """Base parameters that free motion would determine; None where rows and robot do not correspond."""
+def _structural_rank(problem: IdentificationProblem, of_rows: int) -> int | None:
+    """Base parameters that free motion would determine; None where rows and robot do not correspond.
+
+    No fewer than the rows have, which take right angles as the model has typed them.
+    """
     drives = dict.fromkeys(name.split(".")[0] for name in problem.parameter_names[problem.n_inertial :])
     if problem.robot.measures_contacts != (problem.channel_names[0] == "fx") or not drives.keys() <= set(
         DRIVE_TERMS
@@ -126,4 +129,4 @@ def _structural_rank(problem: IdentificationProblem) -> int | None:
         return None
     if not problem.robot.measures_contacts and len(problem.channel_names) < problem.robot.n_joints:
         return None
-    return structural_base_parameters(problem.robot, tuple(drives)).rank
+    return max(of_rows, structural_base_parameters(problem.robot, tuple(drives)).rank)

@@ -93,6 +93,22 @@ def test_the_next_simulator_is_the_last_one_with_its_effects(first: Diagnosis, a
         assert new.before[name] < 0.2 * old.before[name]
 
 
+def test_joints_that_are_held_stay_held(first: Diagnosis, tmp_path: Path) -> None:
+    robot = load_robot("ur10")
+    text = robot.urdf.replace(
+        "</robot>",
+        '<link name="hook"/><joint name="latch" type="revolute"><parent link="wrist_3_link"/><child link="hook"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>',
+    )
+    (tmp_path / "held.urdf").write_text(text)
+    content = robot.description.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content["model"] = {"path": "held.urdf", "source": "a test"}
+    content["locked_joints"] = {"latch": 0.3}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content))
+    written = apply_effects(first, load_robot(tmp_path / "robot.yaml"), tmp_path / "out")
+    assert load_robot(written.robot).joint_names == robot.joint_names
+
+
 def test_what_was_written_wrongly_is_found_as_a_rest(folder: Path, applied: Applied, tmp_path: Path) -> None:
     """Drives marked as found are taken as given: a part of the friction is left to be named."""
     content = yaml.safe_load(applied.robot.read_text())

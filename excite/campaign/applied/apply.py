@@ -110,6 +110,8 @@ def _description(robot: Robot, changes: RobotChanges) -> dict[str, Any]:
         "source": f"{robot.description.model.source}, with {_SOURCE}",
     }
     content["model"].pop("package", None)
+    # The URDF that is written has them fixed.
+    content.pop("locked_joints", None)
     drives: dict[str, Any] = {}
     for term in ("viscous", "coulomb", "armature"):
         values = {name: value for name, value in getattr(changes, term).items() if value > 0.0}
