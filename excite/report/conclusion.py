@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from statistics import median
 
-from excite.identification.judgement.warnings import POOR_RSD
+from excite.identification.judgement.poor import POOR_RSD
 from excite.report.folder import Document, Findings
 from excite.report.html import number
 

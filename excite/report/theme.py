@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from excite.report.html import number
 
@@ -43,6 +43,8 @@ BODY = Role("body", "#b3bfcb", "#8a9aaa")
 ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND, BODY)
 
 WIDTH_IN = 9.6
+# Points an inch: what SVG counts in.
+_SVG_DPI = 72
 # Half of the width at the size of labels.
 _LONGEST_LABEL = 60
 _STYLE: dict[Any, Any] = {
@@ -80,14 +82,23 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def draw(paint: Callable[[Figure], None], height_in: float, width_in: float = WIDTH_IN) -> Figure:
-    """A figure of that size [inch] in the common style, painted by ``paint``; no display is needed."""
+def draw(
+    paint: Callable[[Figure], None],
+    height_in: float,
+    width_in: float = WIDTH_IN,
+    *,
+    layout: Literal["constrained", "none"] = "constrained",
+) -> Figure:
+    """A figure of that size [inch] in the common style, painted by ``paint``; no display is needed.
+
+    With the layout ``none`` axes stay where they are put.
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(_STYLE), _quiet():
-        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        figure = Figure(figsize=(width_in, height_in), layout=layout)
         FigureCanvasAgg(figure)
         paint(figure)
         _label_logarithms(figure)
@@ -134,6 +145,8 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
 
     buffer = io.StringIO()
     with matplotlib.rc_context(_STYLE), _quiet():
+        figure.set_dpi(_SVG_DPI)
+        _lay_out(figure)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
@@ -145,6 +158,14 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     for role in ROLES:
         svg = svg.replace(role.light, f"var(--{role.name})")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{description}" ', 1)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Leave room for labels now: what saves a figure draws all of it once more for that."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def to_png(figure: Figure, dpi: int = 150) -> bytes:

@@ -14,6 +14,9 @@ from excite.report.plots.body import Picture, View, front_view, picture
 from excite.report.theme import GROUND, IDENTIFIED, INK, MUTED, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, draw
 from excite.robot.robot import Robot
 
+# Height of a row's title [inch].
+_TITLE_IN = 0.25
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -63,9 +66,11 @@ def plot_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     row_height_in = min(2.6, 1.08 * WIDTH_IN / n_postures * height / width + 0.3)
 
     def paint(figure: Figure) -> None:
-        for axes, row, motion in zip(
-            figure.subplots(len(rows), 1, squeeze=False)[:, 0], rows, motions, strict=True
-        ):
+        share = 1.0 / len(rows)
+        for place, (row, motion) in enumerate(zip(rows, motions, strict=True)):
+            # Without ticks there is nothing to leave room for but the title.
+            top = 1.0 - place * share
+            axes = figure.add_axes((0.0, top - share, 1.0, share * (1.0 - _TITLE_IN / row_height_in)))
             for i, (time, drawn) in enumerate(row):
                 x = i * 1.06 * width
                 _draw_posture(axes, drawn, view, np.array([x, 0.0]), width, ground)
@@ -78,9 +83,10 @@ def plot_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
                 aspect="equal",
             )
             axes.set_axis_off()
-            axes.set_title(_title(motion))
+            middle = top - 0.5 * share * _TITLE_IN / row_height_in
+            figure.text(0.005, middle, _title(motion), fontsize=9.0, va="center")
 
-    return draw(paint, height_in=len(rows) * row_height_in)
+    return draw(paint, height_in=len(rows) * row_height_in, layout="none")
 
 
 def _row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, Picture]]:

@@ -212,22 +212,25 @@ def _nearest(robot: Robot, motion: Motion) -> tuple[Margin, NDArray[np.int64], A
     values, where = np.empty(n), np.empty(n, dtype=np.int64)
     joints, points = np.empty((n, 2), dtype=np.int64), np.empty((n, 6))
     objects, pairs = geometry.geometryObjects, geometry.collisionPairs
-    spheres = Spheres(geometry)
+    spheres = Spheres(geometry, found)
+    carriers = [one.parentJoint for one in objects]
+    ends = [(pair.first, pair.second) for pair in pairs]
     for k in range(0, n, _EVERY):
         pin.updateGeometryPlacements(robot.model, data, geometry, found, motion.q[k])
-        pair = spheres.nearest(found)
+        pair = spheres.nearest()
         result = found.distanceResults[pair]
-        both = [objects[pairs[pair].first], objects[pairs[pair].second]]
+        both = [carriers[end] for end in ends[pair]]
         near = [result.getNearestPoint1(), result.getNearestPoint2()]
         here = slice(k, k + _EVERY)
         values[here], where[here] = result.min_distance, pair
-        joints[here] = [one.parentJoint for one in both]
+        joints[here] = both
         points[here] = np.concatenate(
-            [data.oMi[one.parentJoint].actInv(point) for one, point in zip(both, near, strict=True)]
+            [data.oMi[joint].actInv(point) for joint, point in zip(both, near, strict=True)]
         )
     # Straight between the instants of it.
     values = np.interp(np.arange(n), np.arange(0, n, _EVERY), values[::_EVERY])
-    places = tuple(f"{objects[one.first].name} – {objects[one.second].name}" for one in pairs)
+    names = [one.name for one in objects]
+    places = tuple(f"{names[first]} – {names[second]}" for first, second in ends)
     required = float(robot.description.collision.margin)
     margin = Margin("self_collision_m", "distance between bodies", "m", required, values, where, places)
     return margin, joints, points
