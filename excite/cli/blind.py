@@ -20,7 +20,7 @@ from excite.cli.session.workers import workers
 from excite.errors import ExciteError, InputError
 from excite.json_document import write_json
 from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs
+from excite.parallel.jobs import Jobs, at_once
 from excite.progress import Progress
 from excite.temporary_folder import TemporaryFolder
 
@@ -186,7 +186,7 @@ def _answered(
     """What a program says of every case, and its seconds of processor time."""
     tasks = [case.absolute() for case in cases]
     work, shared = (_diagnosed, seed) if method == "diagnose" else (_entered, method)
-    return list(in_order(work, tasks, jobs=crew, shared=shared, stage=method, progress=progress))
+    return list(in_order(work, tasks, jobs=at_once(crew), shared=shared, stage=method, progress=progress))
 
 
 def _entered(method: str, case: Path) -> tuple[dict[str, Any], float]:

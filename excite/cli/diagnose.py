@@ -24,9 +24,7 @@ def command(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Log folder (excite.log/1).")],
     budget: Annotated[
         bool,
-        typer.Option(
-            "--budget/--no-budget", help="Say where each joint's gap goes, all effects taken together."
-        ),
+        typer.Option("--budget/--no-budget", help="Whether the answer holds where each joint's gap goes."),
     ] = True,
     robot: Annotated[
         str | None,

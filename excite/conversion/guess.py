@@ -12,6 +12,7 @@ from excite.conversion.base import add_base
 from excite.conversion.columns.anonymous import Understood, understand
 from excite.conversion.columns.choice import choose
 from excite.conversion.columns.clock import TICKS, clock_column, tick
+from excite.conversion.columns.contact_forces import without_contact_forces
 from excite.conversion.columns.families import Family, clues_of, families, is_anonymous
 from excite.conversion.columns.free_base import without_base
 from excite.conversion.columns.quantities import convert_units
@@ -62,7 +63,7 @@ def guess(recording: Recording, machine: Machine, mapping: Map) -> Guesses:
     known = {item.channel for item in found.mapped}
     groups = [family for family in families(recording, left, joints) if family.target not in known]
     groups = [family for family in groups if not is_anonymous(family, joints)]
-    groups = without_unfilled(found, groups, recording)
+    groups = without_contact_forces(found, without_unfilled(found, groups, recording), machine)
     if machine.floating:
         groups = without_base(found, groups, recording, joints)
     chosen = choose(groups, found, recording)
@@ -170,7 +171,7 @@ def _without_clock(
     else:
         named = [c.name for c in stream.columns if c.name in clues and clues[c.name].quantity == "time"]
         but = f" ({named[0]} does not go forward evenly)" if named else ""
-        found.ask(f"{stream.name} has no column of times{but}", "log: {rate_hz: 100}   # rows a second")
+        found.ask_of_all(stream.name, f"no column of times{but}", "log: {rate_hz: 100}   # rows a second")
 
 
 def _add(found: Guesses, chosen: dict[str, Family]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -74,6 +75,19 @@ class Guesses:
         question = Question(what, line, torques or {})
         if question not in self.questions:
             self.questions.append(question)
+
+    def ask_of_all(self, name: str, lacks: str, line: str) -> None:
+        """Add a question that one line settles for all recordings or tables that it is asked of."""
+        same = [question for question in self.questions if question.line == line]
+        if not same:
+            self.ask(f"{name} has {lacks}", line)
+            return
+        first = re.split(" (?:has|have) ", same[0].what, maxsplit=1)[0]
+        names, _, count = first.partition(" and ")
+        more = int(count.partition(" ")[0] or 0) + 1 if not count or count.endswith(" more") else 1
+        self.questions[self.questions.index(same[0])] = Question(
+            f"{names} and {more} more have {lacks}", line
+        )
 
     def rows(self) -> list[tuple[str, str, str]]:
         """Channel, source and reason of everything that was guessed; columns of one pattern in one row."""

@@ -23,7 +23,7 @@ class Machine:
 
     Attributes:
         name: of the robot.
-        joints: names of the joints that move, in the model's order.
+        joints: names of the joints that move by themselves, in the model's order.
         lower: ``(n,)`` [rad or m], ``upper`` too; infinite where the model states none.
         torque: ``(n,)`` largest torques [N·m or N]; infinite where none is stated.
         slides: ``(n,)`` whether a joint slides instead of turning.
@@ -106,7 +106,8 @@ def _of_robot(robot: Robot, joints: tuple[str, ...]) -> Machine:
 def _of_urdf(path: Path) -> Machine:
     root = parse_urdf(path)
     model = urdf_model(root, path)
-    names = tuple(model.names)[1:]
+    followers = {joint.get("name") for joint in root.findall("joint") if joint.find("mimic") is not None}
+    names = tuple(name for name in tuple(model.names)[1:] if name not in followers)
     children = {joint.find("child").get("link") for joint in root.findall("joint")}  # type: ignore[union-attr]
     links = [link.get("name", "") for link in root.findall("link")]
     order = [model.joints[model.getJointId(name)].idx_v for name in names]

@@ -35,7 +35,7 @@ def diagnose(
     *,
     seed: int = 0,
     out: str | Path | None = None,
-    budget: bool = False,
+    budget: bool = True,
 ) -> Diagnosis:
     """Find where a robot differs from its nominal model, which effect causes it, and how far it shrinks.
 
@@ -44,8 +44,8 @@ def diagnose(
         robot: the nominal model; by default the one that the log names.
         seed: of the bootstrap.
         out: folder for the augmented simulator and motions; none are written without it.
-        budget: whether to say, of an arm's torques or currents, where each joint's gap goes: shares of all effects
-            together, what has no name, what does not repeat. Takes as long again.
+        budget: whether the answer holds where each joint's gap goes: shares of all effects together, what has no
+            name, what does not repeat. The verdict is read from it either way.
 
     Returns:
         The diagnosis (``excite.diagnosis/1``).
@@ -74,17 +74,16 @@ def diagnose(
     trials = long_trials(robot, chart.log) if chart.log.header.base == "fixed" else chart.log.trials
     short = [trial.name for trial in chart.log.trials if trial.name not in {kept.name for kept in trials}]
     chart = replace(chart, log=replace(chart.log, trials=trials))
-    found = _diagnosed(robot, chart, rng, None if out is None else Path(out), budget=budget)
+    found = _diagnosed(robot, chart, rng, None if out is None else Path(out))
     limits = tuple(item.text for item in chart.findings if not item.repaired and item.severity != "note")
     left_out = (f"left out, as their motion is over too soon: {listed(short)}",) if short else ()
     doubts = (said(chart.doubts),) if chart.doubts else ()
     warnings = (*limits, *left_out, *doubts, *found.warnings)
+    found = found if budget else replace(found, budget=None)
     return replace(found, faults=(*chart.findings, *found.faults), warnings=warnings)
 
 
-def _diagnosed(
-    robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None, *, budget: bool
-) -> Diagnosis:
+def _diagnosed(robot: Robot, chart: Chart, rng: np.random.Generator, folder: Path | None) -> Diagnosis:
     """The diagnosis of a log that the doctor has repaired; what a fault could be taken for is no candidate."""
     loaded = chart.log
     # The doctor may have turned gravity, or a sensor.
@@ -96,9 +95,9 @@ def _diagnosed(
         loaded = replace(loaded, header=loaded.header.model_copy(update={"modelled": modelled}))
     if loaded.header.base == "fixed":
         if loaded.header.torque == "none":
-            return diagnose_commands(robot, loaded, rng, folder, budget=budget)
+            return diagnose_commands(robot, loaded, rng, folder)
         verb = diagnose_currents if loaded.header.torque == "current" else diagnose_arm
-        return verb(robot, loaded, rng, folder, budget=budget)
+        return verb(robot, loaded, rng, folder)
     if loaded.header.sensors:
         return diagnose_floating(loaded, robot, rng, folder)
     raise InputError(

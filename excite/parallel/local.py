@@ -61,8 +61,7 @@ class LocalCrew:
     loses_all = True
 
     def __init__(self, jobs: int, total: int | None) -> None:
-        self._jobs = min(jobs, _WORKERS_A_CORE * (os.cpu_count() or 1))
-        self._workers = self._jobs if total is None else max(1, min(self._jobs, total))
+        self._workers, self._jobs = _numbers(jobs, total)
         self.in_flight = _IN_FLIGHT_A_WORKER * self._workers
         self._pool: _Pool | None = None
 
@@ -90,6 +89,12 @@ class LocalCrew:
             _kill(pool.executor)
 
 
+def _numbers(jobs: int, total: int | None) -> tuple[int, int]:
+    """Workers for so many tasks, and how many there may be at most."""
+    jobs = min(jobs, _WORKERS_A_CORE * (os.cpu_count() or 1))
+    return jobs if total is None else max(1, min(jobs, total)), jobs
+
+
 class _Idle:
     """The workers that wait for work; at most one pool of them.
 
@@ -110,6 +115,11 @@ class _Idle:
 
 
 _IDLE = _Idle()
+
+
+def ready_for(jobs: int, total: int | None) -> bool:
+    """Whether workers wait that such a round of work would take."""
+    return _IDLE.pool is not None and _IDLE.pool.serves(*_numbers(jobs, total))
 
 
 def _taken(workers: int, jobs: int) -> _Pool:

@@ -12,6 +12,9 @@ from excite.errors import InputError
 # What a person writes by hand: the largest robot.yaml and log.yaml known here have 30 kB.
 MAX_DESCRIPTION_BYTES = 8 * 1024 * 1024
 
+# How the pointer begins that Git LFS leaves where it did not fetch a file (specification 1), and how long one may be.
+_POINTER, _POINTER_BYTES = b"version https://git-lfs.github.com/spec/", 1024
+
 _KINDS = (
     (stat.S_ISDIR, "is a folder"),
     (stat.S_ISFIFO, "is a pipe"),
@@ -31,7 +34,7 @@ def check_file(path: str | Path, *, limit: int | None = None, error: type[InputE
 
     Raises:
         InputError: of the class ``error``: no such file, a folder, pipe, device or socket, a name that no file can
-            have, a file that may not be read, or one above the limit.
+            have, a file that may not be read, one above the limit, or a pointer of Git LFS in a file's place.
     """
     path = Path(path)
     try:
@@ -45,6 +48,12 @@ def check_file(path: str | Path, *, limit: int | None = None, error: type[InputE
         raise error("may not be read", source=path, remedy="change its permissions")
     if limit is not None and found.st_size > limit:
         raise too_large(path, found.st_size, limit, error)
+    if found.st_size <= _POINTER_BYTES and _begins(path, _POINTER):
+        raise error(
+            "is the pointer that Git LFS left in place of the file",
+            source=path,
+            remedy="fetch the file itself: git lfs pull",
+        )
     return path
 
 
@@ -69,6 +78,13 @@ def first_bytes(path: str | Path, count: int = 512) -> bytes:
         return _beginning(check_file(path), count)
     except (InputError, OSError):
         return b""
+
+
+def _begins(path: Path, with_bytes: bytes) -> bool:
+    try:
+        return _beginning(path, len(with_bytes)) == with_bytes
+    except OSError:
+        return False
 
 
 def _beginning(path: Path, count: int) -> bytes:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from excite.diagnosis.doctor import examine
 
 from excite.arrays import Array
 from excite.blind.arm import N_TRIALS, PAUSE_S, TRIAL_S, arm_of
@@ -14,24 +13,22 @@ from excite.blind.case import recordings_of
 from excite.blind.draw import ROBOTS, draft
 from excite.blind.make import _NOISE_TAU, _prepare, _session
 from excite.diagnosis.answer.shrink import gap_of
+from excite.diagnosis.arm.judged import judged_record
+from excite.diagnosis.arm.record import TorqueRecord
+from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.kinematic_noise import kinematic_noise, position_noise
 from excite.diagnosis.equations.noise_floor import (
     other_postures,
     repeat_floor,
-    spectral_floor,
     unrepeated,
-    white_floor,
 )
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples, arm_samples
 from excite.diagnosis.equations.standing_joints import HELD, held_power, standing_share
-from excite.diagnosis.search.attribute import Attributor
-from excite.diagnosis.search.attribution import Attribution
-from excite.diagnosis.search.verdict import judge
 from excite.diagnosis.simulator.accepted_values import fitted_sizes
+from excite.doctor.examine import examine
 from excite.logs.log import Log, Trial
 from excite.regressor.kernels import inverse_dynamics
 from excite.robot.loading import load_robot
@@ -163,16 +160,12 @@ def cases_of(seed: int, cases: int) -> Iterator[Case]:
 
 def _diagnosed(robot: Robot, log: Log, noisy: tuple[Trial, ...], clean: tuple[Trial, ...]) -> Case | None:
     chart = examine(robot, log)
-    samples = arm_samples(robot, log, chart.trials)
-    spectral = spectral_floor(samples)
-    baseline = fit_baseline(samples, log.header.modelled, np.minimum(white_floor(samples), spectral))
-    columns = [log.header.joints.index(name) for name in samples.joints]
-    sigma = position_noise(samples, columns, chart.trials)
-    judged = kinematic_noise(baseline, sigma, np.random.default_rng(0)) * baseline.strict
-    spectral = np.hypot(spectral, np.sqrt((judged**2).mean(axis=1)))
-    found = Attributor(baseline, spectral, unrepeated(samples, judged)).run()
-    if not found.accepted or judge(found, spectral).verdict == "unknown":
+    judged = judged_record(TorqueRecord(robot, chart.log, log.header.modelled))
+    samples, baseline, found = judged.samples, judged.baseline, judged.attribution
+    if not found.accepted:
         return None
+    columns = [log.header.joints.index(name) for name in samples.joints]
+    sigma = position_noise(samples, columns, chart.log.trials)
     repeated = repeat_floor(samples, baseline.plain(found.after.residual))
     floor = found.floor if repeated is None else np.maximum(repeated, 0.5 * found.floor)
     everywhere = arm_samples(robot, log, noisy)

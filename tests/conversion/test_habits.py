@@ -394,7 +394,8 @@ def test_a_motion_that_begins_at_zero_is_whole(data, arm, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "reason"), [("a.pkl", "is a pickle"), ("a.xlsx", "workbook"), ("a.zip", "unpack")]
+    ("name", "reason"),
+    [("a.joblib", "joblib"), ("a.pkl", "is a pickle"), ("a.xlsx", "workbook"), ("a.zip", "unpack")],
 )
 def test_files_that_are_not_opened_are_refused_with_what_to_do(name, reason, arm, tmp_path):
     (tmp_path / name).write_bytes(b"\x80\x04\x00PK")

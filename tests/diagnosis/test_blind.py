@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,9 +18,8 @@ from excite.blind.hidden import Answer, HiddenEffect
 from excite.blind.make import answers_file, load_answers, make_cases
 from excite.blind.parameter_error import parameter_error
 from excite.blind.score import score, score_case
+from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.diagnose import diagnose
-from excite.diagnosis.search.attribution import Scored
-from excite.diagnosis.search.verdict import probabilities
 from excite.errors import InputError
 from excite.logs.files import save_log
 from excite.robot.loading import load_robot
@@ -148,23 +146,14 @@ def test_a_wave_that_never_repeats_in_the_record_is_no_ripple(tmp_path) -> None:
     assert document["gap"]["share_closed"] == 0.0
 
 
-def test_a_probability_is_no_larger_than_the_share_explained() -> None:
-    def scored(place: str, power: float) -> Scored:
-        hypothesis = SimpleNamespace(effect=SimpleNamespace(name="torque_bias"), location=place)
-        numbers = {"evidence": 500.0, "validation": 100.0, "strength": 1.0, "of_rest": 1.0, "price": 10.0}
-        arrays = {"closed": np.ones(1), "power": np.full((1, 2), power), "count": np.full((1, 2), 200.0)}
-        return Scored(hypothesis=hypothesis, place=0, left=0, stands=50.0, elsewhere=0.0, **numbers, **arrays)
-
-    best, near, far = scored("a", 1.0), scored("b", 1.02), scored("c", 4.0)
-    chance = probabilities(best, (best, near, far), 0.8)
-    assert sum(chance.values()) == pytest.approx(0.8)
-    assert chance["torque_bias", "a"] > chance["torque_bias", "b"] > chance["torque_bias", "c"]
-    # The worse all of them fit, the less a difference between two of them says.
-    sure = probabilities(best, (best, near, far), 1.0)
-    assert (
-        chance["torque_bias", "b"] / chance["torque_bias", "a"]
-        > sure["torque_bias", "b"] / sure["torque_bias", "a"]
-    )
+def test_rivals_that_say_as_much_share_the_probability() -> None:
+    alone, even, far = probabilities(50.0, []), probabilities(50.0, [0.0]), probabilities(50.0, [1.0])
+    assert alone[0] == pytest.approx(1.0)
+    assert even == pytest.approx((0.5, 0.5))
+    # At the width within which two count as alike, odds are 20 to 1.
+    assert far[0] / far[1] == pytest.approx(20.0, rel=0.01)
+    # What is hardly worth its price may be nothing.
+    assert sum(probabilities(0.5, [])) < 0.7
 
 
 def test_a_stated_size_is_compared_with_the_hidden_one() -> None:

@@ -13,9 +13,9 @@ import yaml
 from scipy.signal import lfilter
 
 from excite.diagnosis.answer.budget import Budget, ChannelBudget, EffectShare, Named, UnnamedShare
-from excite.diagnosis.budget.joint_fit import effective_share
+from excite.diagnosis.budget.fit.joint_fit import effective_share
 from excite.diagnosis.budget.made import budget_of
-from excite.diagnosis.budget.reading import explained, namable
+from excite.diagnosis.budget.reading import clear, explained
 from excite.diagnosis.budget.record import Found, begun_baseline, model_of_gap
 from excite.diagnosis.budget.same_machine import other_machine
 from excite.diagnosis.budget.unison import independent_joints, unison
@@ -137,10 +137,10 @@ def test_shares_of_every_channel_add_up_to_one(tmp_path: Path, modelled: tuple[s
         assert all(low <= item.share <= high for item in channel.effects for low, high in [item.interval90])
 
 
-def test_many_effects_at_once_are_named_where_one_by_one_none_is(gap_dir: Path) -> None:
+def test_many_effects_at_once_are_named(gap_dir: Path) -> None:
     """A lag, friction that grows with the load, offsets and bristles on seven joints; shares as the simulator's."""
-    alone, together = (diagnose(gap_dir / "many" / "case_006", budget=budget) for budget in (False, True))
-    assert (alone.verdict, together.verdict) == ("unknown", "effect")
+    together = diagnose(gap_dir / "many" / "case_006")
+    assert together.verdict == "effect"
     found = {(item.effect, item.location) for item in together.effects}
     assert {("load_dependent_friction", "arm_6_joint"), ("torque_bias", "arm_7_joint")} <= found
     assert together.gap.after < together.gap.before
@@ -231,7 +231,7 @@ def test_effects_are_the_gap_where_the_largest_share_is_theirs(shares, unnamed, 
     budget = Budget(
         {"joint_0": ChannelBudget(0.01, 1.0, at, strange, 1.0 - sum(shares) - unnamed, 1.0)}, named
     )
-    assert namable(budget) == named
+    assert all(clear(budget, item) for item in named)
     assert explained(budget, named) is said
 
 
@@ -281,7 +281,7 @@ def test_both_frictions_left_out_are_named_and_no_rivals(data_dir: Path, tmp_pat
     """Each alone takes most of the gap of a ball screw, and yet both are there."""
     log = emps.emps_log(data_dir, tmp_path, 0.67)
     log = replace(log, header=log.header.model_copy(update={"modelled": ("rigid_body", "torque_bias")}))
-    result = diagnose(log, budget=True)
+    result = diagnose(log)
     values = {item.effect: next(iter(item.parameters.values())) for item in result.effects}
     assert result.verdict == "effect" and set(values) == set(FRICTION[1:])
     for name, published in (("coulomb_friction", 20.39), ("viscous_friction", 203.5)):
@@ -314,11 +314,20 @@ def test_play_before_friction_is_named_with_its_width(tmp_path: Path) -> None:
     header = axis_header(1000, ("rigid_body_fixed",), ("long", "short"))
     trials = (trial("long", "identification", 0.02), trial("short", "validation", 0.015))
     urdf = AXIS.replace('"100"', '"1e-3"').replace('"1"', '"1e-6"')
-    result = diagnose(
-        load_log(save_log(Log(header, trials, robot_text=urdf), tmp_path / "damper")), budget=True
-    )
+    result = diagnose(load_log(save_log(Log(header, trials, robot_text=urdf), tmp_path / "damper")))
     found = {item.effect: item.parameters for item in result.effects}
     assert result.verdict == "effect" and set(found) == {"coulomb_friction", "backlash"}
     assert found["coulomb_friction"]["level"].value == pytest.approx(5000.0, rel=0.03)
     assert found["backlash"]["width"].value == pytest.approx(4e-3, rel=0.1)
     assert result.gap.share_closed > 0.97
+
+
+def test_an_effect_that_shares_what_another_takes_is_not_clear() -> None:
+    """Let in alone it takes a part of what the other one takes; without it next to nothing is lost."""
+    named = tuple(Named(name, "joint", 0.5, 1.0, {}, 50.0) for name in ("base_tilt", "torque_gain"))
+    at = tuple(
+        EffectShare(n.effect, n.location, 0.5, (0.4, 0.6), lost)
+        for n, lost in zip(named, (0.9, 0.001), strict=True)
+    )
+    budget = Budget({"joint": ChannelBudget(0.01, 1.0, at, (), 0.0, 1.0)}, named)
+    assert [clear(budget, item) for item in named] == [True, False]

@@ -10,7 +10,7 @@ import pytest
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.answer.result import Diagnosis
-from excite.diagnosis.search.attribution import Attribution, Stage
+from excite.diagnosis.attribution.attribution import Attribution, Stage
 from excite.diagnosis.servo.confirmation import confirmed, with_twin
 from excite.diagnosis.servo.strength import effect_strength, without_faint
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from excite.diagnosis.attribution.evidence import effective_counts
 from excite.diagnosis.equations.joint_torque import Equations, Solver
-from excite.diagnosis.search.evidence import effective_counts
 from tests.diagnosis.test_deflection import deflected
 
 

@@ -12,6 +12,9 @@ import pytest
 
 from excite.arrays import Array
 from excite.diagnosis.answer.result import Diagnosis
+from excite.diagnosis.attribution.attribution import Scored
+from excite.diagnosis.attribution.hypotheses import Search
+from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Parameter, Shape, Theta
@@ -24,8 +27,6 @@ from excite.diagnosis.equations.samples import arm_samples
 from excite.diagnosis.next_experiment.candidates import beyond, joined_motions, near
 from excite.diagnosis.next_experiment.choice import FILE
 from excite.diagnosis.next_experiment.evidence import Expectation
-from excite.diagnosis.search.attribute import Attributor
-from excite.diagnosis.search.attribution import Scored
 from excite.logs.log import Log, LogHeader, Trial
 from excite.motion.files import load_motion
 from excite.robot.loading import load_robot
@@ -115,9 +116,10 @@ def doubt(robot: Robot) -> Doubt:
     samples = arm_samples(robot, log, log.trials)
     floor = spectral_floor(samples)
     baseline = fit_baseline(samples, MODELLED, floor)
-    attribution = Attributor(baseline, floor).run()
-    ranking = attribution.stages[0].ranking
-    rivals = [next(s for s in ranking if s.name == name) for name in ("joint_spring", "eccentric")]
+    search, scorer = Search(Context(baseline), baseline.solver), Scorer(baseline, floor, 0.0, np.ones(7))
+    first = samples.joints[0]
+    fitted = [search.coarse(EFFECTS[name], first) for name in ("joint_spring", "eccentric")]
+    rivals = [scorer.scored(baseline.fit, item) for item in fitted if item is not None]
     return Doubt(baseline, rivals, floor)
 
 

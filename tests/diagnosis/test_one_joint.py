@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from excite.diagnosis.attribution.hypotheses import Search
+from excite.diagnosis.attribution.scoring import Scorer
 from excite.diagnosis.diagnose import diagnose
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.registry import EFFECTS
@@ -16,8 +18,6 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.samples import arm_samples
 from excite.diagnosis.next_experiment.choice import propose
-from excite.diagnosis.search.hypotheses import Search
-from excite.diagnosis.search.scoring import Scorer
 from excite.logs.files import load_log, save_log
 from excite.logs.log import Log, LogHeader, Trial
 from excite.logs.robot import nominal_robot
@@ -155,6 +155,7 @@ def test_a_motion_is_sought_for_a_robot_of_one_joint(tmp_path: Path) -> None:
     baseline = fit_baseline(samples, log.header.modelled, floor)
     search = Search(Context(baseline), baseline.solver)
     tried = [search.coarse(EFFECTS[name], "slide") for name in ("torque_bias", "joint_spring")]
-    rivals = Scorer(baseline, floor, 0.0, np.ones(1)).scored(baseline.fit, [item for item in tried if item])
+    scorer = Scorer(baseline, floor, 0.0, np.ones(1))
+    rivals = [scorer.scored(baseline.fit, item) for item in tried if item]
     found = propose(baseline, rivals, floor, seed=0)
     assert found is None or found.motion.q.shape[1] == 1

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from excite.diagnosis.answer.budget import Budget, ChannelBudget
 from excite.diagnosis.answer.candidate import Candidate, Estimate
 from excite.diagnosis.answer.gap import ChannelGap, Gap
 from excite.diagnosis.answer.result import Diagnosis
@@ -70,3 +71,13 @@ def test_what_the_doctor_found_is_said_once(two_effects: Diagnosis):
 
 def test_a_number_without_a_unit_has_none(two_effects: Diagnosis):
     assert "periods_per_rev 13\n" in two_effects.summary() + "\n"
+
+
+def test_a_budget_in_which_nothing_is_named_says_how_near_to_the_noise_the_gap_is() -> None:
+    channels = {
+        "a": ChannelBudget(0.1, 0.11, (), (), 1.0, 0.5, "N·m"),
+        "b": ChannelBudget(0.02, 0.03, (), (), 1.0, 0.5, "N·m"),
+    }
+    said = Budget(channels, ()).sentence()
+    assert "b: 0.03 N·m, noise 0.02 N·m" in said
+    assert "%" not in said

@@ -16,8 +16,9 @@ import pytest
 
 from excite import errors
 from excite.errors import ExciteError, InputError
+from excite.parallel import local
 from excite.parallel.engine import in_order
-from excite.parallel.jobs import MOST_JOBS
+from excite.parallel.jobs import MOST_JOBS, AtMost
 from excite.parallel.shared import Shared, SharedFile, load_shared
 from tests.parallel import work
 
@@ -26,6 +27,7 @@ def test_results_come_in_order_and_are_the_same_bytes_in_one_process_two_or_thre
     alone = list(in_order(work.draw, range(20), shared=7))
     assert [seed for seed, _ in alone] == list(range(20))
     assert list(in_order(work.draw, range(20), jobs=2, shared=7)) == alone
+    assert list(in_order(work.draw, range(20), jobs=AtMost(2), shared=7)) == alone
     with ThreadPoolExecutor(3) as threads:
         assert list(in_order(work.draw, range(20), jobs=threads, shared=7)) == alone
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
@@ -35,6 +37,39 @@ def test_results_come_in_order_and_are_the_same_bytes_in_one_process_two_or_thre
 def test_several_jobs_are_several_processes_and_one_is_this_one() -> None:
     assert set(in_order(work.process, range(5))) == {os.getpid()}
     assert os.getpid() not in set(in_order(work.process, range(5), jobs=2))
+
+
+@pytest.fixture
+def cheap_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """None of them waits, as in a command that has just begun, and their start is taken to cost 0.1 s of a core."""
+    local._IDLE.end()
+    monkeypatch.setattr("excite.parallel.engine._START_S", 0.1)
+
+
+@pytest.mark.usefixtures("cheap_workers")
+def test_short_work_is_done_here_and_long_work_by_others_from_where_it_shows() -> None:
+    assert set(in_order(work.process, range(40), jobs=AtMost(2))) == {os.getpid()}
+    assert set(in_order(work.process, iter(range(40)), jobs=AtMost(2))) == {os.getpid()}
+    done = list(in_order(work.busy, range(20), jobs=AtMost(2), shared=0.02))
+    assert [number for number, _ in done] == list(range(20))
+    # The first task tells little; the second that 18 of 0.02 s are left, 0.18 s for two.
+    assert [process == os.getpid() for _, process in done] == [True] * 2 + [False] * 18
+    assert os.getpid() not in set(in_order(work.process, range(5), jobs=AtMost(2))), "workers wait already"
+
+
+@pytest.mark.usefixtures("cheap_workers")
+@pytest.mark.parametrize(("tasks", "seconds", "here"), [(3, 0.25, 1), (3, 0.02, 3)])
+def test_one_long_task_is_enough_to_start_others(tasks: int, seconds: float, here: int) -> None:
+    done = list(in_order(work.busy, range(tasks), jobs=AtMost(2), shared=seconds))
+    assert [process == os.getpid() for _, process in done] == [True] * here + [False] * (tasks - here)
+
+
+@pytest.mark.usefixtures("cheap_workers")
+def test_where_nobody_knows_how_much_is_left_others_begin_when_it_has_lasted() -> None:
+    done = list(in_order(work.busy, iter(range(30)), jobs=AtMost(2), shared=0.02))
+    assert [number for number, _ in done] == list(range(30))
+    here = [process == os.getpid() for _, process in done]
+    assert 8 < sum(here) < 15 and here == sorted(here, reverse=True)
 
 
 def test_workers_are_kept_for_the_next_round() -> None:
@@ -89,6 +124,9 @@ def test_a_task_that_cannot_be_sent_says_so() -> None:
     ("jobs", "what"),
     [
         (0, "at least one"),
+        (AtMost(0), "at least one"),
+        (AtMost(10**9), "more processes than any machine"),
+        (AtMost(True), "submit"),
         (-1, "at least one"),
         (10**9, "more processes than any machine"),
         (MOST_JOBS + 1, "more processes"),

@@ -59,6 +59,14 @@ def identity(shared: object, number: int) -> int:
     return number
 
 
+def busy(seconds: float, number: int) -> tuple[int, int]:
+    """Keep a core busy for some time."""
+    begun = time.process_time()
+    while time.process_time() - begun < seconds:
+        pass
+    return number, os.getpid()
+
+
 def process(shared: object, number: int) -> int:
     """Which process it is."""
     return os.getpid()

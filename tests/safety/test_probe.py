@@ -356,6 +356,7 @@ class Profiles:
         self.dips = np.array(dips)
         self.time = np.linspace(0.0, duration, round(duration * rate_hz) + 1)
         self.sweep = SimpleNamespace(fine=SimpleNamespace(time=self.time))
+        self._times = self.time.tolist()
         self.n_pairs = len(dips)
         self.asked = 0
 

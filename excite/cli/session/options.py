@@ -62,7 +62,7 @@ JobsOption = Annotated[
     typer.Option(
         "--jobs",
         help="Processes to use; the result does not depend on it.",
-        show_default="one a core",
+        show_default="up to one a core",
         callback=_possible,
     ),
 ]

@@ -9,14 +9,14 @@ from contextlib import contextmanager
 import typer
 
 from excite.parallel.cluster import executor
-from excite.parallel.jobs import Jobs
+from excite.parallel.jobs import AtMost, Jobs
 
 
 @contextmanager
 def workers(jobs: int | None, cluster: str | None) -> Iterator[Jobs]:
-    """What the options of a command ask for; one process a core, if neither is given."""
+    """What the options of a command ask for; up to one process a core where the work is long, if neither is given."""
     if cluster is None:
-        yield jobs or os.cpu_count() or 1
+        yield jobs or AtMost(os.cpu_count() or 1)
         return
     if jobs is not None:
         raise typer.BadParameter("give this or --jobs, not both", param_hint="'--cluster'")

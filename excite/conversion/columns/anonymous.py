@@ -147,8 +147,12 @@ def _positions(heads: list[int], match: Array, smooth: Array, dt: float, n: int)
     if len(heads) < n:
         return None
     rough = np.std(np.diff(smooth, axis=0), axis=0) / np.maximum(smooth.std(axis=0), 1e-300)
-    order = sorted(heads, key=lambda k: rough[k])[:n]
-    return sorted(order)
+    order = sorted(sorted(heads, key=lambda k: rough[k])[:n])
+    # Tables without names hold one quantity after the other: what stands between the smoothest of positions and is no
+    # position shows that smoothness did not find them; a body's rates are as smooth.
+    side_by_side = sorted(heads)
+    at = side_by_side.index(order[0])
+    return order if side_by_side[at : at + n] == order else None
 
 
 def _measured_first(a: list[int], b: list[int], values: Array, dt: float) -> tuple[list[int], list[int]]:

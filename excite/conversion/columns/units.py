@@ -73,6 +73,14 @@ def position_unit(
     if stated in TO_SI:
         return stated, f"{stated} by its name", True
     if outside > BEYOND and outside_large <= BEYOND and span * factor >= _NO_MOTION:
+        if small == "rad" and bool(((high - low) <= (upper - lower)[turning]).all()):
+            # Zeros of joints are often elsewhere than the model's: then radians fit, too, and move them far more.
+            return (
+                "",
+                f"as deg joints move by {span:.2g} degrees at most, as rad they leave their ranges by {outside:.3g}, "
+                "as joints do whose zeros are not the model's",
+                True,
+            )
         return large, f"{large}: as {small} joints would leave their ranges by {outside:.3g}", True
     counted = _counts(values[:, turning], lower[turning], upper[turning]) if small == "rad" else ""
     if counted and min(outside, outside_large) > BEYOND:

@@ -17,6 +17,9 @@ from excite.conversion.columns.vocabulary import (
     SHARES,
 )
 
+# Where a name changes its case: JointPos, PosFR, FRHip; a single capital letter at an end (tauJ, qD) is no word.
+_CASE = re.compile(r"(?<=[a-z])(?=[A-Z][a-z]|[A-Z]{2})|(?<=[A-Z]{2})(?=[A-Z][a-z])")
+
 
 @dataclass(frozen=True)
 class Clue:
@@ -97,7 +100,7 @@ def _tokens(text: str) -> list[str]:
     found = []
     for word in re.split(r"[^A-Za-z0-9µ°]+", text):
         # Units are written so, too: mNm is no m of Nm.
-        whole = word if word.lower() in UNITS else re.sub(r"([a-z])([A-Z][a-z])", r"\1 \2", word)
+        whole = word if word.lower() in UNITS or word.lower() in KNOWN else _CASE.sub(" ", word)
         found += re.sub(r"(?<=[A-Za-zµ°])(?=\d)|(?<=\d)(?=[A-Za-zµ°])", " ", whole).split()
     return [token.lower() for token in found]
 

@@ -1,4 +1,4 @@
-"""Long tables: a row a joint and sample, with a column that says which joint."""
+"""Long tables: a row a joint and sample, or a row a quantity and sample, with a column that says which."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from excite.arrays import Array
 from excite.conversion.columns.clock import is_clock
+from excite.conversion.columns.words import clue
 from excite.conversion.recording import Column, Stream
 
 _KEYS = frozenset("joint joints name motor motors id axis actuator servo dof".split())
@@ -26,6 +27,10 @@ def widened(stream: Stream) -> tuple[Stream, str]:
         if found is None:
             continue
         labels, rows = found
+        if name in stream.words and _are_quantities(labels):
+            return _a_row_a_quantity(stream, name, labels, rows)
+        if not _is_key(name):
+            continue
         columns: list[Column] = []
         for column in stream.columns:
             if column.name == name:
@@ -44,14 +49,43 @@ def widened(stream: Stream) -> tuple[Stream, str]:
     return stream, ""
 
 
+def _are_quantities(labels: list[str]) -> bool:
+    """Whether each names a quantity, positions among them, and no two the same one."""
+    said = [clue(label, ()) for label in labels]
+    named = {(one.quantity, one.commanded) for one in said if one.quantity not in ("", "skip")}
+    return ("q", False) in named and len(named) == len(labels)
+
+
+def _a_row_a_quantity(
+    stream: Stream, name: str, labels: list[str], rows: NDArray[np.int64]
+) -> tuple[Stream, str]:
+    """A column a joint and quantity, of lines that begin with ``Position``, ``Velocity``, ``Torque`` in turn."""
+    columns: list[Column] = []
+    for column in stream.columns:
+        values = column.values[rows]
+        if all(is_clock(one) for one in values):
+            columns.append(replace(column, values=values[0]))
+            continue
+        at = len(columns) // len(labels)
+        columns += [
+            replace(
+                column, name=f"{label}[{at}]" if stream.nameless else f"{label}.{column.name}", values=one
+            )
+            for label, one in zip(labels, values, strict=True)
+        ]
+    time = None if stream.time is None else stream.time[rows[0]]
+    note = f"{name} names the quantity of each row: {', '.join(labels)}"
+    return replace(stream, columns=tuple(columns), words={}, time=time, nameless=False), note
+
+
 def _keys(stream: Stream) -> dict[str, NDArray[np.object_]]:
-    """Columns that may say which joint a row is of."""
+    """Columns that may say which joint or quantity a row is of."""
     numbers = {
         column.name: np.array([f"{value:g}" for value in column.values], object)
         for column in stream.columns
         if _is_key(column.name) and _is_count(column.values)
     }
-    return {name: cells for name, cells in stream.words.items() if _is_key(name)} | numbers
+    return dict(stream.words) | numbers
 
 
 def _is_key(name: str) -> bool:

@@ -114,7 +114,13 @@ def _columns(arrays: dict[str, Any], features: dict[str, Any], rows: Any) -> lis
 
 
 def _names(feature: dict[str, Any]) -> list[str]:
-    names = feature.get("names") or []
+    return _flat(feature.get("names") or [])
+
+
+def _flat(names: Any) -> list[str]:
+    """Names in a list, or in lists or dictionaries of lists, one a motor."""
     if isinstance(names, dict):
-        names = [name for inner in names.values() for name in (inner if isinstance(inner, list) else [inner])]
-    return [str(name) for name in names]
+        return [name for inner in names.values() for name in _flat(inner)]
+    if isinstance(names, list):
+        return [name for inner in names for name in _flat(inner)]
+    return [str(names)]

@@ -1,14 +1,12 @@
 """Recordings that torch saved (PACE's ``.pt``), read without torch: only tensors of numbers in plain containers.
 
-A pickle may name any function of Python. Here it may name the few that build a tensor from its storage and an ordered
-dictionary; whatever else it names ends the reading.
+Of what a pickle may name, here are the few that build a tensor from its storage, beside plain data.
 """
 
 from __future__ import annotations
 
 import pickle
 import zipfile
-from collections import OrderedDict
 from pathlib import Path
 from typing import IO, Any, ClassVar
 
@@ -20,6 +18,7 @@ from excite.conversion.sources.npz import constants
 from excite.conversion.sources.source import MAX_NUMBERS, Source, damaged
 from excite.errors import LogError
 from excite.reading.file import check_file, first_bytes
+from excite.reading.plain_pickle import PICKLE_FAULTS, PlainUnpickler
 
 _TYPES = {
     "DoubleStorage": "<f8",
@@ -51,19 +50,7 @@ class PaceSource(Source):
         check_file(path, limit=_MAX_BYTES, error=LogError)
         try:
             content = _load(path)
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            IndexError,
-            TypeError,
-            EOFError,
-            AttributeError,
-            RecursionError,
-            MemoryError,
-            zipfile.BadZipFile,
-            pickle.UnpicklingError,
-        ) as error:
+        except (*PICKLE_FAULTS, zipfile.BadZipFile) as error:
             raise damaged(path, error, "tensors of torch") from error
         arrays: dict[str, Any] = {}
         _collect("", content, arrays, 0)
@@ -82,24 +69,22 @@ def _load(path: Path) -> Any:
             return _Unpickler(stream, archive, names[0].removesuffix("data.pkl")).load()
 
 
-class _Unpickler(pickle.Unpickler):
-    """Builds tensors as numpy arrays; refuses every other name."""
+class _Unpickler(PlainUnpickler):
+    """Builds tensors as numpy arrays; refuses every name that is none and no plain data."""
 
     def __init__(self, stream: IO[bytes], archive: zipfile.ZipFile, folder: str) -> None:
         super().__init__(stream)
         self._archive, self._folder = archive, folder
 
     def find_class(self, module: str, name: str) -> Any:
-        """What a pickle may name; raises UnpicklingError for the rest."""
+        """See :class:`PlainUnpickler`: tensors besides."""
         if module == "torch" and name in _TYPES:
             return _TYPES[name]
         if (module, name) == ("torch._utils", "_rebuild_tensor_v2"):
             return _tensor
         if (module, name) == ("torch._utils", "_rebuild_parameter"):
             return _parameter
-        if (module, name) == ("collections", "OrderedDict"):
-            return OrderedDict
-        raise pickle.UnpicklingError(f"names {module}.{name}, which is no tensor")
+        return super().find_class(module, name)
 
     def persistent_load(self, pid: Any) -> Any:
         """The storage that a tensor names, as numbers."""

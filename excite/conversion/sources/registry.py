@@ -28,6 +28,7 @@ SOURCES: Registry[Source] = Registry(
         "mat": "excite.conversion.sources.mat:MatSource",
         "hdf5": "excite.conversion.sources.hdf5:Hdf5Source",
         "parquet": "excite.conversion.sources.parquet:ParquetSource",
+        "pickle": "excite.conversion.sources.pickled:PickleSource",
         "npz": "excite.conversion.sources.npz:NpzSource",
         "echo": "excite.conversion.sources.echo:EchoSource",
         "json": "excite.conversion.sources.json:JsonSource",
@@ -38,19 +39,24 @@ SOURCES: Registry[Source] = Registry(
 # Endings that stand for recordings where a folder of files is given.
 RECORDED = frozenset(
     ".csv .tsv .txt .dat .log .parquet .feather .arrow .npz .npy .h5 .hdf5 .mat .json .jsonl .bag .db3 .mcap .pt "
-    ".pth".split()
+    ".pth .pkl .pickle".split()
 )
 # What people bring that is not opened, and what to do instead.
 _PICKLED = (
-    "is a pickle, which may run any program when it is opened, and is not opened here",
+    "is packed by joblib, and may run any program when it is opened",
     "write its arrays with numpy.savez, or its table with to_csv or to_parquet",
 )
+_CAPTURED = (
+    "is of motion capture or OpenSim, where people move, and no log of a robot",
+    "people are measured by excite human; save a robot's joints as CSV, with one column a joint",
+)
 _REFUSED = {
-    **dict.fromkeys((".pkl", ".pickle", ".p", ".joblib"), _PICKLED),
+    ".joblib": _PICKLED,
     **dict.fromkeys(
         (".xlsx", ".xls", ".ods"), ("is a workbook of a spreadsheet", "save its sheet as CSV and give that")
     ),
     **dict.fromkeys((".zip", ".gz", ".7z", ".tar", ".tgz", ".zst"), ("is packed", "unpack it first")),
+    **dict.fromkeys((".c3d", ".trc", ".mot", ".sto"), _CAPTURED),
     ".mdf": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
     ".mf4": ("is a measurement file of a vehicle's bus", "export its channels as CSV or .mat"),
     ".tdms": ("is a measurement file of LabVIEW", "export its channels as CSV or .mat"),

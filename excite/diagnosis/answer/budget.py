@@ -22,12 +22,17 @@ class EffectShare:
         location: its place.
         share: of the power above the noise floor on the trials that judge, 0…1 (below 0 where it does harm there).
         interval90: of the share, by blocks left out of what is fitted and of what judges.
+        lost: by how much more is left where it alone is taken out, as a share of what is left with all.
+        sure: whether the 90 % interval of the one or of the other lies above zero, or that of a firm effect's size
+            leaves zero out.
     """
 
     effect: str
     location: str
     share: float
     interval90: tuple[float, float]
+    lost: float = 1.0
+    sure: bool = True
 
     def to_json(self) -> dict[str, Any]:
         """As it stands in the document."""
@@ -112,6 +117,8 @@ class Named:
         values: its parameters by name, with their deviations by blocks left out.
         nats: by which it predicts blocks better that were left out, less its price.
         rivals: what else would score alike in the company of all others.
+        chances: by position in ``rivals``, their probabilities.
+        surely: what it surely takes of the whole gap, the lower ends of its intervals.
     """
 
     effect: str
@@ -121,6 +128,8 @@ class Named:
     values: dict[str, tuple[float, float | None]]
     nats: float
     rivals: tuple[tuple[str, str], ...] = ()
+    chances: tuple[float, ...] = ()
+    surely: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -191,5 +200,19 @@ class Budget:
             if share >= _WORTH:
                 what = "what does not repeat" if name == NOT_REPEATED else f"unnamed, following {name},"
                 parts.append(f"{what} {100 * share:.0f} %")
+        if not parts:
+            return self._noise()
         parts.append(f"the rest {100 * self.rest:.0f} %")
         return "Of the gap above the noise: " + "; ".join(parts) + "."
+
+    def _noise(self) -> str:
+        """The same where nothing in the gap follows anything: how near to the noise it is."""
+        if not self.channels:
+            return "Nothing was compared."
+        name, most = max(
+            self.channels.items(), key=lambda item: item[1].gap / max(item[1].noise_floor, 1e-300)
+        )
+        return (
+            "No effect and nothing that a joint does takes a part of the gap of the trials that judge; it stands "
+            f"furthest above the noise at {name}: {most.gap:.3g} {most.unit}, noise {most.noise_floor:.3g} {most.unit}."
+        )

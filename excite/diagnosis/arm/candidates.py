@@ -9,10 +9,10 @@ import numpy as np
 from excite.diagnosis.answer.budget import Budget
 from excite.diagnosis.answer.candidate import Candidate
 from excite.diagnosis.answer.gap import Gap, share_closed
+from excite.diagnosis.attribution.attribution import Attribution, Scored
+from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.units import at_joint
-from excite.diagnosis.search.attribution import Attribution, Scored
-from excite.diagnosis.search.verdict import Judgement, probabilities
 from excite.diagnosis.simulator.found import Found
 
 _LISTED = 8
@@ -51,14 +51,13 @@ def beside_others(item: Candidate, found: Found) -> Candidate:
     return replace(item, parameters=values)
 
 
-def by_blocks(item: Candidate, budget: Budget | None) -> Candidate:
+def by_blocks(item: Candidate, budget: Budget) -> Candidate:
     """An accepted effect with deviations no smaller than those between blocks left out of the model of all effects.
 
     Formulas know the noise and not what the model lacks: of a ball screw's offset one says ±0.05 N that is 0.24 N off.
     """
-    named = () if budget is None else budget.named
     values = dict(item.parameters)
-    for other in named:
+    for other in budget.named:
         if (other.effect, other.location) != (item.effect, item.location):
             continue
         for name, (_, std) in other.values.items():
@@ -88,24 +87,23 @@ def listed_candidates(
     made = [candidate_of(item, Context(item.hypothesis.baseline), gap, attribution) for item in first.ranking]
     if not effects:
         return tuple(made[:_LISTED]), 0
-    best = first.accepted
-    chance = probabilities(best, first.ranking, judgement.explained) if best is not None else {}
-    made = [replace(c, probability=chance.get((c.effect, c.location or ""))) for c in made]
     # The place may be open where the name is not.
-    sure = sum(chance.get((effects[0].effect, place), 0.0) for place in effects[0].tied_locations)
+    sure = judgement.probability
     head = [replace(effects[0], probability=sure)]
     if judgement.renamed[0] is not None:
-        head[0] = replace(head[0], probability=0.5 * sure)
-        head.append(replace(head[0], effect=judgement.renamed[0]))
-    twins = {(r.name, r.location): twin for r, twin in zip(judgement.rivals, judgement.twins, strict=True)}
-    for c in made:
-        if (c.effect, c.location) not in twins:
-            continue
-        twin = twins[c.effect, c.location or ""]
         # Two names for one thing share its probability.
-        chance_of = c.probability if twin is None or c.probability is None else 0.5 * c.probability
-        head.append(replace(c, probability=chance_of))
-        head += [] if twin is None else [replace(head[-1], effect=twin)]
+        sure = None if sure is None else 0.5 * sure
+        head = [
+            replace(head[0], probability=sure),
+            replace(head[0], probability=sure, effect=judgement.renamed[0]),
+        ]
+    found = {(c.effect, c.location): c for c in made}
+    for rival, twin, chance in zip(judgement.rivals, judgement.twins, judgement.chances, strict=True):
+        item = found[rival.name, rival.location]
+        if twin is None:
+            head.append(replace(item, probability=chance))
+        else:
+            head += [replace(item, probability=0.5 * chance, effect=name) for name in (item.effect, twin)]
     known = {(c.effect, c.location) for c in head}
     rest = [c for c in made if (c.effect, c.location) not in known]
     return tuple((head + rest)[:_LISTED]), len(head) if judgement.verdict == "ambiguous" else 0

@@ -22,6 +22,8 @@ from excite.diagnosis.arm.candidates import (
 )
 from excite.diagnosis.arm.judged import Judged, judged_record
 from excite.diagnosis.arm.record import TorqueRecord
+from excite.diagnosis.arm.stranger import in_words
+from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.noise_floor import (
@@ -31,8 +33,6 @@ from excite.diagnosis.equations.noise_floor import (
 )
 from excite.diagnosis.equations.standing_joints import held_power
 from excite.diagnosis.next_experiment.advice import advice
-from excite.diagnosis.search.attribution import Attribution
-from excite.diagnosis.search.unnamed import in_words
 from excite.diagnosis.simulator.accepted_values import found_effects
 from excite.diagnosis.simulator.robot_changes import robot_changes
 from excite.diagnosis.simulator.rollout_compare import simulated
@@ -41,9 +41,7 @@ from excite.logs.log import Log
 from excite.robot.robot import Robot
 
 
-def diagnose_arm(
-    robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None, *, budget: bool = False
-) -> Diagnosis:
+def diagnose_arm(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
     """Diagnose a log of a fixed-base arm with joint torques.
 
     Args:
@@ -51,7 +49,6 @@ def diagnose_arm(
         log: the log, with an identification trial.
         rng: of the bootstrap.
         out: folder for the augmented simulator; none is written without it.
-        budget: whether to say where each joint's gap goes.
 
     Returns:
         The diagnosis.
@@ -63,7 +60,7 @@ def diagnose_arm(
     def simulate(attribution: Attribution, baseline: Baseline) -> Rollout:
         return simulated(attribution, baseline, out)
 
-    return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out, budget=budget), rng, simulate)
+    return diagnose_torques(TorqueRecord(robot, log, log.header.modelled, out), rng, simulate)
 
 
 def diagnose_torques(
@@ -154,11 +151,6 @@ def _warnings(record: TorqueRecord, found: Judged, effects: tuple[Candidate, ...
         )
     if effects and found.judgement.structured:
         warnings.append("a gap above the noise is left at " + ", ".join(found.judgement.structured))
-    warnings += [
-        f"{item.name.replace('_', ' ')} at {item.location} takes up most of the gap, but would leave that link "
-        "less than no mass: something else looks like it"
-        for item in found.impossible
-    ]
     if found.attribution.stranger is not None:
         warnings.append(in_words(found.attribution.stranger))
     return tuple(warnings)

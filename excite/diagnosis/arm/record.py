@@ -26,7 +26,6 @@ class TorqueRecord:
         reconstructed_noise: noise of torques that were not measured, in the rows' band, ``(n_joints,)`` [N·m]; None
             where they were, whose noise stands in their spectrum.
         effects: the library of effects to try.
-        budget: whether the budget of the gap is wanted too.
     """
 
     robot: Robot
@@ -35,4 +34,3 @@ class TorqueRecord:
     out: Path | None = None
     reconstructed_noise: Callable[[ArmSamples], Array] | None = None
     effects: tuple[Effect, ...] = field(default_factory=lambda: tuple(EFFECTS.values()))
-    budget: bool = False

@@ -6,7 +6,7 @@ import numpy as np
 
 from excite.diagnosis.answer.budget import Detectable
 from excite.diagnosis.answer.candidate import Estimate
-from excite.diagnosis.budget.joint_fit import Model
+from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.equations.units import at_joint
 from excite.robot.robot import Robot

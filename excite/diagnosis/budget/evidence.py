@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.joint_fit import Model
+from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 
 # Odds at the width within which two effects are called alike: e³, about 20 to 1.
@@ -22,7 +22,7 @@ class Merit:
 
     Attributes:
         nats: by joint, by which left-out blocks are predicted better, ``(n_joints,)``.
-        steady: mean over blocks of their nats, in units of the deviation between them.
+        steady: nats of all blocks but those that gain most.
         score: all nats less the price.
     """
 
@@ -32,8 +32,8 @@ class Merit:
 
     @property
     def passes(self) -> bool:
-        """Whether it is worth its price, and not because of one block."""
-        return self.score > 0.0 and self.steady >= THRESHOLDS.steadiness
+        """Whether it is worth its price, and not because of a few blocks."""
+        return self.score > 0.0 and self.steady > 0.0
 
 
 def merit(without: Model, with_it: Model, term: Term, candidates: int) -> Merit:
@@ -46,8 +46,8 @@ def merit(without: Model, with_it: Model, term: Term, candidates: int) -> Merit:
     by_block = 0.5 * share * count[:, None] * np.log(old / new)
     own = term.own is not None
     steps = by_block[:, term.own] if own else by_block.sum(axis=1)
-    spread = float(steps.std(ddof=1))
-    steady = float(steps.mean()) / max(spread, 1e-12)
+    few = int(np.ceil(THRESHOLDS.few * len(steps)))
+    steady = float(np.sort(steps)[:-few].sum())
     total = float(nats.sum())
     if own:
         # What acts on a joint has to show there.
@@ -63,20 +63,28 @@ def price_of(term: Term, candidates: int) -> float:
 
 def nats_between(one: Model, other: Model) -> float:
     """How many nats another model predicts left-out blocks better by, against what stays unexplained with it."""
-    effective = other.share_beside(one) * other.design.fitted.count.sum()
+    return _nats(other.share_beside(one), one, other)
+
+
+def nats_alike(without: Model, one: Model, other: Model) -> float:
+    """What a model gains over one without a term, in the effective samples by which another is compared with it."""
+    return _nats(other.share_beside(one), without, one)
+
+
+def _nats(share: Array, one: Model, other: Model) -> float:
+    effective = share * other.design.fitted.count.sum()
     return float((0.5 * effective * np.log(one.predicted.sum(axis=0) / other.predicted.sum(axis=0))).sum())
 
 
-def probability(score: float, rivals: Sequence[float]) -> float:
-    """Probability of an effect among its rivals and nothing, by their nats beyond their prices.
+def probabilities(score: float, behind: Sequence[float]) -> tuple[float, ...]:
+    """Probability of an effect, then of its rivals; that there is nothing has the rest.
 
-    Likelihoods are tempered: where two count as alike, the odds are 20 to 1.
+    Likelihoods are tempered: at the width within which two count as alike, the odds are 20 to 1.
 
     Args:
         score: nats of the effect beyond its price.
-        rivals: of the others in its place.
+        behind: how far each rival is behind, in units of that width.
     """
-    width = max(THRESHOLDS.rival, THRESHOLDS.alike * score) / _ODDS
-    weights = np.exp(-np.clip((score - np.array([score, *rivals])) / width, -50.0, 50.0))
+    weights = np.exp(-_ODDS * np.clip(np.array([0.0, *behind]), -15.0, 15.0))
     nothing = float(np.exp(-min(max(score, 0.0), 50.0)))
-    return float(1.0 / (weights.sum() + nothing))
+    return tuple((weights / (weights.sum() + nothing)).tolist())

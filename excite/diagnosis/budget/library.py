@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Theta
@@ -29,9 +29,6 @@ def with_begun(modelled: Sequence[str]) -> tuple[str, ...]:
     return (*modelled, *(term.words[0] for term in _BEGUN if not term.asked(modelled)))
 
 
-Form = tuple[Effect, str, Theta]
-
-
 @dataclass(frozen=True, eq=False)
 class Library:
     """Makes the terms of a record.
@@ -39,12 +36,10 @@ class Library:
     Attributes:
         modelled: words of ``modelled`` in the log.
         effects: what may be named.
-        found: forms of effects with their places and non-linear parameters that another search has found.
     """
 
     modelled: tuple[str, ...]
     effects: tuple[Effect, ...]
-    found: tuple[Form, ...] = ()
 
     def begun(self, maker: TermMaker) -> list[Term]:
         """Friction and constants that the log does not call modelled."""
@@ -56,10 +51,6 @@ class Library:
             for term in missing:
                 effect = named[id(term)]
                 theta: Theta = ()
-                known = [f for f in self.found if f[0].term is term and f[1] == joint and f[0].along]
-                if known and (richer := maker.make(*known[0])) is not None:
-                    made.append(replace(richer, started=True))
-                    continue
                 if term is COULOMB:
                     sign = base.signs[j]
                     effect = effect.forms[0] if sign.bent else effect
@@ -84,20 +75,8 @@ class Library:
 
     def candidates(self, maker: TermMaker) -> list[Term]:
         """Every effect at every place where it can be told, at every point of its grid."""
-        full = with_begun(self.modelled)
-        made = (maker.make(*form) for form in (*self._places(maker.context), *self._found_again(full)))
+        made = (maker.make(*form) for form in self._places(maker.context))
         return [term for term in made if term is not None]
-
-    def _found_again(self, full: Sequence[str]) -> list[Form]:
-        """What another search has found, but for forms with more columns than the plain one: those outbid others."""
-        plain = {effect.name: len(effect.linear) for effect in self.effects}
-        return [
-            form
-            for form in self.found
-            if form[0].offered(tuple(full))
-            and not form[0].is_body
-            and len(form[0].linear) <= plain.get(form[0].name, 0)
-        ]
 
     def bodies(self, context: Context) -> Iterable[tuple[Effect, str]]:
         """Every effect that is a body, at every link."""

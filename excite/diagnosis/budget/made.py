@@ -14,9 +14,10 @@ from excite.diagnosis.answer.budget import (
     UnnamedShare,
 )
 from excite.diagnosis.budget.detectable import detectable_sizes
-from excite.diagnosis.budget.evidence import probability
+from excite.diagnosis.budget.evidence import probabilities
 from excite.diagnosis.budget.record import Found
 from excite.diagnosis.budget.shares import Shares, deviation, shares_of
+from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.budget.unnamed import unnamed_of
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.noise_floor import repeat_floor
@@ -46,7 +47,12 @@ def budget_of(found: Found, floor: Array, scale: Array) -> Budget:
         for j, name in enumerate(joints)
     }
     named = [
-        _named(found, i, float(shares.value[i] @ weight))
+        _named(
+            found,
+            i,
+            float(shares.value[i] @ weight),
+            float(np.maximum(shares.value[i] - shares.half[i], 0.0) @ weight),
+        )
         for i, term in enumerate(model.terms)
         if not term.effect.nameless
     ]
@@ -68,7 +74,11 @@ def _channel(
         if term.effect.nameless:
             strange += [UnnamedShare(term.effect.nameless, share)] if term.own == j else []
         elif term.own == j or abs(share) >= _LISTED:
-            effects.append(EffectShare(term.name, term.location, share, (share - half, share + half)))
+            between = (share - half, share + half)
+            lost, unsure = float(shares.lost[i, j]), float(shares.unsure[i, j])
+            firm = bool(shares.sized[i]) and found.search.merits[model.chosen[i]].score >= THRESHOLDS.rival
+            sure = share > half or lost > unsure or firm
+            effects.append(EffectShare(term.name, term.location, share, between, lost, sure))
     effects.sort(key=lambda item: -item.share)
     generic = [
         UnnamedShare(left.follows, left.power / room, tuple(left.knots.tolist()), tuple(left.torque.tolist()))
@@ -84,7 +94,7 @@ def _channel(
     return ChannelBudget(level, gap, tuple(effects), tuple(unnamed), rest, weight, unit)
 
 
-def _named(found: Found, i: int, share: float) -> Named:
+def _named(found: Found, i: int, share: float, surely: float) -> Named:
     search = found.search
     model, k = search.model, search.model.chosen[i]
     term, merit = model.design.terms[k], search.merits[k]
@@ -96,12 +106,15 @@ def _named(found: Found, i: int, share: float) -> Named:
     }
     values |= {p.name: (t, None) for p, t in zip(term.effect.searched, term.theta, strict=False)}
     rivals = search.rivals.get(k, [])
+    chance, *chances = probabilities(merit.score, [r.behind for r in rivals])
     return Named(
         effect=term.name,
         location=term.location,
         share=share,
-        probability=probability(merit.score, [r.merit.score for r in rivals]),
+        probability=chance,
         values=values,
         nats=merit.score,
         rivals=tuple(model.design.terms[r.index].key for r in rivals),
+        chances=tuple(chances),
+        surely=surely,
     )

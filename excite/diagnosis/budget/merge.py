@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from excite.diagnosis.budget.evidence import merit
-from excite.diagnosis.budget.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.search import Search
 
 

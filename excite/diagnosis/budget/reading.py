@@ -1,4 +1,4 @@
-"""What of a budget may be named beside the verdict of the search for one effect after the other."""
+"""What a budget says of a gap: which of its effects stand clear, and whether they are what the gap is."""
 
 from __future__ import annotations
 
@@ -6,11 +6,6 @@ from collections.abc import Sequence
 
 from excite.diagnosis.answer.budget import Budget, EffectShare, Named
 from excite.diagnosis.budget.thresholds import THRESHOLDS
-
-
-def namable(budget: Budget) -> tuple[Named, ...]:
-    """Effects without a rival of another name that surely take something, and more than a trifle, of a place's gap."""
-    return tuple(item for item in budget.named if alone(item) and _clear(budget, item))
 
 
 def explained(budget: Budget, effects: Sequence[Named]) -> bool:
@@ -27,9 +22,19 @@ def explained(budget: Budget, effects: Sequence[Named]) -> bool:
     structured = taken >= max(THRESHOLDS.most * (1.0 - budget.rest), THRESHOLDS.trifle)
     structured = structured and first is not None and first.share >= max([*budget.follows.values(), 0.0])
     if structured and first is not None and _leads(budget, first):
-        return True
-    return any(
-        item.share >= THRESHOLDS.trifle and _surely(budget, item) >= THRESHOLDS.most for item in effects
+        # Of much that stays open a name that is not sure says nothing.
+        if first.probability >= THRESHOLDS.probable or taken >= _open(budget):
+            return True
+    there = [item.share for item in effects if _surely(budget, item) >= THRESHOLDS.most]
+    return sum(there) >= THRESHOLDS.trifle
+
+
+def _open(budget: Budget) -> float:
+    """What follows nothing and yet stands above the noise, over all channels."""
+    return sum(
+        channel.weight * channel.rest
+        for channel in budget.channels.values()
+        if channel.rest * (channel.gap**2 - channel.noise_floor**2) > channel.noise_floor**2
     )
 
 
@@ -48,8 +53,9 @@ def alone(item: Named) -> bool:
     return item.probability >= THRESHOLDS.probable and all(name == item.effect for name, _ in item.rivals)
 
 
-def _clear(budget: Budget, item: Named) -> bool:
-    return any(s.share >= THRESHOLDS.trifle and s.interval90[0] > 0.0 for s in _of(budget, item))
+def clear(budget: Budget, item: Named) -> bool:
+    """Whether an effect surely takes something of a place's gap, and what is left there is clearly more without it."""
+    return any(s.sure and s.lost >= THRESHOLDS.trifle for s in _of(budget, item))
 
 
 def _surely(budget: Budget, item: Named) -> float:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.bodies import beside_others, bodies_again, body
-from excite.diagnosis.budget.design import Design, Rows, blocks_of
-from excite.diagnosis.budget.joint_fit import fit
-from excite.diagnosis.budget.library import Form, Library, with_begun
+from excite.diagnosis.budget.bodies import beside_others, bodies_again, bodies_at
+from excite.diagnosis.budget.fit.design import Design, Rows, blocks_of
+from excite.diagnosis.budget.fit.joint_fit import fit
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
+from excite.diagnosis.budget.library import Library, with_begun
+from excite.diagnosis.budget.likely import likely_beside
 from excite.diagnosis.budget.merge import merge
+from excite.diagnosis.budget.polish.polisher import Polisher
 from excite.diagnosis.budget.prediction import Prediction, predicted, signs_beside
 from excite.diagnosis.budget.refine import Beside, Refiner
 from excite.diagnosis.budget.search import Search
-from excite.diagnosis.budget.terms import Term, TermMaker
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect
 from excite.diagnosis.equations.baseline import Baseline
@@ -31,6 +32,10 @@ _LARGE = 0.3
 _INSTEAD = 2
 # Joints at which resonances are searched, and how far above the noise they have to stand [power].
 _RESONANT, _STANDS = 3, 1.5
+# How often a resonance is searched again on what is fitted with it, and the nats that have to be in it.
+_AGAIN, _PROMISES = 3, 10.0
+# Passes after which the last terms stand: two whose places differ by rounding could go on.
+_PASSES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +46,13 @@ class Found:
         search: the last search, with its design and rivals.
         baseline: what every model begins with, fitted.
         prediction: its torques.
+        likely: what would explain most if it stood alone, best first.
     """
 
     search: Search
     baseline: Baseline
     prediction: Prediction
+    likely: tuple[Term, ...] = ()
 
 
 def begun_baseline(samples: ArmSamples, modelled: tuple[str, ...], floor: Array) -> Baseline:
@@ -58,7 +65,6 @@ def model_of_gap(
     modelled: tuple[str, ...],
     effects: tuple[Effect, ...],
     floor: Array,
-    forms: tuple[Form, ...] = (),
 ) -> Found:
     """Search for the model of a record's gap.
 
@@ -67,54 +73,64 @@ def model_of_gap(
         modelled: words of ``modelled``.
         effects: that may be named.
         floor: ``(n_joints,)`` noise in the rows' band.
-        forms: of effects that another search has found, tried along.
     """
-    library, rows = Library(modelled, effects, forms), rows_of(full, modelled, floor)
+    library, rows = Library(modelled, effects), rows_of(full, modelled, floor)
     maker = TermMaker(Context(full), full.strict)
     kept: list[Term] = []
     near: list[Term] = []
-    for least in (_LARGE, 0.0):
+    likely: tuple[Term, ...] = ()
+    steps = [_LARGE, 0.0]
+    while steps:
+        least = steps.pop(0)
         begun = library.begun(maker)
         pruned = {t.key for t in begun} - {t.key for t in kept} if least == 0.0 else set()
         first = [*begun, *(t for t in kept if not t.started)]
         chosen = [k for k, term in enumerate(first) if term.key not in pruned]
         beside = Beside.of(fit(Design(rows, tuple(first)), chosen, left_out=False))
-        bodies = _bodies(library.bodies(maker.context), beside, maker)
+        bodies = bodies_at(library.bodies(maker.context), beside, maker)
         design = Design(rows, (*first, *library.candidates(maker), *bodies, *near))
         search = Search(design, maker.context, fit(design, chosen), COULOMB.asked(modelled), least)
+        likely = likely or likely_beside(search)
+        # A body that was missing has bent what friction looked like: nothing else is sought beside it as yet.
+        search.stops = least > 0.0 and not kept
         search.run()
+        steps = [_LARGE, *steps] if search.stopped else steps
         if least > 0.0:
             full = signs_beside(full, search.model)
             rows = rows_of(full, modelled, floor)
-        kept, near, maker = _refined(full, search, library, resonances=least > 0.0)
-    last = _settled(search, kept, near, maker)
-    return Found(last, full, predicted(full, last.model))
+        kept, near = _refined(full, search, library, resonances=least > 0.0)
+    last, full = _settled(full, search, kept, near, library)
+    return Found(last, full, predicted(full, last.model), likely)
 
 
-def _bodies(places: Iterable[tuple[Effect, str]], beside: Beside, maker: TermMaker) -> list[Term]:
-    """The likeliest body at each link, beside a model."""
-    made = (body(beside, maker, effect, link) for effect, link in places)
-    return [term for term in made if term is not None]
-
-
-def _settled(search: Search, kept: list[Term], near: list[Term], maker: TermMaker) -> Search:
-    """The terms found, at their better parameters, judged once more beside each other."""
-    begun = [t for t in search.design.terms if t.started and t.key not in {k.key for k in kept}]
-    design = Design(search.design.rows, (*kept, *begun, *near))
+def _settled(
+    full: Baseline, search: Search, kept: list[Term], near: list[Term], library: Library
+) -> tuple[Search, Baseline]:
+    """The terms found, at their best parameters together, judged once more beside each other."""
+    state = Polisher(library).polished(full, search.design.rows, kept)
+    maker = TermMaker(Context(state.full), state.full.strict)
+    begun = [t for t in library.begun(maker) if t.key not in {k.key for k in kept}]
+    design = Design(state.rows, (*state.terms, *begun, *near))
     model = fit(design, range(len(kept)))
-    last = Search(design, maker.context, model, search.dry_given, tried=search.candidates)
+    last = Search(design, state.prediction.context, model, search.dry_given, tried=search.candidates)
     last.backward()
     merge(last)
     if any(term.effect.is_body for term in last.model.terms):
-        last = bodies_again(last, maker)
+        last = bodies_again(last, TermMaker(last.context, state.full.strict))
         last.forward()
-    last.backward()
-    return last
+    last.settles = True
+    # A term that took another's place has its own rivals.
+    for _ in range(_PASSES):
+        before = last.model.chosen
+        last.backward()
+        if last.model.chosen == before:
+            break
+    return last, state.full
 
 
 def _refined(
     full: Baseline, search: Search, library: Library, *, resonances: bool
-) -> tuple[list[Term], list[Term], TermMaker]:
+) -> tuple[list[Term], list[Term]]:
     """Accepted terms at better non-linear parameters, and what might stand in their places at its best."""
     model, terms = search.model, search.model.design.terms
     now = predicted(full, model)
@@ -124,6 +140,9 @@ def _refined(
     for k in model.chosen:
         term = terms[k]
         if term.started:
+            forms = _along(maker.context, term)
+            if forms:
+                term = replace(Refiner(maker).refined(beside_others(search, k), term, forms), started=True)
             kept.append(term)
             near += [terms[tried.index] for tried in search.rivals.get(k, ())]
             continue
@@ -131,7 +150,7 @@ def _refined(
         beside = beside_others(search, k)
         near += [terms[tried.index] for tried in search.rivals.get(k, ())]
         if term.effect.is_body:
-            made = _bodies(library.bodies(own.context), beside, own)
+            made = bodies_at(library.bodies(own.context), beside, own)
             kept.append(next((t for t in made if t.key == term.key), term))
             near += [t for t in made if t.key != term.key]
             continue
@@ -140,7 +159,7 @@ def _refined(
             kept.append(again)
             continue
         refiner = Refiner(own)
-        kept.append(refiner.refined(beside, again, term.effect.richer))
+        kept.append(refiner.refined(beside, again, term.effect.richer, closer=not resonances))
         others = [i for i in model.chosen if i != k]
         neighbours = [i for i in others if terms[i].own == term.own and not terms[i].started]
         if term.own is not None and neighbours:
@@ -150,8 +169,18 @@ def _refined(
         for other in search.instead(k, beside.model)[:_INSTEAD]:
             near.append(refiner.refined(beside, terms[other], terms[other].effect.richer))
     if resonances:
-        near += _resonances(search, Refiner(maker))
-    return kept, near, maker
+        near += [_with_its_swing(full, search, term) for term in _resonances(search, Refiner(maker))]
+    return kept, near
+
+
+def _along(context: Context, term: Term) -> list[Effect]:
+    """Richer forms of what the model begins with that have another effect in them, where they can be."""
+    forms = [form for form in term.effect.richer if form.along]
+    return [
+        form
+        for form in forms
+        if form.admissible(context, term.location, form.starts(term.theta)[0], np.ones(len(form.linear)))
+    ]
 
 
 def _resonances(search: Search, refiner: Refiner) -> list[Term]:
@@ -171,6 +200,27 @@ def _resonances(search: Search, refiner: Refiner) -> list[Term]:
             best[term.key] = (gain, term)
     made = [refiner.refined(beside, term) for _, term in best.values()]
     return made + [found for _, term in best.values() for found in refiner.unlike(beside, term)]
+
+
+def _with_its_swing(full: Baseline, search: Search, term: Term) -> Term:
+    """A gear's play or softness searched again on what is fitted with it, as long as that gains.
+
+    It takes the load from the rigid bodies, which its swinging has bent while nobody knew of it.
+    """
+    model = search.model
+    beside, terms = Beside.of(model), [*model.terms, term]
+    gain = beside.gain(term)[0]
+    for _ in range(_AGAIN if gain > _PROMISES else 0):
+        design = Design(model.design.rows, (*terms[:-1], term))
+        now = predicted(full, fit(design, range(len(terms)), model.weight, left_out=False))
+        own = TermMaker(now.without(len(terms) - 1), full.strict)
+        made = own.again(term)
+        found = term if made is None else Refiner(own).refined(beside, made)
+        more = beside.gain(found)[0]
+        if more <= gain + _PROMISES:
+            break
+        term, gain = found, more
+    return term
 
 
 def rows_of(full: Baseline, modelled: tuple[str, ...], floor: Array) -> Rows:

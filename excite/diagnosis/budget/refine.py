@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
-from excite.diagnosis.budget.terms import Term, TermMaker
+from excite.diagnosis.budget.fit.joint_fit import Model, effective_share
+from excite.diagnosis.budget.fit.terms import Term, TermMaker
 from excite.diagnosis.effects.effect import Effect, Theta
 
 # Factors between neighbouring values, first and last, and how many of a kind are tried.
-_FIRST, _LAST, _MOST = 1.5, 1.04, 40
+_FIRST, _LAST, _MOST = 1.5, 1.01, 40
+# Nats by which a form with more parameters has to lead, odds of 20 to 1, and one more for each of them.
+RICHER = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +29,7 @@ class Beside:
 
     model: Model
     inverse: Array
+    _rows: dict[int, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: Model) -> Beside:
@@ -34,29 +37,73 @@ class Beside:
         return cls(model, np.asarray(np.linalg.inv(model.normal)))
 
     def gain(self, term: Term) -> tuple[float, Array]:
-        """Nats that a term's columns gain, and its parameters."""
-        m = self.model
-        left, slope = self.information(term)
+        """Nats that a term's columns gain, each joint's by what is left of it, and its parameters."""
+        m, use = self.model, self.model.design.rows.block >= 0
+        x, changes = self._changes(term)
+        nats = 0.0 if changes else -np.inf
+        for j, moved in enumerate(changes):
+            rest = m.residual[j][use]
+            more = float(moved @ (moved - 2.0 * rest)) * float(m.weight[j]) / len(rest)
+            nats -= 0.5 * len(rest) * float(m.share[j]) * float(np.log(max(1.0 + more, 1e-9)))
+        return nats, x
+
+    def between(self, one: Term, other: Term) -> float:
+        """Nats that another term's columns gain over those of one, against what is left with the other's.
+
+        What the other explains beyond the one is no sign of how alike neighbouring rows are.
+        """
+        rows = self.model.design.rows
+        use = rows.block >= 0
+        left = [self.model.residual.copy() for _ in (one, other)]
+        for rest, term in zip(left, (one, other), strict=True):
+            _, changes = self._changes(term)
+            if not changes:
+                return -np.inf
+            rest[:, use] -= np.array(changes)
+        share = effective_share(left[1], use, rows.trial, left[0] - left[1])
+        before, after = ((rest[:, use] ** 2).sum(axis=1) for rest in left)
+        return float(0.5 * use.sum() * (share * np.log(before / np.maximum(after, 1e-300))).sum())
+
+    def _changes(self, term: Term) -> tuple[Array, list[Array]]:
+        """A term's parameters and, by joint, how its rows change with it; none where it is the model's own."""
+        m, use = self.model, self.model.design.rows.block >= 0
+        left, slope, cross = self._products(term)
         if (np.diag(left) <= 0.0).any():
-            return -np.inf, np.zeros(term.size)
+            return np.zeros(term.size), []
         x: Array = np.ones(1) if term.known else np.asarray(np.linalg.solve(left, slope))
-        power, count = float(2.0 * slope @ x - x @ left @ x), float((m.design.rows.block >= 0).sum())
-        joint = term.own if term.own is not None else int(np.argmax(m.share))
-        share = float(m.share[joint])
-        return -0.5 * count * share * float(np.log(max(1.0 - power / count, 1e-9))), x
+        shift = -self.inverse @ (cross @ x)
+        changes = []
+        for j in range(m.design.rows.n_joints):
+            moved = shift[m.layout.numbers[j]] @ self.columns(j)
+            changes.append(moved + term.columns[j][use] @ x if j in term.columns else moved)
+        return x, changes
 
     def information(self, term: Term) -> tuple[Array, Array]:
         """Normal matrix ``(size, size)`` of a term's parameters beside the model's, and their right side."""
+        left, slope, _ = self._products(term)
+        return left, slope
+
+    def _products(self, term: Term) -> tuple[Array, Array, Array]:
+        """The same, and the products of the model's columns and the term's, ``(n_parameters, size)``."""
         m = self.model
         use = m.design.rows.block >= 0
         size = term.size
         cross, inner, slope = np.zeros((m.layout.size, size)), np.zeros((size, size)), np.zeros(size)
         for j, block in term.columns.items():
             inside, w = block[use], m.weight[j]
-            cross[m.layout.numbers[j]] += w * (m.design.matrices[j][:, m.layout.columns[j]][use].T @ inside)
+            cross[m.layout.numbers[j]] += w * (self.columns(j) @ inside)
             inner += w * inside.T @ inside
             slope += w * (inside.T @ m.residual[j][use])
-        return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope
+        return inner - cross.T @ (self.inverse @ cross) + 1e-8 * np.diag(np.diag(inner)), slope, cross
+
+    def columns(self, j: int) -> Array:
+        """The model's columns of a joint at the rows that are fitted, ``(n, n_rows)``."""
+        if j not in self._rows:
+            m = self.model
+            self._rows[j] = np.ascontiguousarray(
+                m.design.matrices[j].T[m.layout.columns[j]][:, m.design.rows.block >= 0]
+            )
+        return self._rows[j]
 
 
 @dataclass(eq=False)
@@ -69,17 +116,32 @@ class Refiner:
 
     maker: TermMaker
 
-    def refined(self, beside: Beside, term: Term, forms: Sequence[Effect] = ()) -> Term:
-        """The term at better parameters, or in a richer form where that is worth its parameters."""
+    def refined(
+        self, beside: Beside, term: Term, forms: Sequence[Effect] = (), *, closer: bool = False
+    ) -> Term:
+        """The term at better parameters, or in a richer form where that is worth its parameters.
+
+        Args:
+            beside: the model without it.
+            term: where to begin.
+            forms: richer forms.
+            closer: whether to try it with what its first order leaves out.
+        """
         best, gain = self._searched(beside, term)
         for form in forms:
             for start in form.starts(best.theta)[:3]:
                 begun = self._made(form, term, start)
-                if begun is None:
+                # A form that begins where it cannot be ends there as well.
+                if begun is None or not self._can_be(begun, beside.gain(begun)[1]):
                     continue
                 item, more = self._searched(beside, begun)
-                if more - gain > 3.0 + (item.n_parameters - best.n_parameters):
+                if beside.between(best, item) > RICHER + (item.n_parameters - best.n_parameters):
                     best, gain = item, more
+        whole = best.effect.closer if closer else None
+        begun = None if whole is None else self._made(whole, best, best.theta)
+        if begun is not None:
+            item, more = self._searched(beside, begun)
+            best = item if more > gain else best
         return best
 
     def unlike(self, beside: Beside, term: Term) -> list[Term]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model
+from excite.diagnosis.budget.fit.joint_fit import Model
 from excite.diagnosis.budget.shares import deviation
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.finding import Finding

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
-from excite.diagnosis.budget.evidence import Merit, merit, nats_between, price_of
-from excite.diagnosis.budget.joint_fit import Model, fit
-from excite.diagnosis.budget.screening import one_each, screened
+from excite.diagnosis.budget.evidence import Merit, merit, nats_alike, nats_between, price_of
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
+from excite.diagnosis.budget.screening import Tried, one_each, screened
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.gears.gear_effect import GearEffect
@@ -24,21 +24,6 @@ _FITTED, _BATCHES = 14, 2
 _SWAPPED = 5
 
 
-@dataclass(frozen=True, eq=False)
-class Tried:
-    """A term with the model that has it.
-
-    Attributes:
-        index: of the term in the design.
-        model: with it.
-        merit: what it gains.
-    """
-
-    index: int
-    model: Model
-    merit: Merit
-
-
 @dataclass(eq=False)
 class Search:
     """Searches one design.
@@ -49,6 +34,8 @@ class Search:
         model: the terms so far.
         tried: effects and places that were tried before this search.
         least: share of what is left at its place that a term has to take away to be added.
+        stops: whether it ends as soon as a body is found; ``stopped``, whether it has.
+        settles: whether what is likelier takes a term's place though it is a rival; before the last pass it may not.
         dry_given: whether the log says that Coulomb friction is modelled.
         rivals: by index of an accepted term, what else scores alike in the company of all others.
     """
@@ -59,6 +46,9 @@ class Search:
     dry_given: bool
     least: float = 0.0
     tried: int = 0
+    stops: bool = False
+    stopped: bool = False
+    settles: bool = False
     rivals: dict[int, list[Tried]] = field(default_factory=dict)
     merits: dict[int, Merit] = field(default_factory=dict)
 
@@ -72,6 +62,8 @@ class Search:
         seen: set[frozenset[int]] = set()
         for _ in range(_SWEEPS):
             self.forward()
+            if self.stopped:
+                break
             self.backward()
             now = frozenset(self.model.chosen)
             if now in seen:
@@ -85,19 +77,25 @@ class Search:
             found = self._best_of_screening()
             if not found:
                 return
-            chosen = list(self.model.chosen)
-            taken: set[int | None] = set()
+            chosen, beside, taken = list(self.model.chosen), self.model, set[int | None]()
             for item in found:
                 term = self.design.terms[item.index]
-                # What acts on one joint alone does not compete with what acts on another.
+                # What acts on one joint alone competes with what acts on another through bodies that suit both alone.
                 alone = term.own is not None and len(term.columns) == 1
                 if taken and (not alone or term.own in taken):
                     continue
+                passed = item if not taken else self.try_beside(beside, item.index)
+                if passed is None or not passed.merit.passes or not self._large(beside, passed):
+                    continue
+                beside = passed.model
                 chosen.append(item.index)
                 taken.add(term.own)
                 if not alone:
                     break
             self.model = fit(self.design, chosen, self.model.weight)
+            if self.stops and self.design.terms[chosen[-1]].effect.is_body:
+                self.stopped = True
+                return
 
     def _best_of_screening(self) -> list[Tried]:
         """Those that pass, best first."""
@@ -107,17 +105,17 @@ class Search:
         for batch in range(_BATCHES):
             part = ranking[batch * _FITTED : (batch + 1) * _FITTED]
             tried = [self.try_beside(self.model, item.index) for item in part]
-            passing = [t for t in tried if t is not None and t.merit.passes and self._large(t)]
+            passing = [t for t in tried if t is not None and t.merit.passes and self._large(self.model, t)]
             if passing:
                 passing.sort(key=lambda item: -item.merit.score)
                 return self._simpler_first(passing)
         return []
 
-    def _large(self, item: Tried) -> bool:
-        """Whether a term takes away enough of what is left where it acts most."""
+    def _large(self, model: Model, item: Tried) -> bool:
+        """Whether a term takes away enough of what a model leaves where it acts most."""
         if self.least <= 0.0:
             return True
-        old, new = self.model.predicted.sum(axis=0), item.model.predicted.sum(axis=0)
+        old, new = model.predicted.sum(axis=0), item.model.predicted.sum(axis=0)
         noise = self.design.rows.floor**2 * self.design.fitted.count.sum()
         room = np.maximum(old - noise, 1e-300)
         return float(np.max(np.where(old > noise, (old - new) / room, 0.0))) >= self.least
@@ -148,10 +146,9 @@ class Search:
             keep = here.passes and not orphan and self._can_be(k, self.model.parameters(k))
             if best is not None and best.merit.passes:
                 simple = self.design.terms[best.index].n_parameters < term.n_parameters
-                gain = ahead[best.index]
-                better = gain > max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
-                alike = simple and gain > -THRESHOLDS.alike * here.score and self._same_place(best.index, k)
-                if not keep or better or alike:
+                gain, width = ahead[best.index], self._width(without, best)
+                alike = simple and gain > -width and self._same_place(best.index, k)
+                if not keep or alike or gain > (THRESHOLDS.rival if self.settles else width):
                     self.model = best.model
                     self.merits[best.index] = best.merit
                     continue
@@ -159,9 +156,9 @@ class Search:
                 self.model = without
                 continue
             self.merits[k] = here
-            width = max(THRESHOLDS.rival, THRESHOLDS.alike * here.score)
-            near = [t for t in tried if t.merit.passes and ahead[t.index] > -width]
-            self.rivals[k] = [t for t in near if not self._richer(t.index, k)]
+            passing = [t for t in tried if t.merit.passes and not self._richer(t.index, k)]
+            behind = [replace(t, behind=-ahead[t.index] / self._width(without, t)) for t in passing]
+            self.rivals[k] = [t for t in behind if t.behind < 1.0]
 
     def _ahead(self, item: Tried, k: int) -> float:
         """Nats that a model with another term has over the one with a term, their prices taken off.
@@ -170,6 +167,10 @@ class Search:
         """
         cost = price_of(self.design.terms[item.index], self.candidates)
         return nats_between(self.model, item.model) + price_of(self.design.terms[k], self.candidates) - cost
+
+    def _width(self, without: Model, item: Tried) -> float:
+        """Nats within which another term is a rival: a share of those that the one in the model has, counted alike."""
+        return max(THRESHOLDS.rival, THRESHOLDS.alike * nats_alike(without, self.model, item.model))
 
     def _in_place_of(self, k: int, without: Model) -> list[Tried]:
         """What else might stand in a term's place, fitted in full."""
@@ -201,7 +202,7 @@ class Search:
         return [i for i in near if self.design.terms[i].theta and not self.design.terms[i].started]
 
     def try_beside(self, without: Model, k: int) -> Tried | None:
-        model = fit(self.design, (*without.chosen, k), without.weight)
+        model = fit(self.design, (*without.chosen, k), without.weight, beside=without)
         if not self._can_be(k, model.parameters(k)):
             return None
         return Tried(k, model, merit(without, model, self.design.terms[k], self.candidates))
@@ -233,8 +234,7 @@ class Search:
         term = self.design.terms[k]
         if term.known:
             return True
-        beta = term.beta(x)
-        effect = term.effect
+        beta, effect = term.beta(x), term.effect
         if not effect.possible(self.context, term.location, beta):
             return False
         if term.started:
@@ -243,8 +243,7 @@ class Search:
 
     def weight_of(self, k: int) -> float:
         """About how much a term takes away: the weakest are judged first."""
-        size = 0.0
-        x = self.model.parameters(k)
+        size, x = 0.0, self.model.parameters(k)
         for j, block in self.design.terms[k].columns.items():
             size += float(self.model.weight[j] * ((block @ x) ** 2).sum())
         return size

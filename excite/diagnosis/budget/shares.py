@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design
-from excite.diagnosis.budget.joint_fit import Model, fit
+from excite.diagnosis.budget.fit.design import Design
+from excite.diagnosis.budget.fit.joint_fit import Model, fit
 
 # Power above the floor, as a share of the floor, below which a channel has no gap to share out.
 _NOTHING = 0.05
@@ -51,9 +52,14 @@ def power_of(model: Model) -> Power:
     return Power(total / count, without, fits)
 
 
-def judged_power(design: Design, chosen: Sequence[int], weight: Array | None = None) -> Power:
-    """What the terms leave when they are fitted together."""
-    return power_of(fit(design, chosen, weight))
+def judged_power(
+    design: Design,
+    chosen: Sequence[int],
+    weight: Array | None = None,
+    sizes: Mapping[int, Array] | None = None,
+) -> Power:
+    """What the terms leave when they are fitted together, or have known sizes."""
+    return power_of(fit(design, chosen, weight, sizes=sizes))
 
 
 def deviation(values: Array) -> Array:
@@ -75,6 +81,9 @@ class Shares:
         after: ``(n_joints,)`` power with all.
         value: ``(n_terms, n_joints)``.
         half: ``(n_terms, n_joints)`` half widths of the 90 % intervals.
+        lost: ``(n_terms, n_joints)`` by how much more is left without each alone, as a share of what is left with all.
+        unsure: ``(n_terms, n_joints)`` half widths of the 90 % intervals of that.
+        sized: ``(n_terms,)`` whether the 90 % interval of the effect's own size leaves zero out.
     """
 
     level: Array
@@ -83,13 +92,17 @@ class Shares:
     after: Array
     value: Array
     half: Array
+    lost: Array
+    unsure: Array
+    sized: NDArray[np.bool_]
 
 
 def shares_of(model: Model, floor: Array) -> Shares:
     """Share out the gap of every channel.
 
     Two effects that overlap share what they both take (Shapley's value is the mean over orders; of many effects the
-    first and the last place stand for all). What the means miss of all that is closed is made up in proportion.
+    first and the last place stand for all), each of the size that it has beside all others: a small one that is let in
+    alone is no larger for what it could take. What the means miss of all that is closed is made up in proportion.
 
     Args:
         model: the model of the gap.
@@ -98,17 +111,33 @@ def shares_of(model: Model, floor: Array) -> Shares:
     design = model.design
     nothing, everything = judged_power(design, ()), power_of(model)
     chosen = model.chosen
-    taken = []
+    taken, lost, sized = [], [], []
+    sizes = {k: model.parameters(k) for k in chosen}
     for k in chosen:
         last = judged_power(design, [i for i in chosen if i != k], model.weight).combined(everything, -1.0)
         alone = nothing.combined(judged_power(design, (k,)), -1.0)
+        lost.append(last)
+        others = {i: x for i, x in sizes.items() if i != k}
+        without = judged_power(design, tuple(others), model.weight, others)
+        only = judged_power(design, (k,), model.weight, {k: sizes[k]})
+        sized.append(0.5 * (without.mean - everything.mean + nothing.mean - only.mean))
         taken.append(Power(*(0.5 * (a + b) for a, b in zip(_parts(last), _parts(alone), strict=True))))
     # What all effects leave is no less than the noise.
     level = np.minimum(floor**2, everything.mean)
     room = np.where(nothing.mean - level > _NOTHING * level, nothing.mean - level, 0.0)
     if not taken:
         empty = np.zeros((0, len(floor)))
-        return Shares(level, room, nothing.mean, everything.mean, empty, empty)
+        return Shares(
+            level,
+            room,
+            nothing.mean,
+            everything.mean,
+            empty,
+            empty,
+            empty,
+            empty,
+            np.zeros(0, dtype=np.bool_),
+        )
     values = [
         _normalised(
             np.array([getattr(t, name) for t in taken]),
@@ -116,13 +145,34 @@ def shares_of(model: Model, floor: Array) -> Shares:
             getattr(everything, name),
             level,
         )
-        for name in ("mean", "blocks", "fits")
+        for name in ("blocks", "fits")
     ]
-    value = np.where(room > 0.0, values[0], 0.0)
-    spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values[1:]))
+    value = _normalised(np.array(sized), nothing.mean, everything.mean, level)
+    value = np.where(room > 0.0, value, 0.0)
+    spread = np.sqrt(sum(deviation(np.moveaxis(v, 1, 0)) ** 2 for v in values))
     freedom = max(min(len(nothing.blocks), len(nothing.fits)) - 1, 1)
-    half = np.where(room > 0.0, float(stdtrit(freedom, 0.95)) * spread, 0.0)
-    return Shares(level, room, nothing.mean, everything.mean, value, half)
+    wide = float(stdtrit(freedom, 0.95))
+    half = np.where(room > 0.0, wide * spread, 0.0)
+    left = np.maximum(everything.mean, 1e-300)
+    more = np.array([item.mean for item in lost]) / left
+    unsure = wide * np.array([np.hypot(deviation(item.blocks), deviation(item.fits)) for item in lost]) / left
+    with_size = np.array([_has_size(model, k) for k in chosen])
+    return Shares(level, room, nothing.mean, everything.mean, value, half, more, unsure, with_size)
+
+
+def _has_size(model: Model, k: int) -> bool:
+    """Whether an effect has a size without any block that differs from zero beside how much blocks disagree on it.
+
+    Of several parameters what counts is how far they reach along those of all blocks, as their columns weigh them.
+    """
+    term, n = model.design.terms[k], len(model.left_out)
+    if term.known or n < 2:
+        return False
+    first = model.layout.begin[model.chosen.index(k)]
+    here = slice(first, first + term.size)
+    along = model.normal[here, here] @ model.x[here]
+    reach = model.left_out[:, here] @ along / max(float(model.x[here] @ along), 1e-300)
+    return bool(stdtrit(n - 1, 0.95) * deviation(reach) < 1.0)
 
 
 def _parts(power: Power) -> tuple[Array, Array, Array]:

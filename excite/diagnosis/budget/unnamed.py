@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.joint_fit import Model, effective_share
+from excite.diagnosis.budget.fit.joint_fit import Model, effective_share
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 

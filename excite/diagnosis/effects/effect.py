@@ -76,7 +76,6 @@ class Effect(ABC):
         searched: its non-linear parameters, in the order of ``theta``.
         confusable_with: effects that can look alike.
         separating_motion: what motion or measurement tells them apart.
-        overlaps: effects that this form of one runs into: the same torque within a record, by another name.
         mujoco: how a MuJoCo model expresses it, in words; :meth:`in_mujoco` does it.
         note: what a model leaves to its runner; None where that is nothing.
         term: the term of a baseline's drives that it is; None where it is none.
@@ -86,7 +85,6 @@ class Effect(ABC):
         friction: whether the width of the velocity's sign change is searched along with it.
         timing: whether it is a matter of time in the torque channel as a whole.
         late_by: parameter that says how late a motor follows what it is told; empty where it is no matter of that.
-        smooths: whether it can smooth the model's torque and the encoders' noise in it, which is no evidence of it.
         nameless: what it follows, where it is physics that no name of a diagnosis stands for; empty where it has one.
         seen_alone: whether it may show where the plainer form that it enriches does not, and is tried along with that.
         by_load: whether it is a share of what the rigid bodies ask of its joint.
@@ -102,13 +100,11 @@ class Effect(ABC):
     searched: ClassVar[tuple[Parameter, ...]] = ()
     confusable_with: ClassVar[tuple[str, ...]] = ()
     separating_motion: ClassVar[str] = ""
-    overlaps: ClassVar[tuple[str, ...]] = ()
     mujoco: ClassVar[str] = ""
     moves: ClassVar[bool] = False
     friction: ClassVar[bool] = False
     timing: ClassVar[bool] = False
     late_by: ClassVar[str] = ""
-    smooths: ClassVar[bool] = False
     note: ClassVar[type[Note] | None] = None
     term: ClassVar[OwnTerm | None] = None
     told_by: ClassVar[frozenset[Doubt]] = frozenset()

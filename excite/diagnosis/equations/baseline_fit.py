@@ -34,7 +34,8 @@ def fit_baseline(
         floor: ``(n_joints,)`` noise in the rows' band [N·m].
         leads: whether friction may change sign before the filtered velocity does; not where a lag of the torques is
             what is asked for.
-        like: how friction changes sign, from another fit of the same samples; None to search for it.
+        like: another fit of the same samples, whose columns and sign changes of friction this one has; None to search
+            for these.
 
     Returns:
         The baseline.
@@ -48,8 +49,13 @@ def fit_baseline(
     root, strict = standstill_weights(samples, 2.0, 0.35), standstill_weights(samples, 3.0, 0.02)
     y = (tau - samples.rows(nominal)).T * root
     phi = model_phi(samples)
-    shared, basis = _shared(samples, phi, q, v, a) if free else (np.zeros((len(index), y.shape[1], 0)), None)
-    shared = shared * root[:, :, None]
+    if free and like is not None and like.free:
+        shared, basis = like.solver.equations.shared, like.basis
+    elif free:
+        shared, basis = _shared(samples, phi, q, v, a)
+        shared = shared * root[:, :, None]
+    else:
+        shared, basis = np.zeros((len(index), y.shape[1], 0)), np.zeros((len(phi), 0))
     terms = own_terms(modelled)
     sign = SignChange(WIDTHS[2])
     own = tuple(
@@ -57,7 +63,6 @@ def fit_baseline(
     )
     solver = Solver(Equations(shared, own, y, samples.identification, samples.trial_of_row, floor))
     fit = solver.fit()
-    basis = np.zeros((len(phi), 0)) if basis is None else basis
     phi_hat = phi + basis @ fit.shared
     torque = inverse_dynamics(model, q, v, a, phi_hat)[:, index] if free else nominal
     friction = np.column_stack([own_signals(samples, terms, j, sign) @ fit.own[j] for j in range(len(index))])

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from excite.diagnosis.answer.result import NextExperiment
+from excite.diagnosis.attribution.attribution import Attribution, Scored
+from excite.diagnosis.attribution.judgement import Judgement
 from excite.diagnosis.effects.registry import EFFECTS
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.next_experiment.candidates import touching
 from excite.diagnosis.next_experiment.choice import Proposal, propose, written
-from excite.diagnosis.search.attribution import Attribution, Scored
-from excite.diagnosis.search.verdict import Judgement
 
 # Rivals that a motion is chosen for, the likeliest.
 _MOST = 5
@@ -85,7 +85,7 @@ def _of_motion(
 ) -> str:
     names = [_place(best), *(_place(item) for item in others)]
     alike = f"{', '.join(names[:-1])} and {names[-1]} look alike in this record"
-    hints = dict.fromkeys(EFFECTS[item.name].separating_motion for item in (best, *others))
+    hints = dict.fromkeys(item.hypothesis.effect.separating_motion for item in (best, *others))
     told = f"what tells them apart: {'; '.join(hint for hint in hints if hint)}"
     if proposal is None:
         return f"{alike}; {untold}; {told}" if untold else f"{alike}; {told}"

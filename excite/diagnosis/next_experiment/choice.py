@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.attribution.attribution import Scored
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.samples import ArmSamples
 from excite.diagnosis.next_experiment.candidates import Offer, beyond, joined_motions, near
 from excite.diagnosis.next_experiment.evidence import Expectation, Information
-from excite.diagnosis.search.attribution import Scored
 from excite.motion.files import save_motion
 from excite.motion.motion import Motion
 

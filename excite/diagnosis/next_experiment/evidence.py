@@ -10,15 +10,15 @@ from itertools import permutations
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.attribution.attribution import Scored
+from excite.diagnosis.attribution.hypotheses import Columns, Hypothesis, at_rows
+from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.arm_trial import ArmTrial
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi, prior_spread, standstill_weights
 from excite.diagnosis.equations.own_columns import own_signals, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.search.attribution import Scored
-from excite.diagnosis.search.hypotheses import Columns, Hypothesis, at_rows
-from excite.diagnosis.search.verdict import tie
 from excite.logs.signals.butterworth import settling_samples
 from excite.motion.motion import Motion
 from excite.regressor.kernels import inverse_dynamics, joint_torque_regressor
@@ -79,7 +79,8 @@ class Expectation:
         ratios = np.full((n, n), np.inf)
         alone = [self._nats(moments, count, a, None) for a in range(n)]
         for a, b in permutations(range(n), 2):
-            ratios[a, b] = self._nats(moments, count, a, b) / tie(alone[a])
+            tied = max(THRESHOLDS.rival, THRESHOLDS.alike * alone[a])
+            ratios[a, b] = self._nats(moments, count, a, b) / tied
         return ratios
 
     @cached_property

@@ -10,9 +10,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.answer.result import Rollout
+from excite.diagnosis.attribution.attribution import Attribution
+from excite.diagnosis.attribution.structured import structured_joints
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.search.attribution import Attribution
-from excite.diagnosis.search.structured import structured_joints
 from excite.diagnosis.servo.cycle import Cycle
 from excite.diagnosis.servo.servo import Servo, Signals
 from excite.diagnosis.servo.servo_drive import servo_drive

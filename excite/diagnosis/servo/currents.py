@@ -17,9 +17,7 @@ from excite.logs.log import Log
 from excite.robot.robot import Robot
 
 
-def diagnose_currents(
-    robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None, *, budget: bool = False
-) -> Diagnosis:
+def diagnose_currents(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
     """Diagnose a log of a fixed-base arm that has motor currents.
 
     Stated torque constants turn currents to torques. Those that are not stated are estimated with the nominal
@@ -31,7 +29,6 @@ def diagnose_currents(
         log: the log, with an identification trial.
         rng: of the bootstrap.
         out: folder for the augmented simulator.
-        budget: whether to say where each joint's gap goes.
 
     Returns:
         The diagnosis.
@@ -57,7 +54,7 @@ def diagnose_currents(
     trials = tuple(
         replace(t, tau=t.current * constants, current=None) for t in log.trials if t.current is not None
     )
-    result = diagnose_arm(robot, replace(log, header=header, trials=trials), rng, out, budget=budget)
+    result = diagnose_arm(robot, replace(log, header=header, trials=trials), rng, out)
     said = "torques are currents times torque constants: a wrong constant is a torque_gain"
     if guessed:
         values = ", ".join(

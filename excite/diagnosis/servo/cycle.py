@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.attribution.hypotheses import at_rows
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Shape
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
@@ -14,7 +15,6 @@ from excite.diagnosis.equations.baseline_fit import fit_baseline
 from excite.diagnosis.equations.noise_floor import spectral_floor
 from excite.diagnosis.equations.own_columns import ARMATURE, own_terms
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.search.hypotheses import at_rows
 from excite.diagnosis.servo.servo import Servo, Signals
 
 # Samples from a position's reading to the torque that answers it: computed in one cycle, held for the next.

@@ -36,9 +36,7 @@ from excite.rows.kinematics import trial_rate
 _CHANNEL = tuple(effect.name for effect in EFFECTS.values() if effect.of_channel)
 
 
-def diagnose_commands(
-    robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None, *, budget: bool = False
-) -> Diagnosis:
+def diagnose_commands(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None = None) -> Diagnosis:
     """Diagnose a log of a fixed-base arm that has commands and no torques.
 
     The torque that the servo must have asked for follows from its gains and from what it saw; effects are fitted
@@ -50,7 +48,6 @@ def diagnose_commands(
         log: the log, with an identification trial.
         rng: of the bootstrap.
         out: folder for the augmented simulator.
-        budget: whether to say where the gap goes, of the torques that the servo must have asked for.
 
     Returns:
         The diagnosis.
@@ -59,7 +56,7 @@ def diagnose_commands(
         LogError: no commands, gains neither stated nor to be had.
     """
     if all(trial.tau_cmd is not None for trial in log.trials):
-        return _asked(robot, log, rng, out, budget=budget)
+        return _asked(robot, log, rng, out)
     trials = tuple(_evened(log, t) for t in log.trials)
     controller = _controllers(log)
     signals = {t.name: read_signals(robot, log, t, controller) for t in trials}
@@ -81,7 +78,7 @@ def diagnose_commands(
         return servo_floor(samples, servo, order)
 
     library = servo_effects(servo, log.header.joints)
-    record = TorqueRecord(robot, replace(log, trials=asked), modelled, out, floor_of, library, budget)
+    record = TorqueRecord(robot, replace(log, trials=asked), modelled, out, floor_of, library)
     found = _judged(diagnose_torques(record, rng, closed), closed)
     return _beside_neighbours(found, robot, log, closed)
 
@@ -131,11 +128,11 @@ def _wound(
     return {k: replace(s, integral=s.integral + has * levels[k][order]) for k, s in grown.items()}
 
 
-def _asked(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None, *, budget: bool) -> Diagnosis:
+def _asked(robot: Robot, log: Log, rng: np.random.Generator, out: Path | None) -> Diagnosis:
     """The diagnosis from commanded torques."""
     header = log.header.model_copy(update={"torque": "motor_side"})
     trials = tuple(replace(trial, tau=trial.tau_cmd, tau_cmd=None) for trial in log.trials)
-    result = diagnose_arm(robot, replace(log, header=header, trials=trials), rng, out, budget=budget)
+    result = diagnose_arm(robot, replace(log, header=header, trials=trials), rng, out)
     said = (
         "torques are tau_cmd, what was asked of the drives: a torque_gain or torque_bias is the drive's own"
     )

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from excite.diagnosis.attribution.attribution import Attribution, Scored
+from excite.diagnosis.attribution.judgement import withdrawn
 from excite.diagnosis.equations.baseline import Baseline
-from excite.diagnosis.search.attribution import Attribution, Scored
-from excite.diagnosis.search.verdict import withdrawn
 
 # How exact torques are that are rebuilt from commands and positions: cycles, held commands, encoders' filters.
 EXACT = 0.015

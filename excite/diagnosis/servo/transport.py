@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.diagnosis.attribution.attribution import Attribution
+from excite.diagnosis.attribution.evidence import effective_counts
+from excite.diagnosis.attribution.hypotheses import Hypothesis, Search
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.effects.readings.actuator_lag import ActuatorLag
 from excite.diagnosis.effects.readings.time_delay import TimeDelay
-from excite.diagnosis.search.attribution import Attribution
-from excite.diagnosis.search.evidence import effective_counts
-from excite.diagnosis.search.hypotheses import Hypothesis, Search
 
 # Nats by which a lag has to lead a delay.
 _CLEAR = 30.0

@@ -6,10 +6,10 @@ from collections.abc import Collection, Sequence
 
 from excite.arrays import Array
 from excite.diagnosis.answer.robot_changes import RobotChanges
+from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.effects.form import Form
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.baseline_fit import model_phi
-from excite.diagnosis.search.attribution import Attribution
 from excite.diagnosis.simulator.accepted_values import found_effects
 from excite.diagnosis.simulator.augmented_plant import Plant, fitted_plant, physical_plant, with_effect
 from excite.diagnosis.simulator.found import Found

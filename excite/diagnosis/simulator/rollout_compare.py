@@ -11,9 +11,9 @@ import numpy as np
 from excite.arrays import Array
 from excite.atomic import write_text
 from excite.diagnosis.answer.result import Rollout
+from excite.diagnosis.attribution.attribution import Attribution
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.samples import ArmSamples
-from excite.diagnosis.search.attribution import Attribution
 from excite.diagnosis.simulator.accepted_values import found_effects, told_states
 from excite.diagnosis.simulator.augmented import augmented_model, baseline_model
 from excite.diagnosis.simulator.found import Found

@@ -17,7 +17,7 @@ from excite.motion.generators.curves import Curve
 from excite.motion.generators.generator import child_seed
 from excite.motion.motion import Motion
 from excite.parallel.engine import in_order
-from excite.parallel.jobs import Jobs, check_jobs
+from excite.parallel.jobs import Jobs, at_once, check_jobs
 from excite.parallel.shared import Shared
 from excite.progress import Progress, silent
 from excite.safety.check import check_motion
@@ -147,7 +147,8 @@ def optimise(
                 _Step(point, number, rounds, child_seed(_root(settings), index * rounds + number))
                 for index, point in enumerate(points)
             ]
-            for index, point in enumerate(in_order(_step, steps, jobs=jobs, shared=shared, stage="optimise")):
+            solved = in_order(_step, steps, jobs=at_once(jobs), shared=shared, stage="optimise")
+            for index, point in enumerate(solved):
                 points[index] = point
                 done += 1
                 progress("optimise", done, rounds * settings.starts)

@@ -45,6 +45,7 @@ def solve_loads(
         start: ``(n_joints,)`` gains to begin the search at.
     """
     n = len(condensed.factors)
+    judged = _judged(condensed)
     std = np.ones(n)
     inverse = np.full(n, 0.1) if gains is None else 1.0 / gains
     if gains is None and start is not None:
@@ -53,7 +54,7 @@ def solve_loads(
         if gains is None:
             # Gains are positive and of any size: search their logarithms.
             found = least_squares(
-                lambda x, std=std: _linear(condensed, np.exp(x), std, masses).rest, np.log(inverse)
+                lambda x, std=std: _linear(judged, np.exp(x), std, masses).rest, np.log(inverse)
             )
             inverse = np.exp(found.x)
         inner = _linear(condensed, inverse, std, masses)
@@ -61,6 +62,23 @@ def solve_loads(
         rms = np.sqrt((left**2).sum(axis=1) / np.maximum(condensed.counts, 1))
         std = np.maximum(rms, 1e-6 * rms.max())
     return LoadSolution(1.0 / inverse, inner.loads, inner.seen(), rms)
+
+
+def _judged(condensed: Condensed) -> Condensed:
+    """The rows without what each joint's drive explains, whatever gains and loads are.
+
+    A drive's columns stand in its own joint's rows alone, and no gain scales them: they are projected out once, and the
+    search is left with base parameters and loads.
+    """
+    factors, drives = condensed.factors, condensed.n_base + 10 * condensed.n_loads
+    kept = []
+    for rows in factors:
+        columns, rest = rows[:, drives:-1], np.delete(rows, np.s_[drives:-1], axis=1)
+        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        space, size, _ = np.linalg.svd(columns / scale, full_matrices=False)
+        space = space[:, size > RANK_TOLERANCE * max(1.0, *size)]
+        kept.append(square_factor(rest - space @ (space.T @ rest)))
+    return Condensed(np.stack(kept), condensed.counts, condensed.n_base, condensed.n_loads)
 
 
 @dataclass(frozen=True, eq=False)

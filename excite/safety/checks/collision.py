@@ -100,12 +100,13 @@ def find_closest(distances: Distances, required: float) -> Closest:
         bound = 0.5 * (before + after - distances.approach(start, end, pairs))
         # Few pairs are left in most intervals: numbers of a list are compared sooner than those of an array.
         bounds = bound.tolist()
-        if not bounds or min(bounds) >= upper:
+        least = min(bounds, default=np.inf)
+        if least >= upper:
             return
-        if max(bounds) >= upper:
+        if len(bounds) > 1 and max(bounds) >= upper:
             open_ = bound < upper
             pairs, before, after = pairs[open_], before[open_], after[open_]
-        heapq.heappush(heap, (min(bounds), next(tie), start, end, pairs, before, after))
+        heapq.heappush(heap, (least, next(tie), start, end, pairs, before, after))
 
     for k in range(len(times) - 1):
         pairs = np.flatnonzero(first.asked[k] & first.asked[k + 1])
@@ -116,8 +117,10 @@ def find_closest(distances: Distances, required: float) -> Closest:
         _, _, start, end, pairs, before, after = heapq.heappop(heap)
         middle = distances.midpoint(start, end)
         row = distances.at(middle, pairs)
-        upper = min(upper, *row.tolist())
-        _note(found, middle, pairs, row, required)
+        least = min(row.tolist())
+        upper = min(upper, least)
+        if least < required:
+            _note(found, middle, pairs, row, required)
         push(start, middle, pairs, before, row)
         push(middle, end, pairs, row, after)
     return Closest(min(heap[0][0], upper) if heap else upper, upper, found)

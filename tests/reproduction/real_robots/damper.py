@@ -23,7 +23,7 @@ def entries(data: Path, folder: Path) -> list[Entry]:
     levels: list[float] = []
     for tension, trials in _TRIALS.items():
         parts = TWO_AMPLITUDES if tension == 30 else at_tension(tension)
-        d = diagnose(brfd_log(data, folder / str(tension), parts), budget=True)
+        d = diagnose(brfd_log(data, folder / str(tension), parts))
         dry = next((item for item in d.effects if item.effect == "coulomb_friction"), None)
         levels.append(float("nan") if dry is None else 1e-3 * dry.parameters["level"].value)
         bars = [

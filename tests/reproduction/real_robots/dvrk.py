@@ -19,7 +19,7 @@ def entries(data: Path, folder: Path) -> list[Entry]:
 
 
 def _weight(data: Path, folder: Path, place: Place) -> Entry:
-    d = diagnose(dvrk_log(data, folder, place), budget=True)
+    d = diagnose(dvrk_log(data, folder, place))
     first = d.effects[0] if d.effects else None
     moment = float("nan") if first is None else first.parameters["first_moment"].value
     arm = 100.0 * moment / MASS

@@ -21,7 +21,7 @@ def entries(data: Path, folder: Path) -> list[Entry]:
 
 
 def _without_friction(log: Log) -> Entry:
-    d = diagnose(with_modelled(log, (*RIGID, "torque_bias")), budget=True)
+    d = diagnose(with_modelled(log, (*RIGID, "torque_bias")))
     found = {item.effect: item for item in d.effects}
     viscous, level = _VALUE["viscous"], _VALUE["coulomb"]
     bars = [Bar("dry and viscous friction, nothing else", ", ".join(found), set(found) == set(FRICTION))]
@@ -47,7 +47,7 @@ def _without_friction(log: Log) -> Entry:
 
 
 def _without_offset(log: Log) -> Entry:
-    d = diagnose(with_modelled(log, (*RIGID, *FRICTION)), budget=True)
+    d = diagnose(with_modelled(log, (*RIGID, *FRICTION)))
     offset = _VALUE["offset"]
     biases = [item for item in d.ambiguous_with if item.effect == "torque_bias"]
     value = biases[0].parameters["bias"].value if biases else float("nan")

@@ -11,11 +11,9 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.atomic import atomic_path
-from excite.diagnosis.equations.baseline_fit import fit_baseline
-from excite.diagnosis.equations.noise_floor import spectral_floor
-from excite.diagnosis.equations.samples import arm_samples
+from excite.diagnosis.arm.judged import judged_record
+from excite.diagnosis.arm.record import TorqueRecord
 from excite.diagnosis.equations.units import force_unit
-from excite.diagnosis.search.attribute import Attributor
 from excite.doctor.examine import examine
 from excite.logs.log import Log
 from excite.report.theme import IDENTIFIED, INK, NOMINAL, draw, to_png
@@ -64,10 +62,8 @@ def with_torques(log: Log) -> Log:
 def curves(robot: Robot, log: Log, joints: Sequence[str]) -> list[Curves]:
     """What the steps of a diagnosis predict on its first validation trial."""
     log = with_torques(log)
-    samples = arm_samples(robot, log, examine(robot, log).log.trials)
-    floor = spectral_floor(samples)
-    baseline = fit_baseline(samples, log.header.modelled, floor)
-    found = Attributor(baseline, floor).run()
+    judged = judged_record(TorqueRecord(robot, examine(robot, log).log, log.header.modelled))
+    samples, baseline, found = judged.samples, judged.baseline, judged.attribution
     trial = next(k for k, t in enumerate(samples.trials) if not t.identification)
     rows = samples.trial_of_row == trial
     time = samples.trials[trial].time[samples.trials[trial].rows]

@@ -19,7 +19,7 @@ def entries(data: Path, folder: Path) -> list[Entry]:
 
 def _hsm150(data: Path, folder: Path) -> Entry:
     log = with_repeats(hsm150_log(data, folder), {f"idf_{step}_2": f"idf_{step}_1" for step in STEPS})
-    d = diagnose(log, budget=True)
+    d = diagnose(log)
     sessions = by_direction(log)
     k = next(
         i
@@ -53,7 +53,7 @@ def _hsm150(data: Path, folder: Path) -> Entry:
 
 
 def _bam(data: Path, folder: Path) -> Entry:
-    d = diagnose(bam_log(data, folder), budget=True)
+    d = diagnose(bam_log(data, folder))
     best = d.candidates[0]
     others = [c for c in d.candidates if c.effect != best.effect]
     value = best.parameters["coefficient"].value if best.effect == "load_dependent_friction" else float("nan")
@@ -99,7 +99,7 @@ def _bam(data: Path, folder: Path) -> Entry:
 
 
 def _franka(data: Path, folder: Path) -> Entry:
-    d = diagnose(franka_joint2_log(data, folder), budget=True)
+    d = diagnose(franka_joint2_log(data, folder))
     gap = d.gap.per_channel["joint2"]
     coulomb, stribeck = PUBLISHED["middle"]
     return Entry(

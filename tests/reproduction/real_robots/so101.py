@@ -15,7 +15,7 @@ _SAG, _DELAY = (0.035, 0.041), (0.02, 0.04)
 
 def entries(data: Path, folder: Path) -> list[Entry]:
     """Eight motions, five of them used."""
-    d = diagnose(so101_log(data, folder), budget=True)
+    d = diagnose(so101_log(data, folder))
     said = [text for text in d.warnings if re.search("under its weight|dead band|torques act", text)]
     sags = {
         name: float(mm) for text in said for name, mm in re.findall(r"(\w+) ([+-]\d+) mrad \(weight", text)

@@ -29,7 +29,7 @@ def entries(data: Path, folder: Path) -> list[Entry]:
 
 def _bare(data: Path, folder: Path) -> Entry:
     log = with_modelled(ur10e_log(data, folder), (*RIGID, *FRICTION, "armature", "torque_bias"))
-    d = diagnose(log, budget=True)
+    d = diagnose(log)
     lift, elbow = (
         next(c for c in d.candidates if (c.effect, c.location) == ("load_dependent_friction", joint))
         for joint in ("shoulder_lift_joint", "elbow_joint")
@@ -72,7 +72,7 @@ def _bare(data: Path, folder: Path) -> Entry:
 
 def _loaded(data: Path, folder: Path, gains: Mapping[str, float], which: str, expected: float) -> Entry:
     log = loaded_log(data, folder, gains)
-    d = diagnose(log, bare_arm(data, folder, gains), budget=True)
+    d = diagnose(log, bare_arm(data, folder, gains))
     first = d.effects[0] if d.effects else None
     mass = (
         first.parameters["mass"].value if first is not None and "mass" in first.parameters else float("nan")

@@ -112,7 +112,6 @@ class SoftBacklash(Backlash):
     """Contacts that come on over a width instead of at once; in the middle they add up to a little stiffness."""
 
     searched = (*Backlash.searched, Parameter("softness", "rad", 2e-4, 0.02))
-    overlaps = ("joint_elasticity",)
 
     @property
     def richer(self) -> tuple[Effect, ...]:

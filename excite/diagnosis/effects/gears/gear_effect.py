@@ -29,7 +29,6 @@ class GearEffect(Effect, ABC):
     """
 
     moves = True
-    smooths = True
     second_order: bool = False
 
     @property

@@ -93,7 +93,6 @@ class HardeningElasticity(JointElasticity):
     """A gear that grows stiffer: ``k δ (1 + (δ/δ₀)²)``, as harmonic drives do; where it is nearly slack, like play."""
 
     searched = (*JointElasticity.searched, Parameter("hardening_at", "rad", 1e-4, 1.0))
-    overlaps = ("backlash",)
 
     @property
     def richer(self) -> tuple[Effect, ...]:

@@ -47,7 +47,6 @@ class ActuatorLag(Effect):
     mujoco = "actuator dyntype filter, dynprm"
     timing = True
     late_by = "time_constant"
-    smooths = True
     note = FasterFilter
     twins_without_torque = ("time_delay",)
 

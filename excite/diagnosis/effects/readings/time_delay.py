@@ -51,7 +51,6 @@ class TimeDelay(Effect):
     separating_motion = "a chirp to some hertz"
     mujoco = "actuator delay (a ring buffer in the control callback)"
     timing = True
-    smooths = True
     of_channel = True
     note = Late
 

@@ -149,7 +149,7 @@ def _beside(found: Document, order: list[tuple[str, Document]]) -> str:
     return paragraph(
         f"Here named effects take {_percent(named)}, and {taken}: both are right. The first counts all effects that "
         "one fit of everything together finds, the motion alone and each joint by its own power; the second what the "
-        "effects that were accepted one after the other leave of all rows, each joint by its own signal.",
+        "effects that stand clear leave of all rows, each joint by its own signal.",
         "note",
     )
 

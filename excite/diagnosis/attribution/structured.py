@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.arrays import Array
-from excite.diagnosis.search.attribution import Attribution
-from excite.diagnosis.search.evidence import effective_counts
+from excite.diagnosis.attribution.attribution import Attribution
+from excite.diagnosis.attribution.evidence import effective_counts
 
 # Power over the floor's, and nats, from which a rest is structured.
 _STRUCTURED, _STRUCTURED_NATS = 2.0, 20.0

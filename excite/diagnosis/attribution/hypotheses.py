@@ -1,20 +1,17 @@
-"""Every effect at every place, fitted: grids of non-linear parameters first, then a local search."""
+"""An effect at a place, fitted alone: a grid of non-linear parameters first, then a local search."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from excite.arrays import Array
+from excite.diagnosis.attribution.simplex import nelder_mead
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.effects.effect import Effect, Shape, Theta
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit, Solver
-from excite.diagnosis.search.simplex import nelder_mead
-
-# Standard deviations, by which trials disagree, that an effect's columns together have to be.
-_SIGNIFICANT = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +63,6 @@ class Hypothesis:
         return self.effect.settled(Context(self.baseline), self.location, self.theta, self.fit)
 
     @property
-    def significant(self) -> bool:
-        """Whether a column of its own is needed, not only the sign change that was searched along with it."""
-        return len(self.fit.extra) == 0 or self.baseline.solver.times_std(self.fit) > _SIGNIFICANT
-
-    @property
     def told(self) -> Fit:
         """The fit with the deviations that are told: those by which trials disagree."""
         return replace(
@@ -111,27 +103,14 @@ class Search:
     Attributes:
         context: the context.
         solver: the equations.
-        kept: columns of earlier coarse searches: those of a later one hardly differ, its refinement's do.
     """
 
     context: Context
     solver: Solver
-    kept: dict[tuple[type[Effect], str, Theta, float, tuple[bool, ...]], Columns] = field(
-        default_factory=dict
-    )
 
-    def try_at(
-        self, effect: Effect, location: str, theta: Theta, iterations: int = 6, *, keep: bool = False
-    ) -> Hypothesis | None:
+    def try_at(self, effect: Effect, location: str, theta: Theta, iterations: int = 6) -> Hypothesis | None:
         """One fit; None where its linear parameters are not physical, or no joint feels it, or it is not finite."""
-        base = self.context.baseline
-        key = (type(effect), location, theta, base.samples.lead, tuple(sign.bent for sign in base.signs))
-        if keep and key in self.kept:
-            columns = self.kept[key]
-        else:
-            columns = at_rows(self.context, effect.shape(self.context, location, theta))
-            if keep:
-                self.kept[key] = columns
+        columns = at_rows(self.context, effect.shape(self.context, location, theta))
         if effect.linear and columns.extra is None:
             return None
         for values in (columns.extra, columns.offset):
@@ -145,7 +124,7 @@ class Search:
     def coarse(self, effect: Effect, location: str) -> Hypothesis | None:
         """The best of the grids of the effect and its other forms."""
         tried = (
-            self.try_at(form, location, theta, 3, keep=True)
+            self.try_at(form, location, theta, 3)
             for form in (effect, *effect.forms)
             for theta in form.grid(self.context, location)
         )

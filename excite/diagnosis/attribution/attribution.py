@@ -5,50 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from excite.arrays import Array
+from excite.diagnosis.attribution.hypotheses import Hypothesis
 from excite.diagnosis.effects.context import Context
 from excite.diagnosis.equations.baseline import Baseline
 from excite.diagnosis.equations.joint_torque import Fit
-from excite.diagnosis.search.hypotheses import Hypothesis
 
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A hypothesis and its merits against the fit before it.
-
-    An accepted hypothesis may have been polished since; its merits are those with which it was compared with the rest.
+    """A hypothesis against the fit before it.
 
     Attributes:
         hypothesis: the hypothesis.
         evidence: nats less the price of its parameters and of the candidates tried.
-        validation: nats on validation trials.
-        closed: ``(n_joints,)`` share of the validation power above the floor that it removes.
-        strength: amplitude that it removes, over channels, normalised by the channels' deviation.
-        of_rest: share of the normalised power above the floor, over all channels, that it removes.
         place: index of the joint that it acts on; of what acts on several, of the one that it changes most.
-        price: of its parameters, taken off the evidence [nats].
         power: ``(n_joints, 2)`` mean squares that it leaves, identification and validation [(N·m)²].
         count: ``(n_joints, 2)`` effective samples of what it leaves.
-        left: joints above twice the floor's power of which it removes hardly anything.
-        stands: power at ``place`` before it over the floor's.
-        elsewhere: nats at other joints than ``place``.
-        of_noise: share that it removes at ``place`` of the validation power above the noise of one trial, which
-            does not know what differs between repeated ones.
     """
 
     hypothesis: Hypothesis
     evidence: float
-    validation: float
-    closed: Array
-    strength: float
-    of_rest: float
     place: int
-    price: float
     power: Array
     count: Array
-    left: int
-    stands: float
-    elsewhere: float
-    of_noise: float = 1.0
 
     @property
     def name(self) -> str:
@@ -81,7 +60,7 @@ class Attribution:
     """All steps.
 
     Attributes:
-        stages: in order; the last accepts nothing unless the most effects were reached.
+        stages: in order; the last accepts nothing.
         before: fit of the baseline.
         after: fit with all accepted effects.
         final: the baseline with them.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.groups import Candidates, grouped
+from excite.diagnosis.budget.fit.terms import Term
 from excite.diagnosis.budget.thresholds import THRESHOLDS
 from excite.diagnosis.equations.samples import ArmSamples
 
@@ -60,6 +62,11 @@ class Grams:
     count: Array
     total: tuple[Array, ...]
 
+    @property
+    def together(self) -> Grams:
+        """All blocks as one."""
+        return Grams(tuple(g[None] for g in self.total), self.count.sum(keepdims=True), self.total)
+
 
 @dataclass(eq=False)
 class Design:
@@ -68,7 +75,7 @@ class Design:
     Attributes:
         rows: baseline and measurement.
         terms: all candidate terms.
-        fitted: Gram matrices of the trials that are fitted; ``judged`` alike.
+        fitted: Gram matrices of the trials that are fitted.
     """
 
     rows: Rows
@@ -76,7 +83,6 @@ class Design:
     place: list[dict[int, NDArray[np.int64]]] = field(init=False)
     matrices: list[Array] = field(init=False)
     fitted: Grams = field(init=False)
-    judged: Grams = field(init=False)
 
     def __post_init__(self) -> None:
         self.place = [{} for _ in self.terms]
@@ -94,7 +100,31 @@ class Design:
             # By columns: models take some of them.
             self.matrices.append(np.asfortranarray(np.column_stack([*parts, self.rows.y[j]])))
         self.fitted = self._grams(self.rows.block)
-        self.judged = self.fitted if self.rows.judged is self.rows.block else self._grams(self.rows.judged)
+
+    @cached_property
+    def columns(self) -> tuple[NDArray[np.int64], ...]:
+        """By joint, where each column of its terms stands among those of all terms."""
+        sizes = np.array([term.size for term in self.terms], dtype=np.int64)
+        first = np.cumsum(sizes) - sizes
+        return tuple(
+            np.concatenate(
+                [
+                    np.zeros(0, np.int64),
+                    *(first[k] + np.arange(sizes[k]) for k, at in enumerate(self.place) if j in at),
+                ]
+            )
+            for j in range(self.rows.n_joints)
+        )
+
+    @cached_property
+    def groups(self) -> tuple[Candidates, ...]:
+        """Its terms by their sizes."""
+        return grouped(self.terms, self.place, self.fitted.total)
+
+    @cached_property
+    def judged(self) -> Grams:
+        """Gram matrices of the trials that judge; those that are fitted where there are none."""
+        return self.fitted if self.rows.judged is self.rows.block else self._grams(self.rows.judged)
 
     def _grams(self, block: NDArray[np.int64]) -> Grams:
         n = int(block.max()) + 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.arrays import Array
-from excite.diagnosis.budget.design import Design, Grams, Layout
-from excite.diagnosis.budget.terms import Term
+from excite.diagnosis.budget.fit.design import Design, Grams, Layout
+from excite.diagnosis.budget.fit.stacked import Extended, Stacked
+from excite.diagnosis.budget.fit.terms import Term
 
 _LAGS = 200
-_ITERATIONS = 3
+_ITERATIONS = 30
 _RIDGE = 1e-9
 # Weight of what is known beside what is measured.
 _KNOWN = 1e6
@@ -45,11 +46,19 @@ class Model:
     predicted: Array
 
     @cached_property
+    def stacked(self) -> Stacked:
+        """Its normal matrices, for models with a further term."""
+        return Stacked.of_model(self.design.fitted, self.layout)
+
+    @cached_property
     def residual(self) -> Array:
         """What the fit of all blocks leaves of all rows, ``(n_joints, n_rows)``."""
         rest = []
         for m, c, p in zip(self.design.matrices, self.layout.columns, self.layout.numbers, strict=True):
-            rest.append(m[:, -1] - m[:, c] @ self.x[p])
+            # The first columns are every model's: no copy of them.
+            first = int(np.argmin(np.append(c == np.arange(len(c)), False)))
+            x = self.x[p]
+            rest.append(m[:, -1] - m[:, :first] @ x[:first] - m[:, c[first:]] @ x[first:])
         return np.array(rest)
 
     @cached_property
@@ -78,7 +87,13 @@ class Model:
 
 
 def fit(
-    design: Design, chosen: Sequence[int], weight: Array | None = None, *, left_out: bool = True
+    design: Design,
+    chosen: Sequence[int],
+    weight: Array | None = None,
+    *,
+    left_out: bool = True,
+    beside: Model | None = None,
+    sizes: Mapping[int, Array] | None = None,
 ) -> Model:
     """Fit a model by iterated weights, one a joint, and leave out each block in turn.
 
@@ -87,19 +102,25 @@ def fit(
         chosen: indices of its terms.
         weight: where the weights begin.
         left_out: whether to leave out blocks.
+        beside: the model without the last of the terms, if it is at hand.
+        sizes: parameters that are known, by term.
     """
     chosen = tuple(chosen)
     layout, grams, floor = design.index(chosen), design.fitted, design.rows.floor
     count = float(grams.count.sum())
+    if beside is not None:
+        rows = Extended.by(beside.stacked, beside.layout, design, chosen[-1])
+    else:
+        rows = Extended(Stacked.of_model(grams if left_out else grams.together, layout), {}, {}, 0)
     if weight is None:
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
-    prior, known = _prior(design, chosen, layout)
+    prior, known = _prior(design, chosen, layout, sizes or {})
     for _ in range(_ITERATIONS):
-        normal, right = _normal([g[None] for g in grams.total], layout, weight)
+        normal, right = rows.normal(weight, by_block=False)
         full = normal[0] + np.diag(prior + _RIDGE * np.diag(normal[0]))
         x = np.linalg.solve(full, right[0] + known)
-        power = _left_total(grams, layout, x) / count
+        power = rows.left_of_all(x) / count
         new = 1.0 / np.maximum(power, floor**2)
         done = np.max(np.abs(np.log(new / weight))) < 0.05
         weight = new
@@ -108,35 +129,28 @@ def fit(
     if not left_out:
         nothing = np.zeros((0, layout.size))
         return Model(design, chosen, layout, x, weight, full, nothing, nothing)
-    blocks, rights = _normal(grams.of, layout, weight)
+    blocks, rights = rows.normal(weight, by_block=True)
     total, right = blocks.sum(axis=0), rights.sum(axis=0)
     full = total + np.diag(prior + _RIDGE * np.diag(total))
     without = np.linalg.solve(full - blocks, (right - rights + known)[..., None])[..., 0]
-    return Model(design, chosen, layout, x, weight, full, without, _left(grams, layout, without))
+    return Model(design, chosen, layout, x, weight, full, without, rows.left(without))
 
 
-def _prior(design: Design, chosen: Sequence[int], layout: Layout) -> tuple[Array, Array]:
+def _prior(
+    design: Design, chosen: Sequence[int], layout: Layout, sizes: Mapping[int, Array]
+) -> tuple[Array, Array]:
     """Precision of each parameter a priori, and that times what it is then."""
     prior, known = np.full(layout.size, 1e-12), np.zeros(layout.size)
     prior[: design.rows.shared.shape[2]] = 1.0
     for k, first in zip(chosen, layout.begin, strict=True):
         term = design.terms[k]
         here = slice(first, first + term.size)
-        if term.known:
-            prior[here] = known[here] = _KNOWN * float(design.fitted.count.sum())
+        if term.known or k in sizes:
+            prior[here] = _KNOWN * float(design.fitted.count.sum())
+            known[here] = prior[here] * sizes.get(k, np.ones(1))
         else:
             prior[here] += term.precision
     return prior, known
-
-
-def _normal(grams: Sequence[Array], layout: Layout, weight: Array) -> tuple[Array, Array]:
-    """Normal matrices and right sides, one a block: ``(n, p, p)``, ``(n, p)``."""
-    n = len(grams[0])
-    normal, right = np.zeros((n, layout.size, layout.size)), np.zeros((n, layout.size))
-    for g, c, p, w in zip(grams, layout.columns, layout.numbers, weight, strict=True):
-        normal[:, p[:, None], p] += w * g[:, c[:, None], c]
-        right[:, p] += w * g[:, c, -1]
-    return normal, right
 
 
 def _left(grams: Grams, layout: Layout, x: Array) -> Array:
@@ -146,14 +160,6 @@ def _left(grams: Grams, layout: Layout, x: Array) -> Array:
         z = np.broadcast_to(x[..., p], (len(g), len(p)))
         inner = (g[:, c[:, None], c] @ z[..., None])[..., 0] - 2.0 * g[:, c, -1]
         out[:, j] = g[:, -1, -1] + (inner * z).sum(axis=1)
-    return np.maximum(out, 1e-300)
-
-
-def _left_total(grams: Grams, layout: Layout, x: Array) -> Array:
-    out = np.empty(len(grams.total))
-    for j, (g, c, p) in enumerate(zip(grams.total, layout.columns, layout.numbers, strict=True)):
-        z = x[p]
-        out[j] = g[-1, -1] + (g[np.ix_(c, c)] @ z - 2.0 * g[c, -1]) @ z
     return np.maximum(out, 1e-300)
 
 

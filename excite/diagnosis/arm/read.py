@@ -1,0 +1,181 @@
+"""The verdict on a record and its effects, read from the budget of its gap and put into the equations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from excite.diagnosis.answer.budget import Budget, Named
+from excite.diagnosis.attribution.attribution import Attribution, Scored, Stage
+from excite.diagnosis.attribution.extended import extended
+from excite.diagnosis.attribution.hypotheses import Hypothesis, Search, at_rows
+from excite.diagnosis.attribution.judgement import Judgement
+from excite.diagnosis.attribution.scoring import Scorer
+from excite.diagnosis.attribution.structured import structured_joints
+from excite.diagnosis.budget.fit.terms import Term
+from excite.diagnosis.budget.reading import alone, clear, explained
+from excite.diagnosis.budget.record import Found
+from excite.diagnosis.effects.context import Context
+from excite.diagnosis.equations.baseline import Baseline
+from excite.diagnosis.equations.fitted_signs import signs_again
+
+# Candidates that are listed.
+_LISTED = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a budget says of a record.
+
+    Attributes:
+        found: the model of the gap.
+        budget: its budget.
+        scorer: of hypotheses beside what is modelled.
+    """
+
+    found: Found
+    budget: Budget
+    scorer: Scorer
+
+    def verdict(self) -> tuple[Attribution, Judgement]:
+        """The effects that are named, in the equations, and the verdict."""
+        sure = [item for item in self.budget.named if clear(self.budget, item)]
+        if not sure or not explained(self.budget, sure):
+            return self._open()
+        # First what surely takes most: of a gap that hardly stands above the noise, shares say little.
+        first, *others = sorted(sure, key=lambda item: -item.surely)
+        # Of what has a rival elsewhere than in the first place nobody knows the name.
+        stages, kept = self._stages([first, *(item for item in others if alone(item))])
+        return self._named(stages, kept) if kept else self._open()
+
+    def _open(self) -> tuple[Attribution, Judgement]:
+        """Nothing that is named is the gap."""
+        structured = structured_joints(self._nothing, self.scorer.spectral)
+        named = (self._terms[item.effect, item.location] for item in self.budget.named)
+        ranking = self._scored((*named, *self._likely))[:_LISTED]
+        stage = Stage(Context(self.scorer.baseline), ranking, None)
+        strange = [term for term in self._terms.values() if term.effect.nameless]
+        stranger = next(iter(self._scored(strange)), None) if structured else None
+        if stranger is not None:
+            place = stranger.location
+            structured = (place, *(name for name in structured if name != place))
+        made = replace(self._nothing, stages=(stage,), stranger=stranger)
+        return made, Judgement("unknown" if structured else "none", (), (), (), structured)
+
+    def _named(self, stages: list[Stage], kept: Sequence[Named]) -> tuple[Attribution, Judgement]:
+        """Effects that are the gap, the largest share first."""
+        last = stages[-1].context.baseline
+        rivals, (first,) = self._rivals(kept[0]), stages[0].ranking
+        beside = tuple(scored for scored, _ in rivals)
+        others = (self._terms[item.effect, item.location] for item in kept[1:])
+        listed = (first, *beside, *self._scored((*others, *self._likely)))[:_LISTED]
+        stages[0] = replace(stages[0], ranking=listed)
+        after = replace(
+            self._nothing,
+            stages=tuple(stages),
+            after=last.fit,
+            final=last,
+            floor=self.scorer.floor(last.fit),
+        )
+        named = [(scored, chance) for scored, chance in rivals if scored.name != first.name]
+        renamed = tuple(_second_name(item, last) for item in after.accepted)
+        chance = kept[0].probability + sum(p for scored, p in rivals if scored.name == first.name)
+        judgement = Judgement(
+            "ambiguous" if named or renamed[0] is not None else "effect",
+            tuple(scored for scored, _ in named),
+            tuple((item.location, *(p for n, p in item.rivals if n == item.effect)) for item in kept),
+            renamed,
+            structured_joints(after, self.scorer.spectral),
+            tuple(_second_name(scored, last) for scored, _ in named),
+            chance,
+            tuple(p for _, p in named),
+        )
+        return after, judgement
+
+    def _stages(self, chosen: Iterable[Named]) -> tuple[list[Stage], list[Named]]:
+        """The effects one after the other, at last nothing; and which of them can be there."""
+        stages, kept, current = list[Stage](), list[Named](), self._begun
+        for item in chosen:
+            scored = self._try(self._terms[item.effect, item.location], current, item.nats)
+            # A search that ended where its name stands for something else has found that.
+            if scored is None or not scored.hypothesis.settled:
+                continue
+            stages.append(Stage(Context(current), (scored,), scored))
+            kept.append(item)
+            current = extended(scored.hypothesis)
+        return [*stages, Stage(Context(signs_again(current)), (), None)], kept
+
+    def _rivals(self, item: Named) -> list[tuple[Scored, float]]:
+        """What might stand in the place of an effect, with its probability."""
+        search = self.found.search
+        terms = search.design.terms
+        k = next(k for k in search.model.chosen if terms[k].key == (item.effect, item.location))
+        made = []
+        for tried, chance in zip(search.rivals.get(k, ()), item.chances, strict=True):
+            scored = self._try(terms[tried.index], self._begun)
+            if scored is not None:
+                made.append((scored, chance))
+        return made
+
+    @cached_property
+    def _nothing(self) -> Attribution:
+        base = self.scorer.baseline
+        first = Stage(Context(base), (), None)
+        return Attribution((first,), base.fit, base.fit, base, self.scorer.floor(base.fit), self.scorer.scale)
+
+    @cached_property
+    def _begun(self) -> Baseline:
+        """What is modelled, its friction changing sign as it does in the model of the gap."""
+        base, now = self.scorer.baseline, self.found.baseline
+        if (base.signs, base.samples.lead) == (now.signs, now.samples.lead):
+            return base
+        moved = base.with_signs(now.signs, now.samples.lead)
+        return moved.updated(moved.solver.fit())
+
+    @cached_property
+    def _terms(self) -> dict[tuple[str, str], Term]:
+        return {term.key: term for term in self.found.search.model.terms}
+
+    @property
+    def _likely(self) -> tuple[Term, ...]:
+        return tuple(term for term in self.found.likely if term.key not in self._terms)
+
+    def _scored(self, terms: Iterable[Term]) -> tuple[Scored, ...]:
+        made = (self._try(term, self.scorer.baseline) for term in terms)
+        return tuple(scored for scored in made if scored is not None)
+
+    def _at_model(self, baseline: Baseline) -> Baseline:
+        """A baseline with its own equations, and predictions at the bodies of the model of the gap.
+
+        A gear's load is what its link needs, which the fit without the gear has bent.
+        """
+        if not baseline.free:
+            return baseline
+        x, n = self.found.search.model.x, self.found.baseline.basis.shape[1]
+        there = replace(baseline.fit, shared=np.concatenate([x[:n], baseline.fit.shared[n:]]))
+        return replace(baseline.updated(there), solver=baseline.solver)
+
+    def _try(self, term: Term, baseline: Baseline, nats: float | None = None) -> Scored | None:
+        """A term in the equations of what is modelled; None where it cannot be there."""
+        named = self._terms.get(term.key) is term or baseline is self._begun
+        made = hypothesis_of(term, self._at_model(baseline) if named else baseline)
+        if made.effect.along:
+            # Play before friction is told by rows near standstill, which count here and hardly in the model of the gap.
+            made = Search(Context(made.baseline), made.baseline.solver).refine(made)
+        return self.scorer.scored(baseline.fit, made, nats) if made.physical else None
+
+
+def hypothesis_of(term: Term, baseline: Baseline) -> Hypothesis:
+    """A term of the model in the equations of a baseline."""
+    context = Context(baseline)
+    columns = at_rows(context, term.effect.shape(context, term.location, term.theta))
+    fit = baseline.solver.fit(columns.extra, columns.offset, 6, term.effect.widths)
+    return Hypothesis(term.effect, term.location, term.theta, columns, fit, baseline)
+
+
+def _second_name(item: Scored, final: Baseline) -> str | None:
+    """Another name that means the same in the data."""
+    return item.hypothesis.effect.second_name(final, item.location, item.hypothesis.fit)

@@ -1,0 +1,1 @@
+"""Gram matrices of all columns, and models fitted with some of them."""

@@ -1,1 +1,0 @@
-"""The search for effects that explain the gap of an arm."""

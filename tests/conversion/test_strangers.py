@@ -1,0 +1,145 @@
+"""Habits of recordings of strangers: names in capitals, forces of feet, pickles, pointers, rows of one quantity."""
+
+from __future__ import annotations
+
+import pickle
+from collections import OrderedDict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.conversion.guesses import UnclearError
+from excite.conversion.mapping import Map
+from excite.conversion.sources.registry import read_source
+from excite.errors import LogError
+from tests.conversion import written
+from tests.conversion.test_habits import check, columns_of, table
+from tests.conversion.written import JOINTS
+
+WHOLE = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}})
+
+
+@pytest.fixture
+def arm(tmp_path) -> Path:
+    return written.arm_urdf(tmp_path / "arm.urdf")
+
+
+@pytest.fixture
+def data() -> dict[str, np.ndarray]:
+    return written.motion()
+
+
+def leg(path: Path, sides: tuple[str, ...] = ("FR", "RL")) -> Path:
+    """Two legs of two joints each on one trunk."""
+    inertia = 'ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"'
+    inertial = f'<inertial><mass value="1"/><inertia {inertia}/></inertial>'
+    text = [f'<robot name="legs"><link name="trunk">{inertial}</link>']
+    for side in sides:
+        above = "trunk"
+        for part in ("hip", "calf"):
+            text.append(f'<link name="{side}_{part}">{inertial}</link>')
+            text.append(
+                f'<joint name="{side}_{part}_joint" type="revolute"><parent link="{above}"/>'
+                f'<child link="{side}_{part}"/><axis xyz="0 1 0"/>'
+                '<limit lower="-3" upper="3" effort="30" velocity="20"/></joint>'
+            )
+            above = f"{side}_{part}"
+    path.write_text("\n".join([*text, "</robot>"]))
+    return path
+
+
+def test_names_that_change_their_case_are_joints_and_forces_of_feet_are_no_torques(tmp_path):
+    joints = ["FR_hip", "FR_calf", "RL_hip", "RL_calf"]
+    time = np.arange(600) / 100.0
+    rng = np.random.default_rng(0)
+    columns = {"Time(s)": time, "FR_Force": rng.uniform(0, 170, 600), "RL_Force": rng.uniform(0, 170, 600)}
+    columns |= {f"BaseW{axis}": 0.1 * np.sin(time + k) for k, axis in enumerate("xyz")}
+    columns |= {f"JointPos{name}": 0.5 * np.sin(2.0 * time + k) for k, name in enumerate(joints)}
+    done = excite.convert(
+        [table(tmp_path / "a.csv", columns)], leg(tmp_path / "r.urdf"), tmp_path / "log", WHOLE
+    )
+    assert {t: c for t, (c, _) in done.columns.items() if t.startswith("q.")} == {
+        f"q.{name}_joint": f"JointPos{name}" for name in joints
+    }
+    assert not any(target.startswith("tau.") for target in done.columns)
+    assert any(what == "nothing" and "FR_Force" in source for what, source, _ in done.guesses)
+
+
+def test_joints_that_follow_others_are_not_asked_of_a_recording(data, arm, tmp_path):
+    text = arm.read_text().replace('<joint name="wrist" type="revolute">', '<joint name="wrist" type="revolute">'
+                                   '<mimic joint="elbow" multiplier="1"/>')  # fmt: skip
+    arm.write_text(text)
+    file = table(tmp_path / "a.csv", columns_of(data, q="{joint}_pos", tau="{joint}_torque"))
+    done = excite.convert([file], arm, tmp_path / "log", WHOLE)
+    assert done.log.header.joints == JOINTS[:2] and done.chart is not None
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.mat", "a.mcap", "a.bag", "a.npz", "a.parquet", "a.h5"])
+def test_a_pointer_of_git_lfs_is_called_so(name, arm, tmp_path):
+    (tmp_path / name).write_text(
+        f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 9\n"
+    )
+    with pytest.raises(LogError, match=r"pointer that Git LFS left.*git lfs pull"):
+        excite.convert([tmp_path / name], arm, tmp_path / "log")
+
+
+@pytest.mark.parametrize("shape", ["arrays", "rows", "object array", "lists of rows"])
+def test_pickles_of_plain_data(shape, data, arm, tmp_path):
+    channels = {key: data[key] for key in ("time", "q", "v", "tau")}
+    rows = [{key: values[k] for key, values in channels.items()} for k in range(len(data["time"]))]
+    content = {"arrays": OrderedDict(channels), "rows": rows, "object array": channels,
+               "lists of rows": {key: [np.asarray(row[key]) for row in rows] for key in channels}}[shape]  # fmt: skip
+    file = tmp_path / ("a.npy" if shape == "object array" else "a.pkl")
+    if shape == "object array":
+        np.save(file, np.array(content, dtype=object), allow_pickle=True)
+    else:
+        file.write_bytes(pickle.dumps(content))
+    check(excite.convert([file], arm, tmp_path / "log", WHOLE), data, "q", "tau")
+
+
+def test_episodes_of_a_pickle_are_trials(data, arm, tmp_path):
+    part = [
+        {key: data[key][rows] for key in ("time", "q", "tau")} for rows in (slice(0, 300), slice(300, 550))
+    ]
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(part))
+    assert [len(r.streams[0].columns) for r in read_source(tmp_path / "a.pkl")] == [7, 7]
+
+
+def test_a_pickle_that_names_a_function_is_not_run(arm, tmp_path):
+    class Evil:
+        def __reduce__(self):
+            return (Path.write_text, (tmp_path / "done", "harm"))
+
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"q": Evil()}))
+    with pytest.raises(LogError, match="numbers and numpy arrays alone"):
+        excite.convert([tmp_path / "a.pkl"], arm, tmp_path / "log")
+    assert not (tmp_path / "done").exists()
+
+
+def test_a_row_a_quantity(data, arm, tmp_path):
+    lines = []
+    for k in range(len(data["time"])):
+        for word, key in (("Position", "q"), ("Velocity", "v"), ("Torque", "tau")):
+            lines.append(" ".join([word, *(f"{x:.9g}" for x in data[key][k])]))
+    (tmp_path / "a.dat").write_text("\n".join(lines))
+    rate = Map.model_validate({"trials": {"validation": ["none"], "split": "none"}, "log": {"rate_hz": 100}})
+    check(excite.convert([tmp_path / "a.dat"], arm, tmp_path / "log", rate), data, "q", "tau")
+
+
+def test_one_question_for_all_files_without_a_clock(data, arm, tmp_path):
+    columns = {
+        key: values for key, values in columns_of(data, q="q{n}", tau="tau{n}").items() if key != "time"
+    }
+    files = [table(tmp_path / f"run_{k}.csv", columns) for k in range(3)]
+    with pytest.raises(UnclearError) as error:
+        excite.convert(files, arm, tmp_path / "log")
+    assert len(error.value.questions) == 1
+
+
+def test_degrees_are_not_taken_where_zeros_may_be_elsewhere(data, arm, tmp_path):
+    moved = {**data, "q": data["q"] + 3.6}
+    file = table(tmp_path / "a.csv", columns_of(moved, q="q{n}", tau="tau{n}"))
+    with pytest.raises(UnclearError, match=r"whose zeros are not the model's"):
+        excite.convert([file], arm, tmp_path / "log", WHOLE)
