@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from excite.report.html import number
 
@@ -43,6 +43,7 @@ BODY = Role("body", "#b3bfcb", "#8a9aaa")
 ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND, BODY)
 
 WIDTH_IN = 9.6
+FONT = "'DejaVu Sans', sans-serif"
 # Points an inch: what SVG counts in.
 _SVG_DPI = 72
 # Half of the width at the size of labels.
@@ -82,23 +83,14 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def draw(
-    paint: Callable[[Figure], None],
-    height_in: float,
-    width_in: float = WIDTH_IN,
-    *,
-    layout: Literal["constrained", "none"] = "constrained",
-) -> Figure:
-    """A figure of that size [inch] in the common style, painted by ``paint``; no display is needed.
-
-    With the layout ``none`` axes stay where they are put.
-    """
+def draw(paint: Callable[[Figure], None], height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """A figure of that size [inch] in the common style, painted by ``paint``; no display is needed."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(_STYLE), _quiet():
-        figure = Figure(figsize=(width_in, height_in), layout=layout)
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
         FigureCanvasAgg(figure)
         paint(figure)
         _label_logarithms(figure)

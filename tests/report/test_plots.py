@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from io import BytesIO
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from defusedxml.ElementTree import fromstring
+from PIL import Image
 
 from excite.report.data import ForceComparison
 from excite.report.plots.activity import peak_speed_share, plot_activity
@@ -15,7 +19,7 @@ from excite.report.plots.conditioning import plot_conditioning
 from excite.report.plots.forces import plot_forces
 from excite.report.plots.masses import plot_masses
 from excite.report.plots.rsd import plot_rsd
-from excite.report.plots.snapshots import choose_motions, different_instants, plot_snapshots
+from excite.report.plots.snapshots import choose_motions, different_instants, draw_snapshots
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion
@@ -131,9 +135,30 @@ def test_speed_share_is_of_the_limit(g1):
 
 
 def test_drawings_follow_the_page_and_pictures_are_light(g1):
-    figure = plot_snapshots(g1, [sample_motion(g1, 0)], n_postures=2)
+    figure = plot_activity(g1, [sample_motion(g1, 0)])
     svg = to_svg(figure, "one", "what it shows")
     assert 'aria-label="what it shows"' in svg and "var(--identified)" in svg
     assert not any(role.light in svg for role in ROLES)
     assert 'id="one-' in svg and svg == to_svg(figure, "one", "what it shows")
     assert to_png(figure, dpi=20).startswith(b"\x89PNG")
+
+
+def test_a_row_of_postures_is_drawn_in_full_on_the_page_and_as_a_picture(g1):
+    motion = sample_motion(g1, 0)
+    sketch = draw_snapshots(g1, [dataclasses.replace(motion, name="a < b & c")], n_postures=3)
+    root = fromstring(sketch.to_svg('what "it" shows'))
+    assert root.get("aria-label") == 'what "it" shows'
+    width, height = (float(part) for part in root.get("viewBox").split()[2:])
+    outlines = [path.get("d") for path in root.iter("{http://www.w3.org/2000/svg}path")]
+    ends = np.array([[float(part) for part in re.findall(r"[-.\d]+", outline)][:2] for outline in outlines])
+    assert (ends >= 0.0).all() and (ends <= [width, height]).all()
+    drawn = picture(g1, motion.q[0], frozenset(), front_view())
+    assert len(outlines) >= 3 * (len(drawn.hulls) + len(drawn.bones) + len(drawn.soles))
+    words = [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert words[0].startswith("a < b & c") and words[1] == "0.0 s" and len(words) == 4
+    assert not re.findall(r"#[0-9a-f]{6}", sketch.to_svg(""))
+    with Image.open(BytesIO(sketch.to_png(dpi=36))) as image:
+        assert image.size == pytest.approx((width / 2.0, height / 2.0), abs=1.0)
+        assert {(0, 114, 178), (28, 33, 39)} & {
+            colour for _, colour in image.convert("RGB").getcolors(1 << 20)
+        }
