@@ -10,15 +10,13 @@ import numpy as np
 
 from excite.arrays import Array
 from excite.report.plots.body import Picture, front_view, picture
-from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words
+from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, length
 from excite.report.theme import GROUND, INK, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, short
 from excite.robot.robot import Robot
 
 _WIDTH = 72.0 * WIDTH_IN
 # Height of a line of a title, and of a posture, and the room about it [point].
 _LINE, _HEIGHT, _ROOM = 11.0, 200.0, 8.0
-# A letter's width as a share of its height: wide ones of DejaVu Sans are narrower.
-_LETTER = 0.62
 _SIZE = 9.0
 
 
@@ -42,7 +40,7 @@ def draw_refused(robot: Robot, worst: Sequence[Worst]) -> Sketch:
     view = front_view()
     feet = frozenset(foot.name for foot in robot.feet)
     width = _WIDTH / max(len(worst), 2)
-    letters = int((width - _ROOM) / (_LETTER * _SIZE))
+    letters = int((width - _ROOM) / length("m", _SIZE))
     titles = [[part for line in item.title.split("\n") for part in wrap(line, letters)] for item in worst]
     top = _LINE * max(map(len, titles)) + _ROOM
     ground = 0.0 if robot.floating else robot.description.collision.table_height

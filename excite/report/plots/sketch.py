@@ -1,6 +1,7 @@
-"""A drawing of outlines, dots and words without axes, written as SVG by itself and as PNG by matplotlib.
+"""A drawing of outlines, dots and words, written as SVG by itself and as PNG by matplotlib.
 
-A picture of robots is a thousand outlines, for each of which matplotlib's own SVG takes a third of a millisecond.
+A picture of robots is a thousand outlines, for each of which matplotlib's own SVG takes a third of a millisecond, and
+matplotlib itself takes 0.3 s to load: a plan's page, which needs no curves, does without it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,20 @@ from excite.arrays import Array
 from excite.report.theme import FONT, INK, Role, draw, to_png
 
 _POINTS_AN_INCH = 72.0
-_ANCHORS = {"left": "start", "center": "middle"}
+_ANCHORS = {"left": "start", "center": "middle", "right": "end"}
+# A letter's width as a share of the line's height: of 272 names of joints and links of nine bundled robots in DejaVu
+# Sans the mean is 0.50, and one passes this, by 5 %.
+_LETTER = 0.6
+
+
+def length(text: str, size: float) -> float:
+    """About how long a line of text is [point]."""
+    return _LETTER * size * len(text)
+
+
+def rectangle(left: float, top: float, right: float, bottom: float) -> Array:
+    """Corners ``(4, 2)``."""
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +119,23 @@ class Dots:
 
 @dataclass(frozen=True, eq=False)
 class Words:
-    """A line of text; ``place`` is the middle of its height [point]."""
+    """A line of text.
+
+    Attributes:
+        text: what it says.
+        place: of its anchor, at the middle of its height [point].
+        role: its colour.
+        size: height of its line [point].
+        anchor: which part of it is at the place.
+        upward: whether it is read from below to above.
+    """
 
     text: str
     place: tuple[float, float]
     role: Role = INK
     size: float = 8.5
-    anchor: Literal["left", "center"] = "left"
+    anchor: Literal["left", "center", "right"] = "left"
+    upward: bool = False
 
     def to_svg(self) -> str:
         """A ``<text>`` element."""
@@ -119,12 +143,21 @@ class Words:
         look = (
             f"font: {self.size:g}px {FONT}; fill: {_colour(self.role)}; text-anchor: {_ANCHORS[self.anchor]}"
         )
-        # Letters without ascenders are half as high as the line.
-        return f'<text x="{x:.1f}" y="{y + 0.35 * self.size:.1f}" style="{look}">{escape(self.text)}</text>'
+        # A capital is 0.7 of the line's height.
+        down = 0.35 * self.size
+        place = f'x="{x:.1f}" y="{y + down:.1f}"'
+        if self.upward:
+            place = f'transform="translate({x + down:.1f} {y:.1f}) rotate(-90)"'
+        return f'<text {place} style="{look}">{escape(self.text)}</text>'
 
     def paint(self, axes: Any) -> None:
         """The same with matplotlib."""
-        look = {"ha": self.anchor, "va": "center", "fontsize": self.size, "color": self.role.light}
+        look: dict[str, Any] = {"fontsize": self.size, "color": self.role.light}
+        if self.upward:
+            bottom = {"left": "bottom", "center": "center", "right": "top"}[self.anchor]
+            look |= {"rotation": 90.0, "ha": "center", "va": bottom}
+        else:
+            look |= {"ha": self.anchor, "va": "center_baseline"}
         axes.text(*self.place, self.text, **look)
 
 
