@@ -32,6 +32,7 @@ class _Bodies:
         first: index of each pair's one body, ``(n_pairs,)``.
         second: of its other.
         reach: radii of the pair's balls together, and what distances may be off by, ``(n_pairs,)`` [m].
+        data: where they are, of which no answer depends on what was asked before; 4 ms to make of G1's 505 pairs.
     """
 
     rates: Array
@@ -39,6 +40,7 @@ class _Bodies:
     first: NDArray[np.intp]
     second: NDArray[np.intp]
     reach: Array
+    data: pin.GeometryData
 
 
 @lru_cache(maxsize=4)
@@ -48,7 +50,8 @@ def _bodies(robot: Robot) -> _Bodies:
     first = np.array([pair.first for pair in geometry.collisionPairs], dtype=np.intp)
     second = np.array([pair.second for pair in geometry.collisionPairs], dtype=np.intp)
     rates = approach_rates(robot.model, geometry)
-    return _Bodies(rates, centres, first, second, radii[first] + radii[second] + _TOLERANCE)
+    reach = radii[first] + radii[second] + _TOLERANCE
+    return _Bodies(rates, centres, first, second, reach, geometry_data(geometry))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,7 @@ class Distances:
 
     @cached_property
     def _data(self) -> tuple[pin.Data, pin.GeometryData]:
-        return self.sweep.robot.model.createData(), geometry_data(self.geometry)
+        return self.sweep.robot.model.createData(), _bodies(self.sweep.robot).data
 
     @cached_property
     def _instants(self) -> Instants:
