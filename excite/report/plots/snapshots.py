@@ -110,7 +110,8 @@ def _posture(drawn: Picture, tile: Array) -> list[Outlines | Dots]:
     shapes: list[Outlines | Dots] = [Outlines((tile,), fill=GROUND)]
     if drawn.support is not None:
         shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))
-    joints = np.unique(np.round(np.vstack([bone[:1] for bone in drawn.bones]), 4), axis=0)
+    starts = np.vstack([bone[:1] for bone in drawn.bones])
+    joints: Array = np.unique(np.round(starts, 4), axis=0)
     shapes += [
         Outlines(drawn.hulls, fill=PALE, edge=PAPER),
         Outlines(drawn.soles, edge=INK, width=0.8),

@@ -147,7 +147,7 @@ class Distances:
                 rotation[k, i], position[k, i] = turned, moved
         points = np.einsum("nkij,kj->nki", rotation, bodies.centres) + position
         apart = points[:, bodies.first] - points[:, bodies.second]
-        return np.sqrt(np.einsum("npi,npi->np", apart, apart)) - bodies.reach
+        return np.asarray(np.sqrt(np.einsum("npi,npi->np", apart, apart)) - bodies.reach)
 
     def _placed(self, time: float) -> pin.GeometryData:
         """The bodies where they are at a time."""
