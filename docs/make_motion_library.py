@@ -34,8 +34,7 @@ from excite.motion.generators.mixture import plan_candidates
 from excite.motion.motion import Motion
 from excite.reading.json_document import read_json
 from excite.regressor.base_parameters import structural_base_parameters
-from excite.report.plots.snapshots import choose_motions, plot_snapshots
-from excite.report.theme import to_png
+from excite.report.plots.snapshots import choose_motions, draw_snapshots
 from excite.robot.robot import Robot
 from excite.safety.check import check_motion
 from excite.safety.filter import filter_candidates
@@ -178,9 +177,9 @@ def judge(name: str) -> str:
 
 def _draw(robot: Robot, motions: list[Motion], path: Path) -> None:
     """The picture, as fine as its size allows."""
-    figure = plot_snapshots(robot, choose_motions(motions, 3))
+    sketch = draw_snapshots(robot, choose_motions(motions, 3))
     for dpi in range(110, 40, -10):
-        drawn = Image.open(BytesIO(to_png(figure, dpi=dpi))).convert("RGB")
+        drawn = Image.open(BytesIO(sketch.to_png(dpi))).convert("RGB")
         stream = BytesIO()
         drawn.quantize(64).save(stream, format="png", optimize=True)
         if stream.tell() <= LARGEST_PICTURE:

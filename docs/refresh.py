@@ -15,7 +15,7 @@ from pathlib import Path
 from excite.atomic import atomic_path, write_text
 from excite.report.folder import read_folder
 from excite.report.plots.masses import plot_masses
-from excite.report.plots.snapshots import choose_motions, plot_snapshots
+from excite.report.plots.snapshots import choose_motions, draw_snapshots
 from excite.report.theme import to_png
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -47,12 +47,12 @@ def draw_pictures(results: Path) -> None:
     if findings.robot is None or findings.data.masses is None:
         raise SystemExit(f"{results} holds no motions or no masses")
     pictures = {
-        "motions.png": plot_snapshots(findings.robot, choose_motions(findings.motions, 3)),
-        "masses.png": plot_masses(findings.data.masses),
+        "motions.png": draw_snapshots(findings.robot, choose_motions(findings.motions, 3)).to_png(dpi=130),
+        "masses.png": to_png(plot_masses(findings.data.masses), dpi=130),
     }
-    for name, figure in pictures.items():
+    for name, content in pictures.items():
         with atomic_path(IMAGES / name) as temporary:
-            temporary.write_bytes(to_png(figure, dpi=130))
+            temporary.write_bytes(content)
 
 
 def main() -> None:

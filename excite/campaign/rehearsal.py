@@ -86,7 +86,7 @@ def _stands(shared: tuple[Robot, float], task: Motion | Path) -> bool:
         world = replace(loaded.world, timestep=step, feet_may_creep=on_soles)
         stepped = replace(loaded, world=world)
         try:
-            run = watched_run(stepped, motion, may_slip_m=may_slip).replay
+            run = watched_run(stepped, motion, may_slip_m=may_slip, forces=False).replay
         except DivergedError:
             continue
         if step != _QUICK_STEP or (run.on_its_feet and run.max_tilt_rad < _FAR):

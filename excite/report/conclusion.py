@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from statistics import median
 
-from excite.identification.judgement.warnings import POOR_RSD
+from excite.identification.judgement.poor import POOR_RSD
 from excite.report.folder import Document, Findings
 from excite.report.html import number
 
@@ -49,6 +49,8 @@ def conclusion(findings: Findings) -> Conclusion | None:
         return _of_plan(findings.plan, findings)
     if findings.check is not None:
         return _of_check(findings.check, findings)
+    if findings.refusals is not None:
+        return _of_refusals(findings.refusals, findings)
     return None
 
 
@@ -70,7 +72,10 @@ def _of_diagnosis(found: Document, findings: Findings) -> Conclusion:
         return Conclusion(
             sentence, False, ("export", following["motion"], "--format", "csv"), following["why"]
         )
-    return Conclusion(sentence, False, purpose="" if following is None else following["why"])
+    if following is None:
+        purpose = "see whether the record is at fault; an effect of one's own can be added to the library"
+        return Conclusion(sentence, False, ("doctor", _log(found, findings)), purpose)
+    return Conclusion(sentence, False, purpose=following["why"])
 
 
 def _log(found: Document, findings: Findings) -> str:
@@ -82,10 +87,13 @@ def _log(found: Document, findings: Findings) -> str:
 def _of_campaign(campaign: Document, findings: Findings) -> Conclusion:
     last = campaign["iterations"][-1]
     judged, missed = {*last["rsd_percent"], *last["not_met"]}, last["not_met"]
-    target = campaign["target_rsd_percent"]
+    target, motions = (
+        campaign["target_rsd_percent"],
+        sum(step["n_motions"] for step in campaign["iterations"]),
+    )
     wanted = "their target" if target is None else f"{number(target)} %"
     found = (
-        f"After {_count(len(campaign['iterations']), 'iteration')} and {_count(last['n_motions'], 'motion')}, "
+        f"After {_count(len(campaign['iterations']), 'iteration')} and {_count(motions, 'motion')}, "
         f"{len(judged) - len(missed)} of {len(judged)} parameters are known to within {wanted}"
     )
     if campaign["awaits"]:
@@ -151,12 +159,7 @@ def _take(findings: Findings) -> tuple[tuple[object, ...], str]:
 def _of_plan(plan: Document, findings: Findings) -> Conclusion:
     chosen, candidates, forecast = plan["selected"], plan["candidates"], plan["forecast"]
     if not chosen:
-        remedy = plan["remedy"]
-        advice = f" What would help most: {remedy['change']}." if remedy else ""
-        found = f"None of {candidates['generated']} candidate motions is safe.{advice}"
-        return Conclusion(
-            found, False, ("plan", _robot(findings), "--out", findings.folder), "again, with that changed"
-        )
+        return _of_refusals({**plan, "generated": candidates["generated"]}, findings)
     seconds = sum(entry["duration_s"] for entry in chosen)
     found = (
         f"{_count(len(chosen), 'motion')} of {seconds:.0f} s in all, chosen from {candidates['accepted']} safe ones "
@@ -180,6 +183,22 @@ def _of_plan(plan: Document, findings: Findings) -> Conclusion:
         return Conclusion(f"{found}: {promise}, which is enough.", True, capture, purpose)
     more = _longer(forecast)
     return Conclusion(f"{found}: {promise}{more}.", None, capture, purpose)
+
+
+def _of_refusals(found: Document, findings: Findings) -> Conclusion:
+    """Of a plan that has no motion: ``generated``, ``refused`` and ``remedy``."""
+    sentence, remedy = f"None of {found['generated']} candidate motions is safe", found["remedy"]
+    if found["refused"]:
+        most = max(found["refused"], key=lambda item: item["candidates"])
+        reason = most["reason"].replace("_", " ")
+        sentence += f"; most are refused for {reason} ({most['where']}, {most['candidates']} of them)"
+    again = ("plan", _robot(findings), "--out", findings.folder)
+    if remedy:
+        return Conclusion(
+            f"{sentence}. What would help most: {remedy['change']}.", False, again, "again, with that changed"
+        )
+    purpose = "again, once its limits, posture at rest and feet are seen to be right"
+    return Conclusion(f"{sentence}. No single limit lifted helps.", False, again, purpose)
 
 
 def _longer(forecast: Document) -> str:
@@ -206,14 +225,20 @@ def _of_check(check: Document, findings: Findings) -> Conclusion:
 
 def _robot(findings: Findings) -> str:
     """The robot as a command takes it."""
-    for document in filter(None, (findings.plan, findings.identification, findings.check)):
+    for document in filter(None, (findings.plan, findings.identification, findings.check, findings.refusals)):
         if document.get("robot_file"):
             return os.path.normpath(findings.folder / document["robot_file"])
     return _name(findings)
 
 
 def _name(findings: Findings) -> str:
-    documents = (findings.plan, findings.identification, findings.campaign, findings.check)
+    documents = (
+        findings.plan,
+        findings.identification,
+        findings.campaign,
+        findings.check,
+        findings.refusals,
+    )
     return next((str(d["robot"]) for d in documents if d and d.get("robot")), "ROBOT")
 
 

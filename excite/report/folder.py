@@ -47,6 +47,7 @@ _COMMANDS = {
     "signals": "identify ROBOT LOG --explain-signals CHANNEL",
     "identification": "identify",
     "diagnosis": "diagnose",
+    "refusals": "plan",
 }
 # A thousand kilometres from the origin, where a picture cannot tell a robot's links apart any more.
 _FARTHEST = 1e6

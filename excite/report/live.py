@@ -33,7 +33,10 @@ _MOST_POINTS = 3000
 
 def island(identifier: str, content: Any, title: str = "") -> str:
     """Data of the page for its scripts: JSON in which no text can end the element."""
-    text = json.dumps(_finite(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    try:
+        text = _written(content)
+    except ValueError:
+        text = _written(_finite(content))
     for char in "<>&\u2028\u2029":
         text = text.replace(char, f"\\u{ord(char):04x}")
     named = f' data-title="{escape(title)}"' if title else ""
@@ -117,6 +120,11 @@ def _asset(name: str) -> str:
 @cache
 def _hash(name: str) -> str:
     return base64.b64encode(hashlib.sha256(_asset(name).encode()).digest()).decode("ascii")
+
+
+def _written(content: Any) -> str:
+    """JSON; raises ValueError where a number is not finite, which JSON cannot say."""
+    return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def _finite(value: Any) -> Any:

@@ -39,7 +39,12 @@ section { background: var(--paper); border: 1px solid var(--grid); border-radius
 .tile b span { font-size: 1.2rem; }
 .good { color: var(--good); } .tile b .good { color: var(--good); }
 .bad { color: var(--bad); } .tile b .bad { color: var(--bad); }
-.wide { overflow-x: auto; margin: 12px 0; }
+/* A shadow at an edge beyond which more follows: at an end, paper that moves with the content covers it. */
+.wide { overflow-x: auto; margin: 12px 0; background:
+  linear-gradient(to right, var(--paper) 30%, transparent) left / 36px 100% local no-repeat,
+  linear-gradient(to left, var(--paper) 30%, transparent) right / 36px 100% local no-repeat,
+  linear-gradient(to right, var(--muted), transparent) left / 6px 100% scroll no-repeat,
+  linear-gradient(to left, var(--muted), transparent) right / 6px 100% scroll no-repeat; }
 @media (max-width: 600px) { .wide td:nth-child(n+5):last-child:not(.number) { min-width: 13rem; } }
 figure { margin: 0; min-width: 660px; }
 figure svg { display: block; width: 100%; height: auto; }
@@ -93,12 +98,13 @@ button { min-width: 5.2em; cursor: pointer; background: var(--identified); color
 @media (max-width: 800px) { .replay-main { grid-template-columns: minmax(0, 1fr); }
   .replay-stage { height: min(75vw, 440px); } }
 @media (max-width: 560px) { section { padding: 16px 14px; } header p { margin: 0; }
+  table { font-size: .82rem; } th, td { padding-right: 9px; }
   h1 { font-size: 1.5rem; } .replay-margins { display: grid; gap: 0 14px; grid-template-columns: 1fr 1fr; }
   .replay-margins b { grid-column: 1 / 3; } }
 @media print { :root { color-scheme: light; } body { background: none; }
   section, .tile { break-inside: avoid; border: 0; }
   nav, .live .moving, .live .moving.plots { display: none; } .interactive.ready > .still { display: block; }
-  .wide { overflow: visible; } figure { min-width: 0; } details > *:not(summary) { display: block; } }
+  .wide { overflow: visible; background: none; } figure { min-width: 0; } details > *:not(summary) { display: block; } }
 """.replace("LIGHT", css_variables(dark=False)).replace("DARK", css_variables(dark=True))
 
 

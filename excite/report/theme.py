@@ -43,6 +43,9 @@ BODY = Role("body", "#b3bfcb", "#8a9aaa")
 ROLES = (INK, MUTED, GRID, PAPER, IDENTIFIED, NOMINAL, TRUE, PALE, GROUND, BODY)
 
 WIDTH_IN = 9.6
+FONT = "'DejaVu Sans', sans-serif"
+# Points an inch: what SVG counts in.
+_SVG_DPI = 72
 # Half of the width at the size of labels.
 _LONGEST_LABEL = 60
 _STYLE: dict[Any, Any] = {
@@ -134,6 +137,8 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
 
     buffer = io.StringIO()
     with matplotlib.rc_context(_STYLE), _quiet():
+        figure.set_dpi(_SVG_DPI)
+        _lay_out(figure)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
@@ -145,6 +150,14 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     for role in ROLES:
         svg = svg.replace(role.light, f"var(--{role.name})")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{description}" ', 1)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Leave room for labels now: what saves a figure draws all of it once more for that."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def to_png(figure: Figure, dpi: int = 150) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from excite.arrays import Array
 from excite.logs.log import LogHeader
@@ -34,6 +33,9 @@ def imu_motion(
     Raises:
         LogError: the IMU's link moves against the base.
     """
+    # scipy.spatial takes 0.2 s to load, and rows of a fixed base need none of it.
+    from scipy.spatial.transform import Rotation
+
     placement = imu_placement(robot, header)
     angular = readings[:, :3] @ placement.rotation.T
     turning = central_differences(angular, rate_hz).first

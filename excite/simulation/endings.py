@@ -61,12 +61,11 @@ class FirstFault:
 
     def __call__(self, sample: int, plant: Plant) -> bool:
         """Whether something went wrong at a sample."""
-        data = plant.data
-        # Shapes that are only watched have no row in the solver.
-        if (data.contact.efc_address < 0).any() or self._fall(sample, plant):
+        if plant.touching or self._fall(sample, plant):
             return True
         if not self._looked[sample]:
             return False
+        data = plant.data
         # MuJoCo's bodies are where they were when the step began.
         turned = data.xmat[self._bodies].reshape(-1, 3, 3) @ self._centres
         points = data.xpos[self._bodies, :2] + turned[:, :2, 0]

@@ -42,6 +42,7 @@ def execute(
     stop: Stop | None = None,
     session_s: float = 0.0,
     memory: dict[Any, Any] | None = None,
+    forces: bool = True,
 ) -> Recording:
     """Run one motion from rest.
 
@@ -58,6 +59,7 @@ def execute(
         stop: asked at every sample with its number and the plant after the step from there; True ends the run.
         session_s: when the run starts within its session [s].
         memory: what injected physics keeps from run to run of a session, filled here.
+        forces: whether contact wrenches and what sensors read of them are recorded: they take a quarter of the time.
 
     Returns:
         The recording, shorter than the motion if it was stopped.
@@ -86,7 +88,7 @@ def execute(
     positions, velocities = _commands(robot, motion, clock)
     kp, kd = virtual.drives.kp, virtual.drives.kd
     controls = positions + velocities * np.divide(kd, kp, out=np.zeros_like(kp), where=kp > 0.0)
-    track = _Track(plant, clock)
+    track = _Track(plant, clock, forces=forces)
     data.ctrl[:] = controls[0]
     plant.run(virtual.laws)
     with without_log_file():
@@ -114,18 +116,21 @@ def _commands(robot: Robot, motion: Motion, clock: Clock) -> tuple[Array, Array]
     """Joint positions and velocities at every step; drives interpolate the commands that they receive."""
     count = (clock.samples - 1) * clock.per_sample + 1
     time = motion.time[0] + np.minimum(np.arange(count) * clock.step, motion.duration)
-    fine = interpolate(motion, robot, time)
-    return fine.joint_positions(), fine.joint_velocities()
+    # The base is not commanded.
+    joints = motion.joint_positions(), motion.joint_velocities(), motion.joint_accelerations()
+    fine = interpolate(replace(motion, q=joints[0], v=joints[1], a=joints[2], contacts={}), robot, time)
+    return fine.q, fine.v
 
 
 class _Track:
     """Collects the samples of a run."""
 
-    def __init__(self, plant: Plant, clock: Clock):
+    def __init__(self, plant: Plant, clock: Clock, *, forces: bool):
         import mujoco
 
         self.friction_type = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
         self.plant, self.model, self.robot, self.count = plant, plant.model, plant.robot, 0
+        self.forces = forces
         robot, model = self.robot, self.model
         n, joints = clock.samples, robot.n_joints
         self.qpos, self.qvel, self.qacc = (
@@ -170,11 +175,15 @@ class _Track:
         contact = data.contact
         # Only soles on the ground exert forces.
         address = contact.efc_address
-        soles = np.flatnonzero(address >= 0)
-        self.touches[row] = len(address) - len(soles)
-        if len(soles):
-            forces = data.efc_force[address[soles, None] + np.arange(3)]
-            self.pushes.append((row, contact.geom2[soles], contact.frame[soles], contact.pos[soles], forces))
+        pushed = address >= 0
+        self.plant.touching = self.touches[row] = len(address) - int(np.count_nonzero(pushed))
+        if self.forces:
+            soles = np.flatnonzero(pushed)
+            if len(soles):
+                forces = data.efc_force[address[soles, None] + np.arange(3)]
+                self.pushes.append(
+                    (row, contact.geom2[soles], contact.frame[soles], contact.pos[soles], forces)
+                )
 
     def _contact_wrenches(self) -> Array:
         """Wrench of the ground on each foot about the world's origin, ``(n, n_feet, 6)``."""
@@ -206,8 +215,11 @@ class _Track:
         total = drives.total_coulomb
         share = np.divide(drives.coulomb, total, out=np.zeros_like(total), where=total > 0.0)
         gears = share * self.coulomb[:n] - drives.viscous * (v_joint + h * a_joint)
-        pushed = self._contact_wrenches()
-        contacts = {foot.name: pushed[:, number] for number, foot in enumerate(robot.feet)}
+        contacts, wrenches = {}, {}
+        if self.forces:
+            pushed = self._contact_wrenches()
+            contacts = {foot.name: pushed[:, number] for number, foot in enumerate(robot.feet)}
+            wrenches = sensor_wrenches(robot, virtual.truth.phi, q, v, a, contacts)
         return Recording(
             name=name,
             time=np.arange(n, dtype=np.float64) * clock.step * clock.per_sample,
@@ -218,6 +230,6 @@ class _Track:
             tau_motor=motor,
             tau_link=motor + gears - drives.armature * a_joint,
             contacts=contacts,
-            wrenches=sensor_wrenches(robot, virtual.truth.phi, q, v, a, contacts),
+            wrenches=wrenches,
             touches=self.touches[:n],
         )

@@ -49,6 +49,7 @@ class Plant:
         torque: ``(nv,)`` torques of the next step beside those of actuators [N·m].
         force: ``(n_bodies, 6)`` forces and moments on bodies at their centres of mass, world frame.
         command: torque that the drives are told to give, where it is not what they give; else None.
+        touching: how many shapes that are only watched overlapped when the last sample was taken.
     """
 
     model: Any
@@ -64,9 +65,14 @@ class Plant:
     torque: Array = field(init=False)
     force: Array = field(init=False)
     command: Array | None = None
+    touching: int = 0
     _steps: tuple[Callable[[], None], ...] = ()
+    _step: Callable[..., None] = field(init=False)
 
     def __post_init__(self) -> None:
+        import mujoco
+
+        self._step = mujoco.mj_step
         m, base = self.model, self.robot.floating
         joints = [m.joint(name) for name in self.robot.joint_names]
         first_q, first_v = (list(range(7)), list(range(6))) if base else ([], [])
@@ -95,8 +101,6 @@ class Plant:
 
     def advance(self) -> None:
         """One step."""
-        import mujoco
-
         if self._steps:
             self.friction[:] = self.drives.total_coulomb
             self.damping[:] = self.drives.total_viscous
@@ -109,7 +113,7 @@ class Plant:
             self.model.dof_damping[dof] = np.maximum(self.damping, 0.0)
             self.data.qfrc_applied[:] = self.torque
             self.data.xfrc_applied[:] = self.force
-        mujoco.mj_step(self.model, self.data)
+        self._step(self.model, self.data)
 
     def load(self, joint: int) -> float:
         """Torque that a joint's gear carried to its link in the last step [N·m]."""

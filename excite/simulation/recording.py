@@ -24,8 +24,9 @@ class Recording:
         tau_link: ``(n, n_joints)`` torque that reaches the link: motor less friction of motor and
             gears and less what turns the rotor.
         contacts: by foot name, ``(n, 6)``: force, and moment about the world's origin, that the ground exerts
-            on the foot, in the world frame.
-        wrenches: by sensor name, ``(n, 6)``: wrench on the robot through the sensor, in the sensor's frame.
+            on the foot, in the world frame; empty where forces were not recorded.
+        wrenches: by sensor name, ``(n, 6)``: wrench on the robot through the sensor, in the sensor's frame; empty
+            likewise.
         touches: ``(n,)`` number of contacts other than soles on the ground.
     """
 

@@ -97,7 +97,7 @@ def replay(
         truth=replace(virtual.truth, phi=(1.0 + mass_error) * virtual.truth.phi),
         world=replace(virtual.world, sole_friction=virtual.world.sole_friction * (1.0 + friction_error)),
     )
-    return watched_run(virtual, motion).replay
+    return watched_run(virtual, motion, forces=False).replay
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,12 @@ class WatchedRun:
 
 
 def watched_run(
-    virtual: VirtualRobot, motion: Motion, session_s: float = 0.0, *, may_slip_m: float | None = None
+    virtual: VirtualRobot,
+    motion: Motion,
+    session_s: float = 0.0,
+    *,
+    may_slip_m: float | None = None,
+    forces: bool = True,
 ) -> WatchedRun:
     """Run a motion, note what touches what, stop when the robot falls; errors as in :func:`replay`.
 
@@ -123,6 +128,7 @@ def watched_run(
         motion: the motion.
         session_s: when the run starts within its session [s].
         may_slip_m: stop as well as soon as a standing robot touches itself or slips by more than this [m].
+        forces: whether the recording has contact wrenches and what sensors read.
     """
     robot = virtual.robot
     planned = _planned(robot, motion)
@@ -130,7 +136,7 @@ def watched_run(
     stop: Stop | None = None
     if robot.floating and robot.feet:
         stop = Fall(planned) if may_slip_m is None else FirstFault(robot, planned, may_slip_m)
-    run = execute(watched, motion, stop=stop, session_s=session_s)
+    run = execute(watched, motion, stop=stop, session_s=session_s, forces=forces)
     return WatchedRun(run, _judge(virtual, planned, run))
 
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from io import BytesIO
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from defusedxml.ElementTree import fromstring
+from PIL import Image
 
 from excite.report.data import ForceComparison
-from excite.report.plots.activity import peak_speed_share, plot_activity
+from excite.report.plots.activity import draw_activity, peak_speed_share
 from excite.report.plots.body import front_view, picture, shape_points
-from excite.report.plots.conditioning import plot_conditioning
+from excite.report.plots.conditioning import draw_conditioning
 from excite.report.plots.forces import plot_forces
 from excite.report.plots.masses import plot_masses
 from excite.report.plots.rsd import plot_rsd
-from excite.report.plots.snapshots import choose_motions, different_instants, plot_snapshots
+from excite.report.plots.sketch import Outlines, Words, length
+from excite.report.plots.snapshots import choose_motions, different_instants, draw_snapshots
 from excite.report.theme import ROLES, to_png, to_svg
 from excite.robot.shapes.shape import Shape
 from tests.report.sample import sample_data, sample_motion
@@ -26,22 +31,38 @@ def data(g1):
     return sample_data(g1)
 
 
+def _outlines(sketch):
+    return [
+        part
+        for shape in sketch.shapes
+        if isinstance(shape, Outlines) and shape.closed
+        for part in shape.parts
+    ]
+
+
 def test_activity_of_motions_far_below_the_speed_limits_is_an_empty_grid(g1):
     generous = dataclasses.replace(g1.limits, velocity=1e4 * g1.limits.velocity)
-    axes = plot_activity(dataclasses.replace(g1, limits=generous), [sample_motion(g1, 0)]).axes[0]
-    assert not axes.collections and len(axes.get_yticklabels()) == g1.n_joints
-    (squares,) = plot_activity(g1, [sample_motion(g1, 0)]).axes[0].collections
-    assert len(squares.get_paths()) == int((peak_speed_share(g1, [sample_motion(g1, 0)]) >= 0.01).sum()) > 0
+    key, names = 3, {name.removesuffix("_joint") for name in g1.joint_names}
+    empty = draw_activity(dataclasses.replace(g1, limits=generous), [sample_motion(g1, 0)])
+    assert len(_outlines(empty)) == key
+    assert names < {shape.text for shape in empty.shapes if isinstance(shape, Words)}
+    squares = _outlines(draw_activity(g1, [sample_motion(g1, 0)]))[key:]
+    assert len(squares) == int((peak_speed_share(g1, [sample_motion(g1, 0)]) >= 0.01).sum()) > 0
 
 
 def test_condition_numbers_are_bars_from_one_on_a_log_axis(data):
-    axes = plot_conditioning(data.conditioning).axes[0]
-    assert axes.get_xscale() == "log"
-    before, after = axes.containers
-    ends = [bar.get_x() + bar.get_width() for bar in after]
-    np.testing.assert_allclose(ends, data.conditioning.after)
-    assert before[-1].get_x() + before[-1].get_width() == axes.get_xlim()[1]
-    assert axes.texts[-1].get_text() == f"∞ → {data.conditioning.after[-1]:.3g}"
+    sketch = draw_conditioning(data.conditioning)
+    n = len(data.conditioning.segments)
+    words = {shape.text: shape.place for shape in sketch.shapes if isinstance(shape, Words)}
+    one, ten = words["1"][0], words["10"][0]
+    bars = np.array(_outlines(sketch)[-2 * n :])
+    before, after = 10.0 ** ((bars[:, 1, 0].reshape(2, n) - one) / (ten - one))
+    np.testing.assert_allclose(bars[:, 0, 0], one)
+    np.testing.assert_allclose(after, data.conditioning.after)
+    np.testing.assert_allclose(before[:-1], data.conditioning.before[:-1])
+    assert before[-1] >= np.nanmax(after) and before[-1] == pytest.approx(10.0 ** round(np.log10(before[-1])))
+    assert f"∞ → {data.conditioning.after[-1]:.3g}" in words
+    assert max(place[0] + length(text, 7.0) for text, place in words.items() if "→" in text) < sketch.width
 
 
 def test_masses_show_all_three_and_mark_what_changed(data):
@@ -130,10 +151,31 @@ def test_speed_share_is_of_the_limit(g1):
     assert share.shape == (g1.n_joints, 1) and share.max() == pytest.approx(0.5)
 
 
-def test_drawings_follow_the_page_and_pictures_are_light(g1):
-    figure = plot_snapshots(g1, [sample_motion(g1, 0)], n_postures=2)
+def test_drawings_follow_the_page_and_pictures_are_light(data):
+    figure = plot_masses(data.masses)
     svg = to_svg(figure, "one", "what it shows")
     assert 'aria-label="what it shows"' in svg and "var(--identified)" in svg
     assert not any(role.light in svg for role in ROLES)
     assert 'id="one-' in svg and svg == to_svg(figure, "one", "what it shows")
     assert to_png(figure, dpi=20).startswith(b"\x89PNG")
+
+
+def test_a_row_of_postures_is_drawn_in_full_on_the_page_and_as_a_picture(g1):
+    motion = sample_motion(g1, 0)
+    sketch = draw_snapshots(g1, [dataclasses.replace(motion, name="a < b & c")], n_postures=3)
+    root = fromstring(sketch.to_svg('what "it" shows'))
+    assert root.get("aria-label") == 'what "it" shows'
+    width, height = (float(part) for part in root.get("viewBox").split()[2:])
+    outlines = [path.get("d") for path in root.iter("{http://www.w3.org/2000/svg}path")]
+    ends = np.array([[float(part) for part in re.findall(r"[-.\d]+", outline)][:2] for outline in outlines])
+    assert (ends >= 0.0).all() and (ends <= [width, height]).all()
+    drawn = picture(g1, motion.q[0], frozenset(), front_view())
+    assert len(outlines) >= 3 * (len(drawn.hulls) + len(drawn.bones) + len(drawn.soles))
+    words = [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert words[0].startswith("a < b & c") and words[1] == "0.0 s" and len(words) == 4
+    assert not re.findall(r"#[0-9a-f]{6}", sketch.to_svg(""))
+    with Image.open(BytesIO(sketch.to_png(dpi=36))) as image:
+        assert image.size == pytest.approx((width / 2.0, height / 2.0), abs=1.0)
+        assert {(0, 114, 178), (28, 33, 39)} & {
+            colour for _, colour in image.convert("RGB").getcolors(1 << 20)
+        }

@@ -84,3 +84,13 @@ def in_words(effect: str | None, location: str | None) -> str:
     """Effect and place as they are written in a sentence."""
     name = (effect or "unknown").replace("_", " ")
     return name if location is None else f"{name} at {location}"
+
+
+def percent(share: float) -> str:
+    """A share for reading, with a digit that is not zero.
+
+    >>> percent(0.123), percent(0.0000637), percent(0.0)
+    ('12.3 %', '0.006 %', '0.0 %')
+    """
+    value = 100.0 * share
+    return f"{value:.1f} %" if value == 0.0 or abs(value) >= 0.05 else f"{value:.1g} %"

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from excite.diagnosis.answer.budget import Budget
-from excite.diagnosis.answer.candidate import Candidate, in_words, sized
+from excite.diagnosis.answer.candidate import Candidate, in_words, percent, sized
 from excite.diagnosis.answer.curves import Curves
 from excite.diagnosis.answer.gap import Gap, Where
 from excite.diagnosis.answer.robot_changes import RobotChanges
@@ -192,12 +192,12 @@ class Diagnosis(Tabled):
 
     def sentence(self) -> str:
         """The one sentence that a person would repeat to a colleague."""
-        gap = f"{100 * self.gap.before:.1f} % of the signal"
+        gap = f"{percent(self.gap.before)} of the signal"
         closes = f"closes {100 * self.gap.share_closed:.0f} % of the gap above the noise"
         if self.verdict == "none" and self.gap.before <= _AT_FLOOR * self.gap.noise_floor:
             return f"{self.robot}: the model explains the record to its noise floor ({gap})."
         if self.verdict == "none":
-            floor = f"{100 * self.gap.noise_floor:.1f} %"
+            floor = percent(self.gap.noise_floor)
             return (
                 f"{self.robot}: the model leaves {gap}, the noise {floor}; no effect stands out in between."
             )

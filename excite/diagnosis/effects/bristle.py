@@ -78,17 +78,14 @@ class Bristle:
         rate = self.damping * math.exp(-((v / self.damped_below) ** 2)) / step
         # Static friction is damped as Coulomb friction is.
         more = rate / level * excess if level > 0.0 else 0.0
-        torque = damping = 0.0
-        for z, kept, size, slow in zip(
-            self.z, self.kept, (level - excess, excess), (rate - more, more), strict=True
-        ):
-            torque += -(size + slow) * kept * z + slow * z
-            damping += (size + slow) * kept * step / self.breakaway
+        (z, z_further), (kept, kept_further) = self.z, self.kept
+        plain, further = level - excess + rate - more, excess + more
+        torque = -plain * kept * z + (rate - more) * z - further * kept_further * z_further + more * z_further
+        damping = (plain * kept + further * kept_further) * step / self.breakaway
         return torque, damping
 
     def move(self, v: float, step: float) -> None:
         """Bend it by the step that was made."""
-        plain, further = (
-            kept * (z + step * v / self.breakaway) for z, kept in zip(self.z, self.kept, strict=True)
-        )
-        self.z = (plain, further)
+        (plain, further), (kept, kept_further) = self.z, self.kept
+        way = step * v / self.breakaway
+        self.z = (kept * (plain + way), kept_further * (further + way))

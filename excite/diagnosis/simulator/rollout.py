@@ -53,6 +53,8 @@ class Simulator:
             self._logged[j] += note.log_offset
         self._stepwise = any(note.every_step for _, note in self._notes)
         self._steps = tuple(JointStep(partial(self._carried_by, j)) for j in range(len(joints)))
+        # Joints of which a note may ask.
+        self._asked = sorted({j for j, _ in self._notes})
         self._dry = JointFriction(self._notes, self._steps)
         self._load = np.zeros(len(joints))
 
@@ -71,6 +73,8 @@ class Simulator:
         self._load = window.load.copy()
         self._deflect(window)
         self._dry.start(window)
+        for j in self._asked:
+            self._steps[j].growth = window.growth.get(self.joints[j])
         delay = self._delay if isinstance(drive, LoggedTorque) else 0.0
         filtered, lagged = self._filtered(window, drive, delay)
         if model.na:
@@ -155,9 +159,11 @@ class Simulator:
         """Set friction and torques of the coming step; ``held`` is the damping that does not change."""
         dof, bent = self._dof, np.zeros(len(self.joints))
         trial_s, session_s = float(window.time[0]) + elapsed, window.session_s + elapsed
-        for j, step in enumerate(self._steps):
-            step.q, step.v, step.growth = q[j], v[j], window.growth.get(self.joints[j])
-            step.trial_s, step.session_s = trial_s, session_s
+        # Numbers of a list are reckoned with sooner than those of an array.
+        positions, speeds = q.tolist(), v.tolist()
+        for j in self._asked:
+            step = self._steps[j]
+            step.q, step.v, step.trial_s, step.session_s = positions[j], speeds[j], trial_s, session_s
         if self._dry.acts:
             level, viscous = self._dry.levels(self._friction[dof])
             bent, stiff = self._dry.bent(level, v, self.model.opt.timestep)

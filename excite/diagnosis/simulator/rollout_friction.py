@@ -93,13 +93,15 @@ class JointFriction:
         for j in self._whole:
             level[j] = 0.0
         parts += [(part.joint, bristle, part.held) for part, bristle in self._own]
+        speeds = v.tolist()
         for j, bristle, size in parts:
-            f, d = bristle.force(max(size, 0.0), float(v[j]), step)
+            f, d = bristle.force(max(float(size), 0.0), speeds[j], step)
             force[j] += f
             damping[j] += d
         return force, damping
 
     def move(self, v: Array, step: float) -> None:
         """Bend all bristles by the step that was made."""
+        speeds = v.tolist()
         for j, bristle in self.bristles:
-            bristle.move(float(v[j]), step)
+            bristle.move(speeds[j], step)

@@ -7,10 +7,9 @@ from excite.identification.estimators.registry import ESTIMATORS
 from excite.identification.identified_parameters import IdentifiedParameters
 from excite.identification.judgement.changes import Changes
 from excite.identification.judgement.judgement import Judgement, TotalMassReport
+from excite.identification.judgement.poor import POOR_RSD
 from excite.identification.parameter_statistics import ParameterStatistics
 
-POOR_RSD = 30.0
-"""Relative standard deviation above which a parameter is warned of [percent]."""
 _LARGE_DISPERSION = 4.0
 _MASS_DISAGREES = 0.01
 # Unmodelled equipment weighs less than this share.

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.motion.motion import Motion
-from excite.report.theme import IDENTIFIED, MUTED, draw
+from excite.report.plots.sketch import Outlines, Shape, Sketch, Words, length, rectangle
+from excite.report.theme import IDENTIFIED, MUTED, WIDTH_IN, short
 from excite.robot.robot import Robot
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+_WIDTH = 72.0 * WIDTH_IN
 _KEY = (0.25, 0.5, 1.0)
+_LINE = 12.0
+# Sizes of the names of joints and of motions [point].
+_JOINTS, _MOTIONS = 7.5, 7.0
+# Below this share of its speed limit a joint does not move.
+_STILL = 0.01
+# Columns are no wider than four rows are high.
+_WIDEST = 4.0 * _LINE
 
 
 def peak_speed_share(robot: Robot, motions: Sequence[Motion]) -> Array:
@@ -25,49 +30,44 @@ def peak_speed_share(robot: Robot, motions: Sequence[Motion]) -> Array:
     )
 
 
-def plot_activity(robot: Robot, motions: Sequence[Motion]) -> Figure:
+def draw_activity(robot: Robot, motions: Sequence[Motion]) -> Sketch:
     """A square a joint and motion: the fuller the colour, the nearer the joint comes to its speed limit."""
     share = peak_speed_share(robot, motions)
+    joints = [short(name.removesuffix("_joint")) for name in robot.joint_names]
+    names = [short(motion.name) for motion in motions]
+    left = 8.0 + max(length(name, _JOINTS) for name in joints)
+    top, column = 2.5 * _LINE, min((_WIDTH - left) / len(names), _WIDEST)
+    cells: dict[float, list[Array]] = {}
+    for row, place in np.argwhere(share >= _STILL).tolist():
+        x, y = left + column * place, top + _LINE * row
+        cell = rectangle(x + 0.04 * column, y + 0.5, x + 0.96 * column, y + _LINE - 0.5)
+        cells.setdefault(_shade(share[row, place]), []).append(cell)
+    shapes: list[Shape] = list(_key())
+    shapes += [
+        Outlines(tuple(parts), fill=IDENTIFIED, opacity=shade) for shade, parts in sorted(cells.items())
+    ]
+    shapes += [
+        Words(name, (left - 4.0, top + _LINE * (row + 0.5)), MUTED, _JOINTS, "right")
+        for row, name in enumerate(joints)
+    ]
+    bottom = top + _LINE * len(joints) + 4.0
+    shapes += [
+        Words(name, (left + column * (place + 0.5), bottom), MUTED, _MOTIONS, "right", upward=True)
+        for place, name in enumerate(names)
+    ]
+    return Sketch(_WIDTH, bottom + 4.0 + max(length(name, _MOTIONS) for name in names), tuple(shapes))
 
-    def paint(figure: Figure) -> None:
-        from matplotlib.collections import PolyCollection
-        from matplotlib.patches import Patch
 
-        axes = figure.subplots()
-        moving = np.argwhere(share >= 0.01)
-        corners = 0.46 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        # Robots with generous speed limits hardly move by this measure: there may be no square at all.
-        if len(moving):
-            # All squares as one: a patch each takes ten times as long.
-            cells = PolyCollection(
-                list(moving[:, None, ::-1] + corners),
-                facecolors=IDENTIFIED.light,
-                linewidths=0.0,
-                alpha=[_shade(share[row, column]) for row, column in moving],
-            )
-            axes.add_collection(cells)
-        axes.set(xlim=(-0.6, len(motions) - 0.4), ylim=(robot.n_joints - 0.4, -0.6))
-        axes.set_yticks(range(robot.n_joints), [name.removesuffix("_joint") for name in robot.joint_names])
-        names = [motion.name for motion in motions]
-        axes.set_xticks(range(len(motions)), names, rotation=90, fontsize=7.0)
-        axes.tick_params(length=0, colors=MUTED.light)
-        axes.tick_params(axis="y", labelsize=7.5)
-        axes.grid(visible=False)
-        for spine in axes.spines.values():
-            spine.set_visible(False)
-        key = [Patch(color=IDENTIFIED.light, alpha=_shade(value), label=f"{value:.0%}") for value in _KEY]
-        figure.legend(
-            handles=key,
-            loc="outside upper left",
-            ncols=3,
-            title="peak speed as a share of the joint's limit",
-            title_fontsize=8.5,
-            alignment="left",
-        )
-
-    return draw(
-        paint, height_in=1.5 + 0.17 * robot.n_joints + 0.05 * max(len(motion.name) for motion in motions)
-    )
+def _key() -> list[Shape]:
+    said = "peak speed as a share of the joint's limit"
+    shapes: list[Shape] = [Words(said, (4.0, 0.5 * _LINE))]
+    x = 4.0
+    for value in _KEY:
+        cell = rectangle(x, 1.15 * _LINE, x + 1.6 * _LINE, 1.85 * _LINE)
+        shapes.append(Outlines((cell,), fill=IDENTIFIED, opacity=_shade(value)))
+        shapes.append(Words(f"{value:.0%}", (x + 2.0 * _LINE, 1.5 * _LINE)))
+        x += 5.0 * _LINE
+    return shapes
 
 
 def _shade(share: float) -> float:

@@ -2,41 +2,66 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from excite.report.data import ConditioningComparison
-from excite.report.theme import IDENTIFIED, PALE, draw, short
+from excite.report.html import number
+from excite.report.plots.sketch import Outlines, Shape, Sketch, Words, length, rectangle
+from excite.report.theme import GRID, IDENTIFIED, MUTED, PALE, WIDTH_IN, Role, short
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+_WIDTH = 72.0 * WIDTH_IN
+_ROW = 15.0
+# Heights of the bars of before and after, as shares of a row's.
+_WIDE, _SLIM = 0.74, 0.36
+# Room for the numbers behind the bars [point].
+_NUMBERS = 90.0
+_SIZE, _SMALL = 8.5, 7.0
 
 
-def plot_conditioning(data: ConditioningComparison) -> Figure:
+def draw_conditioning(data: ConditioningComparison) -> Sketch:
     """Log bars, one row a segment: pale before, strong after; what nothing excites reaches the edge."""
+    names = [short(name) for name in data.segments]
+    values = np.array([data.before, data.after])
+    finite = values[np.isfinite(values)]
+    decades = max(1, int(np.ceil(np.log10(finite.max() * 1.5)))) if finite.size else 1
+    left = 8.0 + max(length(name, _SIZE) for name in names)
+    right, top = _WIDTH - _NUMBERS, 1.6 * _ROW
+    bottom = top + _ROW * len(names)
+    # Of what is not finite, all of the width.
+    ends = left + (right - left) * np.clip(
+        np.nan_to_num(np.log10(values), posinf=decades) / decades, 0.0, 1.0
+    )
+    shapes: list[Shape] = list(_key((data.before_label, PALE), (data.after_label, IDENTIFIED)))
+    marks = left + (right - left) * np.arange(decades + 1) / decades
+    lines = tuple(np.array([[x, top], [x, bottom]]) for x in marks)
+    shapes.append(Outlines(lines, edge=GRID, width=0.6, closed=False))
+    for row, (role, high) in zip(ends, ((PALE, _WIDE), (IDENTIFIED, _SLIM)), strict=True):
+        bars = [
+            rectangle(left, top + _ROW * (i + 0.5 - 0.5 * high), x, top + _ROW * (i + 0.5 + 0.5 * high))
+            for i, x in enumerate(row)
+        ]
+        shapes.append(Outlines(tuple(bars), fill=role))
+    for i, (name, end) in enumerate(zip(names, ends.max(axis=0), strict=True)):
+        y = top + _ROW * (i + 0.5)
+        both = " → ".join(f"{value:.3g}".replace("inf", "∞") for value in values[:, i])
+        shapes += [
+            Words(name, (left - 4.0, y), MUTED, _SIZE, "right"),
+            Words(both, (float(end) + 4.0, y), size=_SMALL),
+        ]
+    shapes += [
+        Words(number(10.0**k, 1), (float(x), bottom + 0.5 * _ROW), MUTED, _SIZE, "center")
+        for k, x in enumerate(marks)
+    ]
+    said = "condition number of the segment's ten columns (no unit, log scale, less is better)"
+    shapes.append(Words(said, (0.5 * (left + right), bottom + 1.4 * _ROW), MUTED, _SIZE, "center"))
+    return Sketch(_WIDTH, bottom + 2.0 * _ROW, tuple(shapes))
 
-    def paint(figure: Figure) -> None:
-        axes = figure.subplots()
-        rows = np.arange(len(data.segments))
-        finite = np.concatenate([data.before, data.after])
-        finite = finite[np.isfinite(finite)]
-        edge = 10.0 ** np.ceil(np.log10(finite.max() * 1.5)) if len(finite) else 10.0
-        for values, color, height, label in (
-            (data.before, PALE.light, 0.74, data.before_label),
-            (data.after, IDENTIFIED.light, 0.36, data.after_label),
-        ):
-            shown = np.where(np.isfinite(values), values, edge)
-            axes.barh(rows, shown - 1.0, left=1.0, height=height, color=color, label=short(label))
-        longer = np.nan_to_num(np.maximum(data.before, data.after), posinf=edge)
-        for row, end, *pair in zip(rows, longer, data.before, data.after, strict=True):
-            text = " → ".join(f"{value:.3g}".replace("inf", "∞") for value in pair)
-            axes.annotate(text, (end, row), (4, 0), textcoords="offset points", va="center", fontsize=7.0)
-        axes.set(xscale="log", xlim=(1.0, edge), ylim=(len(rows) - 0.4, -0.6))
-        axes.set_yticks(rows, [short(name) for name in data.segments])
-        axes.tick_params(axis="y", length=0)
-        axes.grid(axis="y", visible=False)
-        axes.set_xlabel("condition number of the segment's ten columns (no unit, log scale, less is better)")
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
 
-    return draw(paint, height_in=1.1 + 0.21 * len(data.segments))
+def _key(*labels: tuple[str, Role]) -> list[Shape]:
+    shapes: list[Shape] = []
+    x, y = 4.0, 0.5 * _ROW
+    for text, role in labels:
+        shapes.append(Outlines((rectangle(x, y - 4.0, x + 20.0, y + 4.0),), fill=role))
+        shapes.append(Words(short(text), (x + 26.0, y), size=_SIZE))
+        x += 44.0 + length(short(text), _SIZE)
+    return shapes

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from textwrap import wrap
 
 import numpy as np
 
 from excite.arrays import Array
 from excite.report.plots.body import Picture, front_view, picture
-from excite.report.theme import GROUND, INK, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, draw, short
+from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words, length
+from excite.report.theme import GROUND, INK, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, short
 from excite.robot.robot import Robot
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+_WIDTH = 72.0 * WIDTH_IN
+# Height of a line of a title, and of a posture, and the room about it [point].
+_LINE, _HEIGHT, _ROOM = 11.0, 200.0, 8.0
+_SIZE = 9.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,25 +35,38 @@ class Worst:
     where: str
 
 
-def plot_refused(robot: Robot, worst: Sequence[Worst]) -> Figure:
+def draw_refused(robot: Robot, worst: Sequence[Worst]) -> Sketch:
     """A picture each, side by side: all links pale, the links that touch (or the joint's, or the foot's) orange."""
     view = front_view()
     feet = frozenset(foot.name for foot in robot.feet)
-    drawn = [picture(robot, item.q, feet, view, concerned(robot, item.where)) for item in worst]
+    width = _WIDTH / max(len(worst), 2)
+    letters = int((width - _ROOM) / length("m", _SIZE))
+    titles = [[part for line in item.title.split("\n") for part in wrap(line, letters)] for item in worst]
+    top = _LINE * max(map(len, titles)) + _ROOM
     ground = 0.0 if robot.floating else robot.description.collision.table_height
-
-    def paint(figure: Figure) -> None:
-        for axes, item, one in zip(
-            figure.subplots(1, len(worst), squeeze=False)[0], worst, drawn, strict=True
-        ):
-            _paint(axes, one)
-            if ground is not None:
-                axes.axhline(view.flat(np.array([[0.0, 0.0, ground]]))[0, 1], color=GROUND.light, zorder=0)
-            axes.set(aspect="equal")
-            axes.set_axis_off()
-            axes.set_title(item.title, wrap=True)
-
-    return draw(paint, height_in=min(4.0, WIDTH_IN / max(len(worst), 2)))
+    shapes: list[Shape] = []
+    for place, (item, title) in enumerate(zip(worst, titles, strict=True)):
+        drawn = picture(robot, item.q, feet, view, concerned(robot, item.where))
+        points = np.vstack([*drawn.hulls, *drawn.marked, *drawn.bones])
+        low, high = points.min(axis=0), points.max(axis=0)
+        if ground is not None:
+            level = float(view.flat(np.array([[0.0, 0.0, ground]]))[0, 1])
+            low[1], high[1] = min(low[1], level), max(high[1], level)
+        scale = min((width - 2.0 * _ROOM) / (high[0] - low[0]), _HEIGHT / (high[1] - low[1]))
+        middle = 0.5 * (low + high)
+        offset = np.array([(place + 0.5) * width, top + 0.5 * _HEIGHT]) + scale * middle * np.array(
+            [-1.0, 1.0]
+        )
+        if ground is not None:
+            half = 0.5 * (width - 2.0 * _ROOM) / scale
+            line = np.array([[middle[0] - half, level], [middle[0] + half, level]])
+            shapes.append(Outlines((line,), edge=GROUND, width=1.5, closed=False).moved(scale, offset))
+        shapes += [shape.moved(scale, offset) for shape in _posture(drawn)]
+        shapes += [
+            Words(text, (place * width + 0.5 * _ROOM, (line + 0.5) * _LINE), size=_SIZE)
+            for line, text in enumerate(title)
+        ]
+    return Sketch(_WIDTH, top + _HEIGHT + _ROOM, tuple(shapes))
 
 
 def concerned(robot: Robot, where: str) -> frozenset[str]:
@@ -64,25 +79,18 @@ def concerned(robot: Robot, where: str) -> frozenset[str]:
     return frozenset(links)
 
 
-def _paint(axes: Axes, drawn: Picture) -> None:
-    from matplotlib.collections import LineCollection, PolyCollection
-
+def _posture(drawn: Picture) -> list[Outlines | Dots]:
+    shapes: list[Outlines | Dots] = []
     if drawn.support is not None:
-        axes.fill(*drawn.support.T, facecolor=TRUE.light, alpha=0.45, lw=0)
-    pale: dict[str, Any] = {"facecolors": PALE.light, "edgecolors": PAPER.light, "linewidths": 0.5}
-    marked: dict[str, Any] = {
-        "facecolors": NOMINAL.light,
-        "edgecolors": INK.light,
-        "linewidths": 0.6,
-        "alpha": 0.75,
-    }
-    # All outlines of a kind as one: a patch each takes ten times as long.
-    axes.add_collection(PolyCollection(drawn.hulls, **pale))
-    axes.add_collection(PolyCollection(drawn.marked, **marked))
-    axes.add_collection(LineCollection(drawn.bones, colors=INK.light, linewidths=0.8, zorder=2))
-    axes.autoscale_view()
+        shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))
+    shapes += [
+        Outlines(drawn.hulls, fill=PALE, edge=PAPER),
+        Outlines(drawn.marked, fill=NOMINAL, edge=INK, width=0.6, opacity=0.75),
+        Outlines(drawn.bones, edge=INK, width=0.8, closed=False),
+    ]
     if drawn.com is not None:
-        axes.plot(*drawn.com, "o", ms=3.6, color=NOMINAL.light, mec=PAPER.light, mew=0.6)
+        shapes.append(Dots(drawn.com[None], 1.8, NOMINAL, PAPER))
+    return shapes
 
 
 def title_of(reason: str, where: str, value: str) -> str:

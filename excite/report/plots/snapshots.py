@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +10,13 @@ from numpy.typing import NDArray
 from excite.arrays import Array
 from excite.motion.motion import Motion
 from excite.report.plots.body import Picture, View, front_view, picture
-from excite.report.theme import GROUND, IDENTIFIED, INK, MUTED, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN, draw
+from excite.report.plots.sketch import Dots, Outlines, Shape, Sketch, Words
+from excite.report.theme import GROUND, IDENTIFIED, INK, MUTED, NOMINAL, PALE, PAPER, TRUE, WIDTH_IN
 from excite.robot.robot import Robot
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+_WIDTH = 72.0 * WIDTH_IN
+# Heights of a row's title, and of a row with it at most [point].
+_TITLE, _HIGHEST = 18.0, 187.0
 
 
 def different_instants(motion: Motion, n: int) -> NDArray[np.int64]:
@@ -44,7 +44,7 @@ def choose_motions(motions: Sequence[Motion], n: int) -> list[Motion]:
     return [motion for motion in motions if motion in first]
 
 
-def plot_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7) -> Figure:
+def draw_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7) -> Sketch:
     """Postures of each motion from forward kinematics.
 
     Drawn are the links' shapes, bones from joint to joint, soles, and for a robot on feet the support polygon
@@ -58,29 +58,24 @@ def plot_snapshots(robot: Robot, motions: Sequence[Motion], n_postures: int = 7)
     low, high = points.min(axis=0), points.max(axis=0)
     width = high[0] - low[0]
     ground = 0.0 if robot.floating else robot.description.collision.table_height or 0.0
-    low[1] = min(low[1], _tile(view, width, ground)[:, 1].min())
-    height = high[1] - low[1]
-    row_height_in = min(2.6, 1.08 * WIDTH_IN / n_postures * height / width + 0.3)
-
-    def paint(figure: Figure) -> None:
-        for axes, row, motion in zip(
-            figure.subplots(len(rows), 1, squeeze=False)[:, 0], rows, motions, strict=True
-        ):
-            for i, (time, drawn) in enumerate(row):
-                x = i * 1.06 * width
-                _draw_posture(axes, drawn, view, np.array([x, 0.0]), width, ground)
-                axes.text(
-                    x, low[1] - 0.07 * height, f"{time:.1f} s", ha="center", va="top", color=MUTED.light
-                )
-            axes.set(
-                xlim=(low[0] - 0.02 * width, low[0] + 1.06 * width * n_postures),
-                ylim=(low[1] - 0.16 * height, high[1] + 0.03 * height),
-                aspect="equal",
-            )
-            axes.set_axis_off()
-            axes.set_title(_title(motion))
-
-    return draw(paint, height_in=len(rows) * row_height_in)
+    tile = _tile(view, width, ground)
+    low, high = np.minimum(low, tile.min(axis=0)), np.maximum(high, tile.max(axis=0))
+    # One beside the other, with a margin above them, and below them room for a line.
+    across, along = high[0] - low[0] + 1.06 * width * (n_postures - 1), 1.03 * (high[1] - low[1])
+    scale = min(_WIDTH / across, (_HIGHEST - 2.0 * _TITLE) / along)
+    left = 0.5 * (_WIDTH - scale * across) - scale * low[0]
+    row_height = scale * along + 2.0 * _TITLE
+    shapes: list[Shape] = []
+    for place, (row, motion) in enumerate(zip(rows, motions, strict=True)):
+        top = place * row_height
+        shapes.append(Words(_title(motion), (4.0, top + 0.5 * _TITLE), size=9.0))
+        bottom = top + _TITLE + scale * along
+        for i, (time, drawn) in enumerate(row):
+            x = left + scale * 1.06 * width * i
+            offset = np.array([x, bottom + scale * low[1]])
+            shapes += [shape.moved(scale, offset) for shape in _posture(drawn, tile)]
+            shapes.append(Words(f"{time:.1f} s", (x, bottom + 0.4 * _TITLE), MUTED, anchor="center"))
+    return Sketch(_WIDTH, len(rows) * row_height, tuple(shapes))
 
 
 def _row(robot: Robot, motion: Motion, view: View, n: int) -> list[tuple[float, Picture]]:
@@ -111,26 +106,18 @@ def _tile(view: View, width: float, ground: float) -> Array:
     return view.flat(np.array([[x, y, ground] for x, y in corners]))
 
 
-def _draw_posture(axes: Axes, drawn: Picture, view: View, offset: Array, width: float, ground: float) -> None:
-    from matplotlib.collections import LineCollection, PolyCollection
-
-    # All outlines of a kind as one: a patch each takes ten times as long.
-    axes.fill(*(_tile(view, width, ground) + offset).T, color=GROUND.light, lw=0)
+def _posture(drawn: Picture, tile: Array) -> list[Outlines | Dots]:
+    shapes: list[Outlines | Dots] = [Outlines((tile,), fill=GROUND)]
     if drawn.support is not None:
-        axes.fill(*(drawn.support + offset).T, facecolor=TRUE.light, alpha=0.45, lw=0)
-    hulls, soles, bones = (
-        [part + offset for part in kind] for kind in (drawn.hulls, drawn.soles, drawn.bones)
-    )
-    pale: dict[str, Any] = {
-        "facecolors": PALE.light,
-        "edgecolors": PAPER.light,
-        "linewidths": 0.5,
-        "joinstyle": "round",
-    }
-    axes.add_collection(PolyCollection(hulls, **pale))
-    axes.add_collection(PolyCollection(soles, facecolors="none", edgecolors=INK.light, linewidths=0.8))
-    axes.add_collection(LineCollection(bones, colors=IDENTIFIED.light, linewidths=1.7, zorder=2))
-    joints = np.unique(np.round(np.vstack([bone[:1] for bone in drawn.bones]), 4), axis=0)
-    axes.plot(*(joints + offset).T, "o", ms=2.2, color=INK.light)
+        shapes.append(Outlines((drawn.support,), fill=TRUE, opacity=0.45))
+    starts = np.vstack([bone[:1] for bone in drawn.bones])
+    joints: Array = np.unique(np.round(starts, 4), axis=0)
+    shapes += [
+        Outlines(drawn.hulls, fill=PALE, edge=PAPER),
+        Outlines(drawn.soles, edge=INK, width=0.8),
+        Outlines(drawn.bones, edge=IDENTIFIED, width=1.7, closed=False),
+        Dots(joints, 1.1, INK),
+    ]
     if drawn.com is not None:
-        axes.plot(*(drawn.com + offset), "o", ms=3.6, color=NOMINAL.light, mec=PAPER.light, mew=0.6)
+        shapes.append(Dots(drawn.com[None], 1.8, NOMINAL, PAPER))
+    return shapes

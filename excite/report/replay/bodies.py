@@ -78,7 +78,8 @@ def merged(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Ar
     size = max(float(np.ptp(corners, axis=0).max()), 1e-9) / cells
     cell = np.minimum(((corners - low) / size).astype(np.int64), cells - 1)
     key = (cell[:, 0] * cells + cell[:, 1]) * cells + cell[:, 2]
-    _, member, count = np.unique(key, return_inverse=True, return_counts=True)
+    member, used = _numbered(key, cells**3)
+    count = np.bincount(member)
     means = np.column_stack([np.bincount(member, corners[:, i]) / count for i in range(3)])
     left = member[triangles]
     a, b, c = left.T
@@ -87,10 +88,18 @@ def merged(corners: Array, triangles: Triangles, cells: int = CELLS) -> tuple[Ar
         return means, left
     # A triangle's corners in one order, beginning with the least, so that the same one is found again.
     start = np.argmin(left, axis=1)
-    left = left[np.arange(len(left))[:, None], (start[:, None] + np.arange(3)) % 3]
-    left = np.unique(left, axis=0)
-    used, again = np.unique(left, return_inverse=True)
+    a, b, c = (left[np.arange(len(left)), (start + k) % 3] for k in range(3))
+    n = len(used)
+    each = np.unique((a * n + b) * n + c)
+    left = np.column_stack([each // n**2, each // n % n, each % n])
+    again, used = _numbered(left.ravel(), n)
     return means[used], again.reshape(left.shape)
+
+
+def _numbered(values: NDArray[np.int64], most: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Whole numbers below ``most`` counted anew, in their order, and those that there are."""
+    present = np.bincount(values, minlength=most) > 0
+    return (np.cumsum(present) - 1)[values], np.flatnonzero(present)
 
 
 def _of_meshes(robot: Robot) -> Iterator[Body]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from excite.report.folder import Findings
 from excite.report.html import condition, figure, folded, number, paragraph, section, table
-from excite.report.plots.conditioning import plot_conditioning
+from excite.report.plots.conditioning import draw_conditioning
 from excite.report.sections.section import Section
-from excite.report.theme import to_svg
 
 
 class Excitation(Section):
@@ -24,8 +23,7 @@ class Excitation(Section):
         lead = "The shorter a bar, the more evenly the motions excite that segment's ten inertial parameters."
         content = []
         if change is not None:
-            svg = to_svg(plot_conditioning(change), "conditioning", "Condition number of each segment")
-            content.append(figure(svg))
+            content.append(figure(draw_conditioning(change).to_svg("Condition number of each segment")))
         if plan is not None:
             full, log_det = number(condition(plan["full"])), number(plan["log_det"])
             numbers = f"the condition number is {full}, the log-determinant of the information {log_det}."

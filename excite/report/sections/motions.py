@@ -11,12 +11,11 @@ from excite.motion.motion import Motion
 from excite.report.folder import Findings
 from excite.report.html import Cell, figure, folded, paragraph, section, table
 from excite.report.live import replay
-from excite.report.plots.activity import plot_activity
-from excite.report.plots.snapshots import choose_motions, plot_snapshots
+from excite.report.plots.activity import draw_activity
+from excite.report.plots.snapshots import choose_motions, draw_snapshots
 from excite.report.replay.scene import scene
 from excite.report.replay.tracks import tracks
 from excite.report.sections.section import Section
-from excite.report.theme import to_svg
 from excite.robot.robot import Robot
 
 _N_PICTURES = 4
@@ -67,9 +66,9 @@ def _figures(findings: Findings) -> list[str]:
         return []
     shown = choose_motions(motions, _N_PICTURES)
     snapshots = paragraph(_caption(robot), "lead") + figure(
-        to_svg(plot_snapshots(robot, shown), "snapshots", "Snapshots of the chosen motions")
+        draw_snapshots(robot, shown).to_svg("Snapshots of the chosen motions")
     )
-    activity = to_svg(plot_activity(robot, motions), "activity", "Peak speed of each joint in each motion")
+    activity = draw_activity(robot, motions).to_svg("Peak speed of each joint in each motion")
     caption = folded("Which joint moves in which motion", figure(activity))
     moving, left = _tracks(robot, motions)
     if not moving:

@@ -8,9 +8,8 @@ import numpy as np
 
 from excite.report.folder import Document, Findings
 from excite.report.html import figure, folded, number, section, table
-from excite.report.plots.refused import Worst, plot_refused, title_of
+from excite.report.plots.refused import Worst, draw_refused, title_of
 from excite.report.sections.section import Section
-from excite.report.theme import to_svg
 from excite.robot.robot import Robot
 
 # Pictures beside each other, and lines of the table that are not folded away.
@@ -86,8 +85,7 @@ def _pictures(robot: Robot | None, refused: list[dict[str, Any]]) -> list[str]:
     ][:_PICTURES]
     if not worst:
         return []
-    plot = plot_refused(robot, worst)
-    return [figure(to_svg(plot, "refused", "The robot in the worst of the refused postures"))]
+    return [figure(draw_refused(robot, worst).to_svg("The robot in the worst of the refused postures"))]
 
 
 def _value(item: dict[str, Any], key: str) -> str:

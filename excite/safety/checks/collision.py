@@ -24,6 +24,8 @@ _COARSE = 1e-3
 _FINE = 1e-4
 # Spacing of the first evaluations, of all pairs [s].
 _FIRST_STEP = 0.1
+# Pairs whose distances are asked for together in the first evaluations.
+_TOGETHER = 32
 # Evaluations of the robot's geometry after which the search gives up, undecided.
 _MAX_EVALUATIONS = 20_000
 
@@ -160,11 +162,16 @@ def _first_look(distances: Distances, times: Array, required: float) -> _FirstLo
             # The next instant's distance is no less than what this one's leaves of it.
             after = np.maximum(values[k + 1], values[k] - ways[k])
             lowest = np.minimum(lowest, 0.5 * (values[k] + after - ways[k]))
-        asked[k] = (lowest < upper) | (values[k] < required)
-        pairs = np.flatnonzero(asked[k])
-        if len(pairs):
+        open_ = np.flatnonzero((lowest < upper) | (values[k] < required))
+        nearest = open_[np.argsort(lowest[open_], kind="stable")]
+        for start in range(0, len(nearest), _TOGETHER):
+            # Those that are asked for first may show that the others are farther than the closest so far.
+            few = nearest[start : start + _TOGETHER]
+            pairs = few[(lowest[few] < upper) | (values[k, few] < required)]
+            if not len(pairs):
+                continue
             row = distances.at(float(time), pairs)
-            values[k, pairs] = row
+            values[k, pairs], asked[k, pairs] = row, True
             upper = min(upper, float(row.min()))
             _note(found, float(time), pairs, row, required)
     return _FirstLook(values, asked, upper, found)

@@ -118,24 +118,26 @@ class Balancer:
         pelvis = np.zeros((len(s), 4)) if candidate.pelvis is None else candidate.pelvis.evaluate(s)
         com = np.zeros((len(s), 2)) if candidate.com is None else candidate.com.evaluate(s)
         turn = Rotation.from_euler("xyz", pelvis[:, 1:]).as_matrix() @ self._pelvis_rest[:3, :3]
-        moved = {name: curve.evaluate(s) for name, curve in candidate.feet.items()}
+        moved = {name: self._feet[name].targets(curve.evaluate(s)) for name, curve in candidate.feet.items()}
+        centres = self._com_rest + np.column_stack([com, np.zeros(len(s))])
+        heights = self._pelvis_rest[:3, 3] + np.column_stack([np.zeros((len(s), 2)), pelvis[:, 0]])
         guess = self._rest.copy()
         before = guess.copy()
         n_base = self._robot.n_base_q
-        free = np.setdiff1d(np.arange(len(self._rest)), self._index[n_base:])
+        joints = self._index[n_base:]
         legs = [i for foot in self._robot.feet for i in leg_joints(self._robot, foot)]
-        free = np.r_[free, self._index[n_base:][legs]]
+        free = np.r_[np.setdiff1d(np.arange(len(self._rest)), joints), joints[legs]]
         for i in range(len(s)):
             start = guess.copy()
-            start[self._index[n_base:]] = q[i, n_base:]
+            start[joints] = q[i, n_base:]
             # Carry on as in the step before; the base turns little enough for that to be a guess.
             start[free] = 2.0 * guess[free] - before[free]
             start[3:7] /= np.linalg.norm(start[3:7])
-            self._com.target_world = self._com_rest + np.r_[com[i], 0.0]
+            self._com.target_world = centres[i]
             self._turn.R_world_frame = turn[i]
-            self._height.target_world = self._pelvis_rest[:3, 3] + np.array([0.0, 0.0, pelvis[i, 0]])
-            for name, curve in moved.items():
-                self._feet[name].displace(curve[i])
+            self._height.target_world = heights[i]
+            for name, targets in moved.items():
+                self._feet[name].aim(targets[i])
             if not self._converge(start):
                 self._reset_feet()
                 return i
@@ -190,8 +192,12 @@ class _SoleTask:
         self._task.configure(foot.name, "hard", 1.0, 1.0)
         self._sole = sole
 
-    def displace(self, displacement: Array) -> None:
-        self._task.T_world_frame = _displaced(self._pose, self._sole, displacement)
+    def targets(self, displacements: Array) -> Array:
+        """What to aim at for displacements from rest ``(n, 6)``."""
+        return _displaced(self._pose, self._sole, displacements)
+
+    def aim(self, target: Array) -> None:
+        self._task.T_world_frame = target
 
     def reset(self) -> None:
         self._task.T_world_frame = self._pose
@@ -205,17 +211,22 @@ class _TipTask:
         self._task = solver.add_position_task(_tip(foot), self._place)
         self._task.configure(foot.name, "hard", 1.0)
 
-    def displace(self, displacement: Array) -> None:
-        self._task.target_world = self._place + displacement[:3]
+    def targets(self, displacements: Array) -> Array:
+        """What to aim at for displacements from rest ``(n, 6)``."""
+        return np.asarray(self._place + displacements[:, :3])
+
+    def aim(self, target: Array) -> None:
+        self._task.target_world = target
 
     def reset(self) -> None:
         self._task.target_world = self._place
 
 
-def _displaced(pose: Array, sole: Array, displacement: Array) -> Array:
-    """A foot's pose moved by a translation, and turned by a rotation vector about its sole's centre."""
-    turn = Rotation.from_rotvec(displacement[3:]).as_matrix()
-    moved = np.eye(4)
-    moved[:3, :3] = turn @ pose[:3, :3]
-    moved[:3, 3] = sole + displacement[:3] + turn @ (pose[:3, 3] - sole)
+def _displaced(pose: Array, sole: Array, displacements: Array) -> Array:
+    """A foot's pose moved by translations, and turned by rotation vectors about its sole's centre, ``(n, 4, 4)``."""
+    turns = Rotation.from_rotvec(displacements[:, 3:]).as_matrix()
+    moved = np.tile(np.eye(4), (len(turns), 1, 1))
+    for target, turn, displacement in zip(moved, turns, displacements, strict=True):
+        target[:3, :3] = turn @ pose[:3, :3]
+        target[:3, 3] = sole + displacement[:3] + turn @ (pose[:3, 3] - sole)
     return moved

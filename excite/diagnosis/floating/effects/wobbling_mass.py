@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter
 
 from excite.arrays import Array
 from excite.diagnosis.answer.candidate import Estimate
@@ -120,6 +119,9 @@ class WobblingMass(FloatingEffect):
         if self.level:
             up = -state.tree.gravity / np.linalg.norm(state.tree.gravity)
             load = load - (load @ up)[:, None] * up
+        # scipy.signal takes 0.4 s to load, and an arm's diagnosis, which loads this module too, needs none of it.
+        from scipy.signal import lfilter
+
         filters = _filters(omega, ratio, 1.0 / state.record.rate_hz)
         displaced, further = np.empty_like(load), np.empty_like(load)
         for span in state.record.spans:
@@ -154,6 +156,9 @@ def _damping_ratio(theta: Array) -> float:
 @lru_cache(maxsize=32)
 def _filters(omega: float, ratio: float, step: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Numerator and denominator of the displacement and of its acceleration, the load changing linearly in a step."""
+    # As lfilter above.
+    from scipy.signal import cont2discrete
+
     spring = [1.0, 2.0 * ratio * omega, omega**2]
     (top, bottom, _), (again, same, _) = (
         cont2discrete((top, spring), step, "foh") for top in ([1.0], [1.0, 0.0, 0.0])

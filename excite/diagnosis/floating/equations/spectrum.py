@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.signal.windows import tukey
 
 from excite.arrays import Array
 from excite.diagnosis.floating.equations.record import FloatingRecord
@@ -180,6 +179,9 @@ def make_whitening(record: FloatingRecord, state: State) -> Whitening:
 
 def _taper_and_frequency(record: FloatingRecord, span: slice) -> tuple[Array, Array]:
     n = span.stop - span.start
+    # scipy.signal takes 0.4 s to load, and an arm's diagnosis, which loads this module too, needs none of it.
+    from scipy.signal.windows import tukey
+
     taper: Array = tukey(n, 0.1)
     frequency = np.asarray(np.fft.rfftfreq(n, 1.0 / record.rate_hz), dtype=float)
     return taper / np.sqrt((taper**2).sum()), frequency
