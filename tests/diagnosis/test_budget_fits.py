@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from excite.diagnosis.budget.fit.design import Design
 from excite.diagnosis.budget.fit.joint_fit import Model, fit
 from excite.diagnosis.budget.screening import screened
 from tests.diagnosis.test_budget import FRICTION, bias_and_stribeck, searched, two_joints
@@ -66,3 +69,18 @@ def test_screening_tells_what_least_squares_of_all_rows_gain(model: Model) -> No
         # No joint counts for more than its noise says: weights are no larger than that.
         nats = -0.5 * count * float(model.share @ np.log(1.0 - (before - after) / count))
         assert item.nats == pytest.approx(nats - 0.5 * term.n_parameters, rel=0.02, abs=0.5)
+
+
+def test_a_size_that_is_known_can_be_let_free(model: Model) -> None:
+    """A gear's torque has the size one; let free it has what the same column has that nobody calls known."""
+    term = next(design_term for k in others(model) if (design_term := model.design.terms[k]).size == 1)
+    chosen = range(len(model.chosen) + 1)
+    sizes = {}
+    for name, known, freed in (("known", True, None), ("freed", True, chosen[-1]), ("fitted", False, None)):
+        last = replace(term, known=known)
+        design = Design(model.design.rows, (*model.terms, last))
+        found = fit(design, chosen, model.weight, freed=freed)
+        sizes[name] = float(found.x[found.layout.begin[-1]])
+    assert sizes["known"] == pytest.approx(1.0, abs=1e-3)
+    assert sizes["freed"] == pytest.approx(sizes["fitted"], rel=1e-3)
+    assert abs(sizes["freed"] - 1.0) > 0.1

@@ -94,6 +94,7 @@ def fit(
     left_out: bool = True,
     beside: Model | None = None,
     sizes: Mapping[int, Array] | None = None,
+    freed: int | None = None,
 ) -> Model:
     """Fit a model by iterated weights, one a joint, and leave out each block in turn.
 
@@ -104,6 +105,7 @@ def fit(
         left_out: whether to leave out blocks.
         beside: the model without the last of the terms, if it is at hand.
         sizes: parameters that are known, by term.
+        freed: a term whose size is fitted though it is known.
     """
     chosen = tuple(chosen)
     layout, grams, floor = design.index(chosen), design.fitted, design.rows.floor
@@ -115,7 +117,7 @@ def fit(
     if weight is None:
         power = np.array([g[-1, -1] for g in grams.total]) / count
         weight = 1.0 / np.maximum(power, floor**2)
-    prior, known = _prior(design, chosen, layout, sizes or {})
+    prior, known = _prior(design, chosen, layout, sizes or {}, freed)
     for _ in range(_ITERATIONS):
         normal, right = rows.normal(weight, by_block=False)
         full = normal[0] + np.diag(prior + _RIDGE * np.diag(normal[0]))
@@ -137,7 +139,7 @@ def fit(
 
 
 def _prior(
-    design: Design, chosen: Sequence[int], layout: Layout, sizes: Mapping[int, Array]
+    design: Design, chosen: Sequence[int], layout: Layout, sizes: Mapping[int, Array], freed: int | None
 ) -> tuple[Array, Array]:
     """Precision of each parameter a priori, and that times what it is then."""
     prior, known = np.full(layout.size, 1e-12), np.zeros(layout.size)
@@ -145,6 +147,8 @@ def _prior(
     for k, first in zip(chosen, layout.begin, strict=True):
         term = design.terms[k]
         here = slice(first, first + term.size)
+        if k == freed:
+            continue
         if term.known or k in sizes:
             prior[here] = _KNOWN * float(design.fitted.count.sum())
             known[here] = prior[here] * sizes.get(k, np.ones(1))
