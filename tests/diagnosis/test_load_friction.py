@@ -76,6 +76,14 @@ def test_its_size_is_the_slope_of_the_straight_line_that_comes_nearest() -> None
     )
 
 
+def test_what_does_not_grow_with_the_load_has_no_size() -> None:
+    """A joint that hardly carries anything, its motor busy with dry friction."""
+    level = np.full(300, 1e-9)
+    for form in (CurvedLoadFriction(), MotorLoadFriction()):
+        columns = form.shape(at(level, np.ones(300)), "joint", (1.3, 0.2)[: len(form.searched)]).columns[0]
+        assert not columns.any()
+
+
 @pytest.mark.parametrize("form", [CurvedLoadFriction(), MotorLoadFriction()])
 def test_a_roll_out_rubs_as_the_equations_say(form: CurvedLoadFriction) -> None:
     rng = np.random.default_rng(5)

@@ -18,6 +18,8 @@ from excite.diagnosis.equations.own_columns import coulomb_level
 # The share of the load that friction itself adds is the coefficient; it may be this many times that, no more: else a
 # torque scale would pass for it.
 _OWN = 2.0
+# Correlation with the load below which nothing grows with it: rounding errors would be fitted.
+_GROWS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,9 @@ class CurvedLoadFriction(LoadDependentFriction):
         load = np.abs(context.baseline.rigid[:, context.row(location)])
         power = self._power(context, location, theta)
         along = load - load.mean()
-        return float(along @ along) / max(float(along @ power), 1e-300)
+        slope = float(along @ power) / max(float(along @ along), 1e-300)
+        # What hardly grows with the load has no such line.
+        return 1.0 / slope if slope * along.std() > _GROWS * power.std() else 0.0
 
 
 class MotorLoadFriction(CurvedLoadFriction):
