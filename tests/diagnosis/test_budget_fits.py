@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,3 +85,18 @@ def test_a_size_that_is_known_can_be_let_free(model: Model) -> None:
     assert sizes["known"] == pytest.approx(1.0, abs=1e-3)
     assert sizes["freed"] == pytest.approx(sizes["fitted"], rel=1e-3)
     assert abs(sizes["freed"] - 1.0) > 0.1
+
+
+def test_what_a_model_began_with_is_tried_again_whatever_is_screened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks that are left out may miss what a fit of all of them hardly does."""
+    search = searched(two_joints(tmp_path), FRICTION[:1]).search
+    keys = {term.key for term in search.model.terms}
+    lost = ("viscous_friction", "first")
+    assert lost in keys
+    others = [k for k in search.model.chosen if search.design.terms[k].key != lost]
+    search.model = fit(search.design, others)
+    monkeypatch.setattr("excite.diagnosis.budget.search.screened", lambda model, candidates: [])
+    search.forward()
+    assert {term.key for term in search.model.terms} == keys

@@ -81,6 +81,13 @@ class Model:
         first = self.layout.begin[self.chosen.index(k)]
         return (self.x if x is None else x)[first : first + self.design.terms[k].size]
 
+    def taken_by(self, k: int) -> float:
+        """About how much the design's term ``k`` takes away: the weakest are judged first."""
+        size, x = 0.0, self.parameters(k)
+        for j, block in self.design.terms[k].columns.items():
+            size += float(self.weight[j] * ((block @ x) ** 2).sum())
+        return size
+
     def power(self, grams: Grams, x: Array | None = None) -> Array:
         """Mean square that it leaves of each joint in each block, ``(n_blocks, n_joints)``."""
         return _left(grams, self.layout, self.x if x is None else x) / grams.count[:, None]
